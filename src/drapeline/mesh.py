@@ -1,0 +1,174 @@
+"""Polygon meshes: what a mesh is, OBJ files in the CLOTH3D manner, and topology facts."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.errors import InputError
+from drapeline.storage import whole_file
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh of quads or of triangles, in metres.
+
+    Attributes:
+        vertices: (V, 3) float32.
+        faces: (F, 4) or (F, 3) int32, counter-clockwise seen from outside.
+        uv: (T, 2) float32 texture coordinates or None.
+        uv_faces: (F, 4) or (F, 3) int32 into `uv`, or None.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray | None = None
+    uv_faces: np.ndarray | None = None
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """(F', 3) int32; a quad (0,1,2,3) becomes (0,1,2) and (0,2,3) as CLOTH3D readers do."""
+        return triangulate(self.faces)
+
+
+def triangulate(faces: np.ndarray) -> np.ndarray:
+    """(F, 4) or (F, 3) -> (F', 3); the two halves of a quad follow one another."""
+    if faces.shape[1] == 3:
+        return faces
+    return faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+
+
+def edges(faces: np.ndarray) -> np.ndarray:
+    """(E, 2) undirected unique edges of a polygon mesh, each sorted, in lexical order."""
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    return np.unique(np.sort(half, axis=1), axis=0)
+
+
+def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Undirected edges (E, 2) and the number of faces (E,) on each."""
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    return np.unique(np.sort(half, axis=1), axis=0, return_counts=True)
+
+
+def boundary_loops(faces: np.ndarray) -> list[np.ndarray]:
+    """Closed boundary loops, each an ordered array of vertex ids, longest first.
+
+    Raises:
+        ValueError: a boundary vertex has more than one boundary edge leaving it.
+    """
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    key = np.sort(half, axis=1)
+    _, inverse, counts = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+    open_half = half[counts[inverse.ravel()] == 1]
+    follow: dict[int, int] = {}
+    for start, end in open_half.tolist():
+        if start in follow:
+            raise ValueError(f"vertex {start} lies on more than one boundary loop")
+        follow[start] = end
+    loops = []
+    while follow:
+        start = next(iter(follow))
+        loop = [start]
+        while (after := follow.pop(loop[-1])) != start:
+            loop.append(after)
+        loops.append(np.array(loop, dtype=np.int64))
+    return sorted(loops, key=len, reverse=True)
+
+
+def face_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Unit normals (..., F, 3) of triangles for vertices (..., V, 3); zero-area gives zero."""
+    a, b, c = (vertices[..., triangles[:, i], :] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-20)
+
+
+def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Area-weighted unit normals (V, 3)."""
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    cross = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, triangles[:, corner], cross)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
+
+
+def save_obj(path: str | Path, mesh: Mesh) -> None:
+    """Write `v`, `vt` and `f v/vt` lines only, one space between fields, as CLOTH3D does."""
+    lines = ["v {:.6f} {:.6f} {:.6f}".format(*v) for v in mesh.vertices.tolist()]
+    if mesh.uv is None or mesh.uv_faces is None:
+        lines += ["f " + " ".join(map(str, face)) for face in (mesh.faces + 1).tolist()]
+    else:
+        lines += ["vt {:.6f} {:.6f}".format(*t) for t in mesh.uv.tolist()]
+        lines += [
+            "f " + " ".join(f"{v}/{t}" for v, t in zip(face, corner, strict=True))
+            for face, corner in zip(
+                (mesh.faces + 1).tolist(), (mesh.uv_faces + 1).tolist(), strict=True
+            )
+        ]
+    with whole_file(path) as scratch:
+        scratch.write_text("\n".join(lines) + "\n")
+
+
+def load_obj(path: str | Path) -> Mesh:
+    """Read an OBJ of all quads or all triangles (`v`, `vt`, `f`; other lines are passed over).
+
+    Faces of mixed sizes come back as triangles (fan split), without texture coordinates.
+
+    Raises:
+        InputError: missing file, no vertices or faces, a line that is not numbers, or a face
+            that names a vertex the file lacks.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a Wavefront OBJ")
+    vertices: list[list[float]] = []
+    uv: list[list[float]] = []
+    faces: list[list[int]] = []
+    uv_faces: list[list[int]] = []
+    for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+        fields = line.split()
+        if not fields:
+            continue
+        try:
+            if fields[0] == "v":
+                vertices.append([float(x) for x in fields[1:4]])
+            elif fields[0] == "vt":
+                uv.append([float(x) for x in fields[1:3]])
+            elif fields[0] == "f":
+                corners = [field.split("/") for field in fields[1:]]
+                faces.append([_obj_index(c[0], len(vertices)) for c in corners])
+                if all(len(c) > 1 and c[1] for c in corners):
+                    uv_faces.append([_obj_index(c[1], len(uv)) for c in corners])
+        except ValueError as error:
+            raise InputError(f"{path}: line {number} is not OBJ: '{line.strip()}'") from error
+    if not vertices or not faces:
+        raise InputError(
+            f"{path}: {len(vertices)} vertices and {len(faces)} faces, expected at least one each"
+        )
+    if any(len(v) != 3 for v in vertices):
+        raise InputError(f"{path}: a vertex has fewer than three coordinates")
+    sizes = {len(face) for face in faces}
+    if min(sizes) < 3:
+        raise InputError(f"{path}: a face has {min(sizes)} corners, expected at least three")
+    if len(sizes) > 1 or max(sizes) > 4:
+        faces = [[f[0], f[i], f[i + 1]] for f in faces for i in range(1, len(f) - 1)]
+        uv_faces = []
+    face_array = np.array(faces, dtype=np.int32)
+    if face_array.min() < 0 or face_array.max() >= len(vertices):
+        raise InputError(
+            f"{path}: a face names vertex {int(face_array.max()) + 1},"
+            f" expected 1 to {len(vertices)}"
+        )
+    has_uv = len(uv_faces) == len(faces)
+    return Mesh(
+        np.array(vertices, dtype=np.float32),
+        face_array,
+        np.array(uv, dtype=np.float32) if has_uv else None,
+        np.array(uv_faces, dtype=np.int32) if has_uv else None,
+    )
+
+
+def _obj_index(text: str, count: int) -> int:
+    """OBJ counts from 1, or backwards from the last one with negative numbers."""
+    index = int(text)
+    return index - 1 if index > 0 else count + index

@@ -1,0 +1,57 @@
+"""What a rule prints goes to its log; what a user did wrong comes back as one sentence."""
+
+import logging
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from tqdm import tqdm
+
+from drapeline.errors import InputError
+
+Item = TypeVar("Item")
+LOGGER = logging.getLogger("drapeline")
+
+
+@contextmanager
+def rule_log(path: str) -> Iterator[logging.Logger]:
+    """Send logging and errors of the block to the log file `path`.
+
+    An InputError, or an operating-system error such as a full disk, ends the job with its one
+    sentence on the terminal and the traceback in the log; anything else is a bug and keeps its
+    traceback in both.
+    """
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    handler = logging.FileHandler(path, mode="w")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S"))
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    started = time.perf_counter()
+    try:
+        yield LOGGER
+        LOGGER.info("done in %.1f s", time.perf_counter() - started)
+    except (InputError, OSError) as error:
+        LOGGER.exception("%s", error)
+        sys.exit(f"drapeline: {error}")
+    except BaseException as error:
+        LOGGER.exception("%s: %s", type(error).__name__, error)
+        raise
+    finally:
+        LOGGER.removeHandler(handler)
+        handler.close()
+
+
+def progress(items: Iterable[Item], *, total: int | None = None, label: str) -> Iterator[Item]:
+    """Iterate with a progress bar on a terminal, and a line every ten seconds in the log."""
+    bar = tqdm(items, total=total, desc=label, disable=not sys.stderr.isatty())
+    last = started = time.perf_counter()
+    for index, item in enumerate(bar):
+        yield item
+        now = time.perf_counter()
+        if now - last > 10:
+            last = now
+            rate = (index + 1) / (now - started)
+            LOGGER.info("%s: %d of %s, %.1f per s", label, index + 1, bar.total or "?", rate)

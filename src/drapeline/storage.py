@@ -1,0 +1,103 @@
+"""Files that are whole or absent: everything is written beside its target and then renamed."""
+
+import json
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.errors import InputError
+
+
+@contextmanager
+def whole_file(path: str | Path) -> Iterator[Path]:
+    """Yield a scratch path that replaces `path` when the block ends without an error."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # The suffix is kept last: writers such as Blender's and Pillow's choose a format by it.
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    os.close(handle)
+    scratch = Path(name)
+    try:
+        yield scratch
+        # mkstemp makes files private; give the usual mode back.
+        umask = os.umask(0)
+        os.umask(umask)
+        scratch.chmod(0o666 & ~umask)
+        os.replace(scratch, path)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(path: str | Path) -> Iterator[Path]:
+    """Yield a scratch folder that replaces `path` when the block ends without an error."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+    try:
+        yield scratch
+        scratch.chmod(0o755)
+        if path.exists():
+            shutil.rmtree(path)
+        os.replace(scratch, path)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def save_npz(path: str | Path, **arrays: Any) -> None:
+    """Write arrays (strings and numbers included, nothing pickled) to a compressed `.npz`."""
+    for name, value in arrays.items():
+        if np.asarray(value).dtype == object:
+            raise TypeError(f"{path}: '{name}' is an object array, which only a pickle could hold")
+    with whole_file(path) as scratch, open(scratch, "wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def load_npz(path: str | Path, *required: str) -> dict[str, np.ndarray]:
+    """Read an `.npz` without executing anything in it.
+
+    Raises:
+        InputError: the file is missing, unreadable, holds pickles or lacks a required key.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
+    missing = [name for name in required if name not in arrays]
+    if missing:
+        raise InputError(
+            f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(arrays))}"
+        )
+    return arrays
+
+
+def write_json(path: str | Path, value: Any) -> None:
+    """Write JSON with full precision; NaN is refused since JSON has none."""
+    with whole_file(path) as scratch:
+        scratch.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: str | Path) -> Any:
+    """Read JSON.
+
+    Raises:
+        InputError: the file is missing or is not JSON.
+    """
+    path = Path(path)
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file, expected JSON") from error
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not readable as JSON ({error})") from error
