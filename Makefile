@@ -1,0 +1,49 @@
+# make run    set up, build the default dataset and its report
+# make test   set up, run every test
+# make lint   formatters and linters, as CI runs them
+# Anything after that is plain Snakemake: .venv/bin/snakemake --cores all [target]
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+CONFIG ?= config.yaml
+CORES ?= all
+BIN := .venv/bin
+SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+
+.PHONY: run report test lint format lock clean
+
+run: .venv/ready
+	$(SNAKEMAKE) --workflow-profile workflow/profiles/local
+	$(MAKE) --no-print-directory report
+
+report: .venv/ready
+	$(SNAKEMAKE) --report report.html
+	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
+
+test: .venv/ready
+	$(BIN)/python -m pytest -q
+
+lint: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint --configfile config.yaml
+
+format: .venv/ready
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/snakefmt Snakefile workflow
+
+lock: .venv/ready
+	@{ echo "# Exact versions of the one environment that runs everything (Python 3.11); made by 'make lock'."; \
+	   $(BIN)/pip freeze --exclude-editable | sed 's/+cpu//'; } > requirements.lock
+
+.venv/ready: requirements.lock pyproject.toml src/drapeline/preflight.py
+	@$(PYTHON) src/drapeline/preflight.py
+	@echo "Setting up .venv with the locked versions (a few minutes, once) ..."
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	@$(BIN)/pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	@$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -c "import bpy" || { echo "drapeline preflight: Blender's wheel is installed but does not load, see the line above."; exit 1; }
+	@touch $@
+
+clean:
+	rm -rf .venv .snakemake results resources logs benchmarks report.html

@@ -1,0 +1,26 @@
+from snakemake.utils import min_version
+
+min_version("9.27")
+
+
+configfile: "config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/bodies.smk"
+include: "workflow/rules/outfits.smk"
+include: "workflow/rules/simulation.smk"
+include: "workflow/rules/dataset.smk"
+include: "workflow/rules/renders.smk"
+include: "workflow/rules/report.smk"
+
+
+report: "workflow/report/workflow.rst"
+
+
+rule all:
+    default_target: True
+    input:
+        dataset_files(),
+        picture_files(),
+        report_files(),

@@ -1,0 +1,1 @@
+"""Bodies: baking, loading, posing, self-collision."""

@@ -1,0 +1,1 @@
+"""CLOTH3D-format datasets: writing, reading, splitting, describing."""

@@ -1,0 +1,1 @@
+"""Garment synthesis: templates, cuts, resizing, sewing."""

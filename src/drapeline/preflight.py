@@ -1,0 +1,75 @@
+"""Say what this machine lacks, one sentence each, before anything is installed or run.
+
+Runs on any Python 3 with nothing installed: `python src/drapeline/preflight.py`.
+"""
+
+import ctypes
+import platform
+import shutil
+import sys
+
+# Shared libraries that Blender's wheel links to, and Debian's packages that bring them.
+SYSTEM_LIBRARIES = {
+    "libX11.so.6": "libx11-6",
+    "libXrender.so.1": "libxrender1",
+    "libXfixes.so.3": "libxfixes3",
+    "libXi.so.6": "libxi6",
+    "libXext.so.6": "libxext6",
+    "libxkbcommon.so.0": "libxkbcommon0",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+}
+DISK_GB = 8
+
+
+def missing_libraries(names):
+    """Names of the shared libraries that the dynamic linker cannot load."""
+    missing = []
+    for name in names:
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            missing.append(name)
+    return missing
+
+
+def problems(folder, version=None, system=None, libraries=None, free_gb=None):
+    """Sentences about what the machine lacks; none when all is there.
+
+    Args:
+        folder: where the environment and the results are going to be.
+        version, system, libraries, free_gb: stand-ins for the machine's own, for tests.
+    """
+    version = version or tuple(sys.version_info[:2])
+    system = system or platform.system()
+    libraries = SYSTEM_LIBRARIES if libraries is None else libraries
+    free_gb = shutil.disk_usage(folder).free / 1e9 if free_gb is None else free_gb
+    found = []
+    if tuple(version) != (3, 11):
+        found.append(
+            "Python {}.{} is running, but Blender's wheel needs exactly Python 3.11;"
+            " pass one with 'make PYTHON=/path/to/python3.11'.".format(*version)
+        )
+    if system == "Linux":
+        missing = missing_libraries(libraries)
+        if missing:
+            found.append(
+                "Blender needs the system libraries {}, which are not installed;"
+                " on Debian or Ubuntu: apt-get install {}.".format(
+                    ", ".join(missing), " ".join(libraries[name] for name in missing)
+                )
+            )
+    if free_gb < DISK_GB:
+        found.append(
+            f"{free_gb:.1f} GB of disk are free at {folder},"
+            f" but the environment and a default run need {DISK_GB} GB."
+        )
+    return found
+
+
+if __name__ == "__main__":
+    sentences = problems(".")
+    if sentences:
+        sys.exit("\n".join("drapeline preflight: " + sentence for sentence in sentences))

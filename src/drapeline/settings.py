@@ -1,0 +1,75 @@
+"""Check an experiment's settings against a closed JSON schema and fill in the defaults."""
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+from drapeline.errors import InputError
+
+
+def checked_settings(
+    settings: Mapping[str, Any], schema: Mapping[str, Any], source: str
+) -> dict[str, Any]:
+    """A copy of `settings` with every default of `schema` filled in.
+
+    Args:
+        settings: nested mappings as read from YAML.
+        schema: JSON schema whose objects are closed and whose keys have defaults.
+        source: name of the file the settings come from, for messages.
+
+    Raises:
+        InputError: names the key, the value found and what is allowed, for the first problem.
+    """
+    filled = copy.deepcopy(dict(settings))
+    _fill(filled, schema)
+    problems = sorted(
+        Draft202012Validator(schema).iter_errors(filled), key=lambda e: list(map(str, e.path))
+    )
+    if problems:
+        raise InputError(f"{source}: {_sentence(problems[0])}")
+    return filled
+
+
+def _fill(values: Any, schema: Mapping[str, Any]) -> None:
+    if not isinstance(values, dict):
+        return
+    for key, part in schema.get("properties", {}).items():
+        if "default" in part and key not in values:
+            values[key] = copy.deepcopy(part["default"])
+        if key in values:
+            _fill(values[key], part)
+
+
+def _sentence(error: ValidationError) -> str:
+    key = ".".join(map(str, error.path)) or "the file"
+    if error.validator == "additionalProperties":
+        known = sorted(error.schema["properties"])
+        unknown = sorted(set(error.instance) - set(known))
+        prefix = "" if key == "the file" else f"{key}."
+        return f"'{prefix}{unknown[0]}' is not a setting, expected one of {', '.join(known)}"
+    return f"{key} is {error.instance!r}, expected {_expectation(error.schema)}"
+
+
+def _expectation(schema: Mapping[str, Any]) -> str:
+    if "enum" in schema:
+        return "one of " + ", ".join(map(str, schema["enum"]))
+    kind = schema.get("type", "a value")
+    words = " or ".join(kind) if isinstance(kind, list) else str(kind)
+    words = ("an " if words[0] in "aeiou" else "a ") + words
+    low, high = schema.get("minimum"), schema.get("maximum")
+    if low is not None and high is not None:
+        words += f" from {low} to {high}"
+    elif low is not None:
+        words += f" of at least {low}"
+    if schema.get("minItems") is not None:
+        words += f" of {schema['minItems']} or more items"
+    if schema.get("uniqueItems"):
+        words += ", each named once"
+    if "pattern" in schema:
+        words += f" matching {schema['pattern']}"
+    if "description" in schema:
+        words += f" ({schema['description'].strip().rstrip('.')})"
+    return words

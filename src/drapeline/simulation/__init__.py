@@ -1,0 +1,1 @@
+"""Cloth simulation settings and the health of its results; no Blender here."""
