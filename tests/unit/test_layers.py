@@ -1,0 +1,88 @@
+"""The import directions and bans that docs/architecture.md promises, checked on the source."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "drapeline"
+CORE = {"errors", "seeding", "storage", "rule_log", "mesh", "frames"}
+MAY_IMPORT = {
+    **dict.fromkeys([*CORE, "settings", "preflight"], CORE),
+    "bodies": CORE | {"bodies"},
+    "motions": CORE | {"motions", "bodies"},
+    "outfits": CORE | {"outfits", "bodies"},
+    "simulation": CORE | {"simulation", "bodies", "outfits"},
+    "dataset": CORE | {"dataset", "bodies", "motions", "outfits", "simulation"},
+    "planning": CORE | {"motions", "outfits", "dataset", "bodies"},
+    "report": CORE | {"report", "dataset", "simulation", "bodies", "outfits", "motions"},
+    "blender": CORE
+    | {"blender", "bodies", "motions", "outfits", "simulation", "dataset", "report"},
+}
+MODULES = sorted(SOURCE.rglob("*.py"))
+
+
+def part_of(path):
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def imports(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_imports_go_one_way(path):
+    part = part_of(path)
+    if part == "__init__":
+        return
+    for name in imports(ast.parse(path.read_text())):
+        names = name.split(".")
+        if names[0] == "drapeline" and len(names) > 1:
+            assert names[1] in MAY_IMPORT[part], f"{path.name} imports {name}"
+        if names[0] in {"bpy", "bmesh", "mathutils"}:
+            assert part == "blender", f"{path.name} imports {name} outside blender/"
+        if names[0] == "torch":
+            assert part == "bodies", f"{path.name} imports torch"
+        assert names[0] != "snakemake", f"{path.name} knows Snakemake"
+
+
+BANNED_CALLS = {
+    "np.random.seed",
+    "np.random.rand",
+    "np.random.randn",
+    "np.random.default_rng",
+    "random.seed",
+    "random.random",
+    "uuid.uuid4",
+    "np.empty",
+    "np.empty_like",
+    "pickle.load",
+    "pickle.loads",
+    "torch.manual_seed",
+    "eval",
+    "exec",
+}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_no_global_randomness_no_unset_memory_no_executing_loaders(path):
+    if path.name == "seeding.py":
+        return
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Call):
+            assert ast.unparse(node.func) not in BANNED_CALLS, (
+                f"{path.name}:{node.lineno} {ast.unparse(node.func)}"
+            )
+
+
+def test_rule_scripts_stay_thin_and_never_import_each_other():
+    for path in sorted((ROOT / "scripts").glob("*.py")):
+        code = [line for line in path.read_text().splitlines() if line.strip()]
+        assert len(code) <= 60, f"{path.name} has {len(code)} lines"
+        for name in imports(ast.parse(path.read_text())):
+            assert name.split(".")[0] not in {p.stem for p in (ROOT / "scripts").glob("*.py")}
