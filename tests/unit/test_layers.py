@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
 CORE = {"errors", "seeding", "storage", "rule_log", "mesh", "frames"}
 MAY_IMPORT = {
-    **dict.fromkeys([*CORE, "settings", "preflight"], CORE),
+    **dict.fromkeys([*CORE, "settings", "preflight", "source_digest"], CORE),
     "bodies": CORE | {"bodies"},
     "motions": CORE | {"motions", "bodies"},
     "outfits": CORE | {"outfits", "bodies"},

@@ -1,0 +1,69 @@
+rule bake_body:
+    output:
+        female="resources/body/female.npz",
+        male="resources/body/male.npz",
+    log:
+        "logs/bake_body.log",
+    benchmark:
+        "benchmarks/bake_body.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=20,
+    params:
+        code=source_hash("bake_body"),
+    script:
+        "../../scripts/bake_body.py"
+
+
+rule import_motion:
+    input:
+        motion_file,
+    output:
+        f"{RESULTS}/motions/{{sequence}}.npz",
+    log:
+        f"{LOGS}/import_motion/{{sequence}}.log",
+    benchmark:
+        f"{BENCHMARKS}/import_motion/{{sequence}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        motion=motion_parameters,
+        code=source_hash("import_motion"),
+    script:
+        "../../scripts/import_motion.py"
+
+
+rule animate_body:
+    input:
+        body=sample_body,
+        motion=sample_motion,
+    output:
+        f"{RESULTS}/bodies/{{sample}}.npz",
+    log:
+        f"{LOGS}/animate_body/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/animate_body/{{sample}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=20,
+    params:
+        seed=config["seed"],
+        gender=plan("gender"),
+        kind=plan("kind"),
+        start=plan("start"),
+        stop=plan("stop"),
+        shape_range=lookup(dpath="body/shape_range", within=config),
+        segment_gap_m=lookup(dpath="body/segment_gap_m", within=config),
+        code=source_hash("animate_body"),
+    script:
+        "../../scripts/animate_body.py"

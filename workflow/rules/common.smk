@@ -1,0 +1,106 @@
+import os
+import sys
+from pathlib import Path
+
+import yaml
+from snakemake.exceptions import WorkflowError
+
+ROOT = Path(workflow.basedir)
+SOURCE = ROOT / "src"
+sys.path.insert(0, str(SOURCE))
+os.environ.update(
+    PYTHONPATH=os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))
+)
+
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.motions.table import motion_table
+from drapeline.planning import plan_samples
+from drapeline.settings import checked_settings
+from drapeline.source_digest import source_digest
+
+try:
+    config.update(
+        checked_settings(
+            config,
+            yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text()),
+            " + ".join(map(str, workflow.configfiles)),
+        )
+    )
+    MOTIONS = motion_table(config["motions"]["table"], config["motions"]["sequences"])
+    SAMPLES = plan_samples(
+        config["seed"],
+        {name: motion.frames for name, motion in MOTIONS.items()},
+        frames=config["motions"]["frames"],
+        frames_min=config["motions"]["frames_min"],
+        count=config["samples"]["count"],
+        val_share=config["samples"]["val_share"],
+        test_share=config["samples"]["test_share"],
+        female_share=config["body"]["female_share"],
+        kinds=config["outfits"]["kinds"],
+        male_skirts=config["outfits"]["male_skirts"],
+    )
+except (InputError, OSError) as error:
+    raise WorkflowError(str(error)) from None
+
+RESULTS = config["results"]
+LOGS = f"{RESULTS}/logs"
+BENCHMARKS = f"{RESULTS}/benchmarks"
+EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
+
+
+wildcard_constraints:
+    gender="|".join(GENDERS),
+    sequence="|".join(MOTIONS),
+    sample="|".join(SAMPLES),
+    format="|".join(EXPORT_FORMATS),
+
+
+def source_hash(rule_name):
+    """Digest of a rule's script and of the library code it imports."""
+    return source_digest(ROOT / "scripts" / f"{rule_name}.py", SOURCE)
+
+
+def plan(key):
+    """Input or params function: one field of the sample's plan."""
+    return lambda wildcards: getattr(SAMPLES[wildcards.sample], key)
+
+
+def body_file(gender):
+    """The user's own SMPL file where the config names one, else the baked body."""
+    return config["body"]["files"].get(gender, f"resources/body/{gender}.npz")
+
+
+def gender_body(wildcards):
+    return body_file(wildcards.gender)
+
+
+def sample_body(wildcards):
+    return body_file(SAMPLES[wildcards.sample].gender)
+
+
+def sample_motion(wildcards):
+    return f"{RESULTS}/motions/{SAMPLES[wildcards.sample].sequence}.npz"
+
+
+def sample_templates(wildcards):
+    return f"{RESULTS}/templates/{SAMPLES[wildcards.sample].gender}.npz"
+
+
+def motion_file(wildcards):
+    return MOTIONS[wildcards.sequence].files
+
+
+def motion_parameters(wildcards):
+    """What else the importer is told: joint map, skeleton, loop, labels."""
+    return MOTIONS[wildcards.sequence].parameters()
+
+
+def per_sample(pattern):
+    return [pattern.format(results=RESULTS, sample=sample) for sample in SAMPLES]
+
+
+def own_garment_files(wildcards):
+    """The user's own OBJ files among the garments of this sample."""
+    own = config["outfits"]["own_garments"]
+    return [own[name] for name in SAMPLES[wildcards.sample].kind.split("+") if name in own]

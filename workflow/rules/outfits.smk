@@ -1,0 +1,51 @@
+rule build_templates:
+    input:
+        body=gender_body,
+    output:
+        f"{RESULTS}/templates/{{gender}}.npz",
+    log:
+        f"{LOGS}/build_templates/{{gender}}.log",
+    benchmark:
+        f"{BENCHMARKS}/build_templates/{{gender}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=20,
+    params:
+        code=source_hash("build_templates"),
+    script:
+        "../../scripts/build_templates.py"
+
+
+rule make_outfit:
+    input:
+        body=sample_body,
+        animation=f"{RESULTS}/bodies/{{sample}}.npz",
+        templates=sample_templates,
+        own=own_garment_files,
+    output:
+        arrays=f"{RESULTS}/outfits/{{sample}}.npz",
+        parameters=f"{RESULTS}/outfits/{{sample}}.json",
+    log:
+        f"{LOGS}/make_outfit/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/make_outfit/{{sample}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        seed=config["seed"],
+        gender=plan("gender"),
+        kind=plan("kind"),
+        edge_length_m=lookup(dpath="outfits/edge_length_m", within=config),
+        tightness_range=lookup(dpath="outfits/tightness_range", within=config),
+        elastic_probability=lookup(dpath="outfits/elastic_probability", within=config),
+        own_garments=lookup(dpath="outfits/own_garments", within=config),
+        code=source_hash("make_outfit"),
+    script:
+        "../../scripts/make_outfit.py"
