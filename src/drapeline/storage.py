@@ -51,6 +51,17 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
+def link_or_copy(source: str | Path, target: str | Path) -> None:
+    """Give a finished file a second name, or copy it where the disk cannot link.
+
+    Safe for files that are only ever replaced as a whole, as all of ours are.
+    """
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
 def save_npz(path: str | Path, **arrays: Any) -> None:
     """Write arrays (strings and numbers included, nothing pickled) to a compressed `.npz`."""
     for name, value in arrays.items():

@@ -1,0 +1,169 @@
+"""`info.mat`: what CLOTH3D stores of a sample beside its meshes."""
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+
+from drapeline.errors import InputError
+from drapeline.storage import whole_file
+
+# The 116 free bytes at the start of a MATLAB v5 file. scipy puts the time of writing there, which
+# would make equal samples differ.
+_HEADER_TEXT = b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
+
+
+@dataclass(frozen=True)
+class SampleInfo:
+    """Contents of an `info.mat`.
+
+    Attributes:
+        poses: (N, 72) float64 axis-angle in radians; the root carries the Y-up to Z-up turn.
+        trans: (N, 3) float64 world position of the root joint in metres.
+        shape: (10,) float64.
+        gender: 0 female, 1 male.
+        zrot: turn of the whole scene about +Z in radians.
+        outfit: garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing
+            (test sets of the original), and `data` is there for the texture type "color" alone.
+        tightness: (2,) float64, or None where the file lacks it.
+        camera_location: (3,) float64 in metres, or None.
+        lights: {"type": "point", "data": [{"loc": (3,), "pwr": watts}, ...]} or
+            {"type": "sun", "data": {"pwr": W/m2, "rot": (3,) Euler radians}}, or None.
+    """
+
+    poses: np.ndarray
+    trans: np.ndarray
+    shape: np.ndarray
+    gender: int
+    zrot: float = 0.0
+    outfit: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    tightness: np.ndarray | None = None
+    camera_location: np.ndarray | None = None
+    lights: Mapping[str, Any] | None = None
+
+
+def sample_scene(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, Any]]:
+    """Camera location (3,) and lights in the ranges seen in CLOTH3D's samples.
+
+    The camera stands on +X and looks along -X. Half of the scenes are lit by one sun, half by one
+    to three point lights above the subject.
+    """
+    camera = np.array([rng.uniform(4.4, 5.8), 0.0, 1.0])
+    if rng.random() < 0.5:
+        tilt, turn = rng.uniform(0.0, np.pi / 4), rng.uniform(0.0, 2 * np.pi)
+        sun = {"pwr": rng.uniform(3.5, 4.5), "rot": np.array([tilt, 0.0, turn])}
+        return camera, {"type": "sun", "data": sun}
+    lights = []
+    for _ in range(rng.integers(1, 4)):
+        turn, distance = rng.uniform(0.0, 2 * np.pi), rng.uniform(2.0, 4.0)
+        place = [distance * np.cos(turn), distance * np.sin(turn), rng.uniform(2.0, 4.0)]
+        lights.append({"loc": np.array(place), "pwr": rng.uniform(54.0, 87.0)})
+    return camera, {"type": "point", "data": lights}
+
+
+def write_info(path: str | Path, info: SampleInfo) -> None:
+    """Write an `info.mat` with CLOTH3D's fields in CLOTH3D's order, types and shapes.
+
+    Equal contents give equal bytes.
+    """
+    fields: dict[str, Any] = {"shape": np.asarray(info.shape, np.float64).reshape(1, 10)}
+    if info.lights is not None:
+        data = info.lights["data"]
+        # One point light is a bare struct, several are a cell of structs.
+        single = isinstance(data, list) and len(data) == 1
+        fields["lights"] = {"type": info.lights["type"], "data": data[0] if single else data}
+    if info.camera_location is not None:
+        fields["camLoc"] = np.asarray(info.camera_location, np.float64).reshape(1, 3)
+    fields["zrot"] = float(info.zrot)
+    if info.tightness is not None:
+        fields["tightness"] = np.asarray(info.tightness, np.float64).reshape(1, 2)
+    fields["outfit"] = {name: _garment_struct(value) for name, value in info.outfit.items()}
+    fields["gender"] = int(info.gender)
+    fields["trans"] = np.asarray(info.trans, np.float64).reshape(-1, 3).T
+    fields["poses"] = np.asarray(info.poses, np.float64).reshape(-1, 72).T
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, fields)
+    with whole_file(path) as scratch:
+        scratch.write_bytes(_HEADER_TEXT + stream.getvalue()[len(_HEADER_TEXT) :])
+
+
+def _garment_struct(garment: Mapping[str, Any]) -> dict[str, Any]:
+    texture = {"type": garment["texture"]["type"]}
+    if "data" in garment["texture"]:
+        texture["data"] = np.asarray(garment["texture"]["data"], np.float64).reshape(1, 3)
+    struct: dict[str, Any] = {"texture": texture}
+    if "fabric" in garment:
+        struct["fabric"] = garment["fabric"]
+    return struct
+
+
+def read_info(path: str | Path) -> SampleInfo:
+    """Read an `info.mat`, ours or an original one.
+
+    Raises:
+        InputError: missing, not MATLAB v5, without a field that every sample has, or with arrays
+            whose shapes do not fit together.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected the info.mat of a CLOTH3D sample")
+    try:
+        raw = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+    except Exception as error:  # scipy raises a dozen kinds on damaged files
+        raise InputError(f"{path}: not a readable MATLAB v5 file ({error})") from error
+    values = {name: _plain(value) for name, value in raw.items() if not name.startswith("__")}
+    missing = [name for name in ("poses", "trans", "shape", "gender") if name not in values]
+    if missing:
+        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(values)}")
+    # Squeezing turns the single column of a one-frame sample into a plain vector.
+    poses = _columns(path, "poses", values["poses"], 72)
+    trans = _columns(path, "trans", values["trans"], 3)
+    if len(poses) != len(trans):
+        raise InputError(
+            f"{path}: {len(poses)} poses and {len(trans)} trans, expected as many of each"
+        )
+    gender = values["gender"]
+    if not np.isscalar(gender) or gender not in (0, 1):
+        raise InputError(f"{path}: gender is {gender}, expected 0 (female) or 1 (male)")
+    outfit = values.get("outfit", {})
+    lights = values.get("lights")
+    if lights is not None and lights["type"] == "point" and isinstance(lights["data"], dict):
+        lights = {**lights, "data": [lights["data"]]}
+    tightness, camera = values.get("tightness"), values.get("camLoc")
+    return SampleInfo(
+        poses=poses,
+        trans=trans,
+        shape=_columns(path, "shape", values["shape"], 10)[0],
+        gender=int(gender),
+        zrot=float(values.get("zrot", 0.0)),
+        outfit=outfit if isinstance(outfit, dict) else {},
+        tightness=None if tightness is None else _columns(path, "tightness", tightness, 2)[0],
+        camera_location=None if camera is None else _columns(path, "camLoc", camera, 3)[0],
+        lights=lights,
+    )
+
+
+def _columns(path: Path, name: str, value: Any, rows: int) -> np.ndarray:
+    """(rows, N), or (rows,) where squeezed, as (N, rows) float64."""
+    array = np.asarray(value)
+    if array.dtype == object or array.shape[:1] != (rows,) or array.ndim > 2:
+        raise InputError(f"{path}: {name} has shape {array.shape}, expected ({rows}, N)")
+    array = np.ascontiguousarray(array.reshape(rows, -1).T, dtype=np.float64)
+    if not np.isfinite(array).all():
+        raise InputError(f"{path}: {name} holds values that are not finite")
+    return array
+
+
+def _plain(value: Any) -> Any:
+    """MATLAB structs as dicts, cells as lists, single numbers as numbers."""
+    if isinstance(value, scipy.io.matlab.mat_struct):
+        return {name: _plain(getattr(value, name)) for name in value._fieldnames}
+    if isinstance(value, np.ndarray):
+        if value.dtype == object:
+            return [_plain(item) for item in value.ravel()]
+        return value.item() if value.ndim == 0 else value
+    return value

@@ -1,0 +1,230 @@
+"""One simulated sample as a CLOTH3D folder, with extras that CLOTH3D's readers pass over."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
+from drapeline.dataset.point_cache import PointCache, point_cache_writer
+from drapeline.errors import InputError
+from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
+from drapeline.mesh import Mesh, save_obj
+from drapeline.storage import (
+    link_or_copy,
+    load_npz,
+    read_json,
+    save_npz,
+    whole_folder,
+    write_json,
+)
+
+BODY = "Body"
+META_VERSION = 1
+CONVENTIONS = {
+    "length": "metre",
+    "angle": "radian",
+    "up": "+Z",
+    "rest_body_faces": "-Y",
+    "frames_per_second": FPS,
+    "vertices": "relative to the root joint; world = Rz(zrot) (vertex + trans[frame])",
+    "trans": "world position of the root joint",
+    "rest_pose": "zero but root x +pi/2, joint 1 z +0.15, joint 2 z -0.15",
+    "rest_obj_is_turned_by_zrot": False,
+    "gender": "0 female, 1 male",
+    "quad_to_triangles": "(0, 1, 2), (0, 2, 3)",
+}
+_CHUNK = 32  # frames held in memory at once
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a sample comes from, beyond what its input files say.
+
+    Attributes:
+        body_model: name of the body model, such as "anny" or the name of a licensed file.
+        versions: package name -> version.
+        seed: the experiment's seed.
+        split: "train", "val" or "test".
+        settings: the experiment's settings that made the sample, JSON-serialisable.
+    """
+
+    body_model: str
+    versions: Mapping[str, str]
+    seed: int
+    split: str
+    settings: Mapping[str, Any]
+
+
+def write_sample(
+    folder: str | Path,
+    *,
+    body: BodyModel,
+    body_record: str | Path,
+    outfit: str | Path,
+    simulation: str | Path,
+    provenance: Provenance,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Write `info.mat`, OBJ, PC16 and the extras of one sample; memory does not grow with frames.
+
+    A sample that was not accepted gets a `meta.json` with its status and reason, and nothing else.
+
+    Args:
+        folder: `{sample}`; replaced as a whole. Its name is the sample's id.
+        body: the body model of the sample's gender.
+        body_record: `.npz` with shape, gender, poses, trans and the motion's labels.
+        outfit: `.npz` with the rest meshes; the `.json` of the same stem lies beside it.
+        simulation: folder with `{Garment}.f32`, `health.npz` and `status.json`.
+        rng: draws the camera and the lights.
+
+    Returns:
+        What was written to `meta.json`.
+
+    Raises:
+        InputError: the inputs do not fit together, or simulated vertices are not finite.
+    """
+    folder, simulation = Path(folder), Path(simulation)
+    record = load_npz(body_record, "shape", "gender", "poses", "trans", "sequence")
+    description = read_json(Path(outfit).with_suffix(".json"))
+    status = read_json(simulation / "status.json")
+    meta = {
+        "format": {"name": "drapeline sample", "version": META_VERSION},
+        "id": folder.name,
+        "status": status["status"],
+        "reason": status.get("reason", ""),
+        "split": provenance.split,
+        "seed": provenance.seed,
+        "conventions": CONVENTIONS,
+        "body": {
+            "model": provenance.body_model,
+            "fingerprint": body_fingerprint(body),
+            "gender": GENDERS[int(record["gender"])],
+            "vertices": len(body.v_template),
+        },
+        "motion": _motion(record),
+        "self_collision": _self_collision(record),
+        "outfit": description,
+        "simulation": status,
+        "settings": dict(provenance.settings),
+        "versions": dict(provenance.versions),
+    }
+    with whole_folder(folder) as scratch:
+        if status["status"] == "accepted":
+            meshes = load_npz(outfit)
+            names = [garment["name"] for garment in description["garments"]]
+            write_info(scratch / "info.mat", _info(record, description, rng))
+            meta["garments"] = {
+                name: _write_garment(scratch, name, meshes, simulation, len(record["poses"]))
+                for name in names
+            }
+            _write_body(scratch, body, record)
+            health = load_npz(simulation / "health.npz")
+            save_npz(scratch / "health.npz", **health)
+            meta["health"] = summarise_health(health)
+        write_json(scratch / "meta.json", meta)
+    return meta
+
+
+def body_fingerprint(body: BodyModel) -> str:
+    """SHA-256 of the arrays that decide where a posed body is; tells two body files apart."""
+    digest = hashlib.sha256()
+    for array in (body.v_template, body.shapedirs, body.posedirs, body.J_regressor, body.weights):
+        digest.update(np.ascontiguousarray(array, dtype="<f4").data)
+    digest.update(np.ascontiguousarray(body.faces, dtype="<i4").data)
+    return digest.hexdigest()
+
+
+def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
+    """Mean, smallest and largest value over the frames of each per-frame measure."""
+    summary = {}
+    for name, values in health.items():
+        if values.ndim == 1 and values.size and values.dtype.kind in "biuf":
+            values = values.astype(np.float64)
+            if np.isfinite(values).all():
+                summary[name] = {
+                    "mean": float(values.mean()),
+                    "min": float(values.min()),
+                    "max": float(values.max()),
+                }
+    return summary
+
+
+def _motion(record: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    return {
+        "sequence": str(record["sequence"]),
+        "source": str(record.get("source", "")),
+        "subject": str(record.get("subject", "")),
+        "action": str(record.get("action", "")),
+        "start_frame": int(record.get("start_frame", 0)),
+        "frames": len(record["poses"]),
+    }
+
+
+def _self_collision(record: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    removed = record.get("removed_segments", np.zeros(0, dtype=int))
+    return {
+        "outcome": str(record.get("outcome", "none")),
+        "thinned": int(record.get("thinned", 0)),
+        "removed_segments": [JOINT_NAMES[int(segment)] for segment in removed],
+    }
+
+
+def _info(
+    record: Mapping[str, np.ndarray], description: Mapping[str, Any], rng: np.random.Generator
+) -> SampleInfo:
+    camera, lights = sample_scene(rng)
+    return SampleInfo(
+        poses=record["poses"],
+        trans=record["trans"],
+        shape=record["shape"],
+        gender=int(record["gender"]),
+        outfit={
+            garment["name"]: {"texture": garment["texture"], "fabric": garment["fabric"]}
+            for garment in description["garments"]
+        },
+        tightness=np.asarray(description["tightness"]),
+        camera_location=camera,
+        lights=lights,
+    )
+
+
+def _write_garment(
+    folder: Path, name: str, meshes: Mapping[str, np.ndarray], simulation: Path, frame_count: int
+) -> dict[str, int]:
+    mesh = Mesh(
+        meshes[f"{name}/vertices"],
+        meshes[f"{name}/faces"],
+        meshes.get(f"{name}/uv"),
+        meshes.get(f"{name}/uv_faces"),
+    )
+    save_obj(folder / f"{name}.obj", mesh)
+    source = simulation / f"{name}.f32"
+    with PointCache(source, len(mesh.vertices)) as cache:
+        if len(cache) != frame_count:
+            raise InputError(
+                f"{source}: {len(cache)} frames of {len(mesh.vertices)} vertices,"
+                f" expected {frame_count} as in the body's poses"
+            )
+        with point_cache_writer(folder / f"{name}.pc16", len(mesh.vertices)) as half:
+            for start in range(0, frame_count, _CHUNK):
+                frames = cache.frames(start, min(start + _CHUNK, frame_count))
+                if not np.isfinite(frames).all():
+                    bad = start + int(np.argmin(np.isfinite(frames).all(axis=(1, 2))))
+                    raise InputError(f"{source}: frame {bad} holds values that are not finite")
+                half.append(frames)
+    link_or_copy(source, folder / f"{name}.f32")
+    return {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+
+
+def _write_body(folder: Path, body: BodyModel, record: Mapping[str, np.ndarray]) -> None:
+    rest, _ = posed_vertices(body, record["shape"], REST_POSE[None])
+    save_obj(folder / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
+    poses = record["poses"]
+    with point_cache_writer(folder / f"{BODY}.pc16", len(body.v_template)) as writer:
+        for start in range(0, len(poses), _CHUNK):
+            writer.append(posed_vertices(body, record["shape"], poses[start : start + _CHUNK])[0])
