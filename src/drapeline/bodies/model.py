@@ -23,6 +23,7 @@ class BodyModel:
         faces: (F, 3) int32.
         vt, ft: (T, 2) float32 and (F, 3) int32 texture coordinates, or None.
         segmentation: (V,) int32, the joint whose part each vertex belongs to.
+        name: which body model and version this is, such as "drapeline-anny-female-1".
     """
 
     v_template: np.ndarray
@@ -34,6 +35,7 @@ class BodyModel:
     vt: np.ndarray | None
     ft: np.ndarray | None
     segmentation: np.ndarray
+    name: str
 
 
 def load_body(path: str | Path) -> BodyModel:
@@ -49,6 +51,7 @@ def load_body(path: str | Path) -> BodyModel:
         a.get("vt"),
         a.get("ft"),
         a["segmentation"],
+        str(a.get("name", Path(path).stem)),
     )
 
 

@@ -1,0 +1,30 @@
+"""Fixtures that every test may use."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+from toys import toy_body as build_toy_body
+
+from drapeline.bodies.model import BodyModel, load_body
+from drapeline.frames import GENDERS
+
+
+@pytest.fixture(scope="session")
+def toy_body() -> BodyModel:
+    """A small closed body of round limbs, always at hand."""
+    return build_toy_body()
+
+
+@pytest.fixture(scope="session")
+def baked_bodies() -> dict[str, BodyModel]:
+    """The real baked bodies; baked on first use (a minute or two) and kept for later runs."""
+    from drapeline.bodies import bake
+
+    code = b"".join(p.read_bytes() for p in sorted(Path(bake.__file__).parent.glob("bake*.py")))
+    folder = Path.home() / ".cache" / "drapeline" / hashlib.sha256(code).hexdigest()[:12]
+    paths = {gender: folder / f"{gender}.npz" for gender in GENDERS}
+    if not all(path.is_file() for path in paths.values()):
+        for gender, body in bake.bake_bodies(seed=0, samples=200).items():
+            bake.save_body(paths[gender], body)
+    return {gender: load_body(path) for gender, path in paths.items()}
