@@ -1,1 +1,1 @@
-"""Motion capture: importing, retargeting, looping, splitting."""
+"""Motions: readers of motion-capture files, retargeting to the 24 SMPL joints, floor, splits."""

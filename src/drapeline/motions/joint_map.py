@@ -1,0 +1,102 @@
+"""Joint maps: which joint of a source skeleton drives each SMPL joint (YAML)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from drapeline.errors import InputError
+from drapeline.frames import JOINT_NAMES
+from drapeline.motions.skeleton import Take
+
+BUILT_IN = Path(__file__).parent / "joint_maps"
+REQUIRED = ("pelvis",) + tuple(
+    f"{side}_{part}"
+    for side in ("left", "right")
+    for part in ("hip", "knee", "ankle", "shoulder", "elbow")
+)
+UP_AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
+
+
+@dataclass(frozen=True)
+class JointMap:
+    """A source skeleton's joints by SMPL joint name.
+
+    Attributes:
+        name: file or built-in map it came from; named in errors.
+        joints: SMPL joint name to source joint name; unlisted joints follow their neighbours.
+        up: the file's vertical axis, one of X Y Z -X -Y -Z; None takes it from the rest pose.
+    """
+
+    name: str
+    joints: dict[str, str]
+    up: str | None = None
+
+    def indices(self, take: Take) -> dict[str, int]:
+        """Joint index in the take for each mapped SMPL joint.
+
+        Raises:
+            InputError: names the joints that the take lacks.
+        """
+        missing = sorted(set(self.joints.values()) - set(take.names))
+        if missing:
+            raise InputError(
+                f"{take.source}: has no joint {_listed(missing)} that joint map {self.name} names; "
+                f"it has {_listed(take.names)}"
+            )
+        return {joint: take.names.index(source) for joint, source in self.joints.items()}
+
+
+def load_joint_map(path: str | Path) -> JointMap:
+    """Read a joint map from YAML.
+
+    Raises:
+        InputError: the file is missing, is not YAML, or maps a joint that SMPL does not have.
+    """
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text())
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file, expected a joint map in YAML") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        line = str(error).splitlines()[0]
+        raise InputError(f"{path}: not readable as YAML ({line}), expected a joint map") from error
+    if not isinstance(content, dict) or not isinstance(content.get("joints"), dict):
+        raise InputError(f"{path}: expected a key 'joints' with SMPL joint: source joint lines")
+    strange = sorted(set(content) - {"joints", "up"})
+    if strange:
+        raise InputError(f"{path}: unknown key {_listed(strange)}, expected 'joints' and 'up'")
+    joints = {str(key): str(value) for key, value in content["joints"].items()}
+    unknown = sorted(set(joints) - set(JOINT_NAMES))
+    if unknown:
+        raise InputError(f"{path}: {_listed(unknown)} is no SMPL joint, which are {_listed(JOINT_NAMES)}")
+    lacking = [joint for joint in REQUIRED if joint not in joints]
+    if lacking:
+        raise InputError(f"{path}: maps no source joint to {_listed(lacking)}, which is required")
+    up = content.get("up")
+    if up is not None and up not in UP_AXES:
+        raise InputError(f"{path}: 'up' is {up!r}, expected one of {_listed(UP_AXES)}")
+    return JointMap(str(path), joints, up)
+
+
+def built_in_map(take: Take) -> JointMap:
+    """The first shipped map whose joints the take has.
+
+    Raises:
+        InputError: no shipped map fits; names the joints and what to write.
+    """
+    for path in sorted(BUILT_IN.glob("*.yaml")):
+        joint_map = load_joint_map(path)
+        if set(joint_map.joints.values()) <= set(take.names):
+            return joint_map
+    known = ", ".join(path.stem for path in sorted(BUILT_IN.glob("*.yaml")))
+    raise InputError(
+        f"{take.source}: joints {_listed(take.names)} fit no built-in map ({known}), expected a "
+        "'joint_map' YAML file that names the source joint of each SMPL joint"
+    )
+
+
+def _listed(names: object) -> str:
+    names = [str(name) for name in names]
+    shown = ", ".join(names[:40])
+    return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"

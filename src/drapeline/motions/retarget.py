@@ -1,0 +1,182 @@
+"""Retargeting: a motion of any humanoid skeleton as rotations of the 24 SMPL joints.
+
+Euler angles are never copied. A source joint's global rotation says how its bone turned away from
+the source's rest pose; the source's rest pose is related to SMPL's T-pose by turning each limb's
+rest direction onto that of the T-pose, along the chain so that no twist is added.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from drapeline.errors import InputError
+from drapeline.frames import JOINT_NAMES, PARENTS
+from drapeline.motions.joint_map import JointMap
+from drapeline.motions.skeleton import (
+    REFERENCE_LEG_LENGTH_M,
+    REFERENCE_OFFSETS,
+    Y_UP_TO_Z_UP,
+    Take,
+    poses_from_globals,
+)
+
+INDEX = {name: index for index, name in enumerate(JOINT_NAMES)}
+SPINE = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+# Limbs that are turned onto the T-pose: joint, the joint its bone ends at, T-pose direction.
+LIMBS = tuple(
+    (f"{side}_{start}", f"{side}_{end}", direction)
+    for side, sign in (("left", 1.0), ("right", -1.0))
+    for start, end, direction in (
+        ("hip", "knee", (0.0, -1.0, 0.0)),
+        ("knee", "ankle", (0.0, -1.0, 0.0)),
+        ("shoulder", "elbow", (sign, 0.0, 0.0)),
+        ("elbow", "wrist", (sign, 0.0, 0.0)),
+    )
+)
+_SNAP_COS = np.cos(np.radians(20.0))
+
+
+def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
+    """Express a take as SMPL poses of the reference skeleton, on no particular floor yet.
+
+    Args:
+        take: the captured motion.
+        joint_map: which source joint drives each SMPL joint.
+
+    Returns:
+        Poses (N, 72) in radians with the turn to the Z-up world in the root, and the root
+        joint's positions (N, 3) in metres, scaled by the ratio of leg lengths.
+
+    Raises:
+        InputError: the take lacks a joint that the map names, or its legs have no length.
+    """
+    source = joint_map.indices(take)
+    rest = take.rest_positions()
+    facing = body_frame(rest, source, take.source)
+    world = _world_frame(facing, joint_map.up)
+    align = _alignment(rest @ facing.T, source)
+    rotations = np.zeros((len(take.rotations), 24, 3, 3))
+    for joint, index in source.items():
+        turn = facing.T @ align[joint].T
+        rotations[:, INDEX[joint]] = world @ take.rotations[:, index] @ turn
+    _fill_spine(rotations, source)
+    for joint, name in enumerate(JOINT_NAMES):  # hands, toes, collars without a source
+        if name not in source and name not in SPINE:
+            rotations[:, joint] = rotations[:, PARENTS[joint]]
+    scale = REFERENCE_LEG_LENGTH_M / _leg_length(rest, source, take.source)
+    # The hips' midpoint is what the legs hang from; the root joint sits elsewhere in each rig.
+    hips = take.positions[:, [source["left_hip"], source["right_hip"]]].mean(1) @ world.T
+    below = REFERENCE_OFFSETS[[INDEX["left_hip"], INDEX["right_hip"]]].mean(0)
+    trans = hips * scale - rotations[:, 0] @ below
+    rotations = Y_UP_TO_Z_UP @ rotations
+    return poses_from_globals(rotations), trans @ Y_UP_TO_Z_UP.T
+
+
+def body_frame(rest: np.ndarray, source: dict[str, int], name: str) -> np.ndarray:
+    """Rotation (3, 3) from the source's axes to SMPL's (left, up, front) in its rest pose.
+
+    The axes are found from the hips and shoulders, and snapped to the file's own axes where they
+    are close: a rest pose stands upright, though its spine is bent.
+    """
+    hips = rest[[source["left_hip"], source["right_hip"]]]
+    shoulders = rest[[source["left_shoulder"], source["right_shoulder"]]]
+    up = _snapped(_unit(shoulders.mean(0) - hips.mean(0)))
+    left = hips[0] - hips[1] + shoulders[0] - shoulders[1]
+    left = left - up * (left @ up)
+    if np.linalg.norm(left) < 1e-9 or not np.isfinite(left).all():
+        raise InputError(f"{name}: hips and shoulders lie on one line, expected a standing rest pose")
+    left = _unit(_snapped(_unit(left)))
+    left = _unit(left - up * (left @ up))
+    return np.stack([left, up, np.cross(left, up)])
+
+
+def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Smallest rotation (3, 3) that turns direction `start` (3,) onto `end` (3,)."""
+    start, end = _unit(start), _unit(end)
+    axis, cosine = np.cross(start, end), float(start @ end)
+    if cosine < -1 + 1e-9:  # opposite: half a turn about any axis across
+        axis = _unit(np.cross(start, np.eye(3)[np.argmin(np.abs(start))]))
+        return Rotation.from_rotvec(np.pi * axis).as_matrix()
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)
+
+
+def _alignment(rest: np.ndarray, source: dict[str, int]) -> dict[str, np.ndarray]:
+    """Per mapped joint, the turn (3, 3) from the source's rest pose to the T-pose, SMPL axes."""
+    align = {joint: np.eye(3) for joint in source}
+    for start, end, direction in LIMBS:
+        if end not in source:
+            continue
+        parent = JOINT_NAMES[PARENTS[INDEX[start]]]
+        before = align[parent] if start.split("_")[1] in ("knee", "elbow") else np.eye(3)
+        bone = rest[source[end]] - rest[source[start]]
+        align[start] = before
+        if np.linalg.norm(bone) > 1e-9:
+            align[start] = between(before @ bone, np.array(direction)) @ before
+    for side in ("left", "right"):
+        if f"{side}_wrist" in source:
+            align[f"{side}_wrist"] = align[f"{side}_elbow"]
+        if f"{side}_hand" in source:
+            align[f"{side}_hand"] = align[f"{side}_elbow"]
+        _align_foot(align, rest, source, side)
+    return align
+
+
+def _align_foot(
+    align: dict[str, np.ndarray], rest: np.ndarray, source: dict[str, int], side: str
+) -> None:
+    """Feet follow their leg and are turned about the vertical to point ahead.
+
+    Their pitch is left alone: in a rest pose the sole is flat, however high the ankle joint of a
+    rig sits above its toes.
+    """
+    turn = align[f"{side}_knee"]
+    if f"{side}_foot" in source:
+        bone = turn @ (rest[source[f"{side}_foot"]] - rest[source[f"{side}_ankle"]])
+        ahead = np.array([bone[0], 0.0, bone[2]])
+        if ahead[2] > 0.2 * np.linalg.norm(bone):
+            turn = between(ahead, np.array([0.0, 0.0, 1.0])) @ turn
+        align[f"{side}_foot"] = turn
+    align[f"{side}_ankle"] = turn
+
+
+def _fill_spine(rotations: np.ndarray, source: dict[str, int]) -> None:
+    """Spread the turn between two driven joints evenly over the spine joints between them."""
+    driven = [level for level, name in enumerate(SPINE) if name in source]
+    for low, high in zip(driven[:-1], driven[1:], strict=True):
+        start, end = rotations[:, INDEX[SPINE[low]]], rotations[:, INDEX[SPINE[high]]]
+        turn = Rotation.from_matrix(np.swapaxes(start, -1, -2) @ end).as_rotvec()
+        for level in range(low + 1, high):
+            part = Rotation.from_rotvec(turn * (level - low) / (high - low)).as_matrix()
+            rotations[:, INDEX[SPINE[level]]] = start @ part
+    for level in range(driven[-1] + 1, len(SPINE)):
+        rotations[:, INDEX[SPINE[level]]] = rotations[:, INDEX[SPINE[driven[-1]]]]
+
+
+def _leg_length(rest: np.ndarray, source: dict[str, int], name: str) -> float:
+    """Mean length of both legs in the file's unit."""
+    total = 0.0
+    for side in ("left", "right"):
+        points = rest[[source[f"{side}_{part}"] for part in ("hip", "knee", "ankle")]]
+        total += np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 2
+    if not total > 1e-9:
+        raise InputError(f"{name}: legs of length {total:g}, expected hip, knee and ankle apart")
+    return total
+
+
+def _world_frame(facing: np.ndarray, up: str | None) -> np.ndarray:
+    """Rotation from the file's world to a Y-up one; `up` overrides what the rest pose suggests."""
+    if up is None:
+        return facing
+    axis = np.eye(3)["XYZ".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
+    return between(facing @ axis, np.array([0.0, 1.0, 0.0])) @ facing
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / max(np.linalg.norm(vector), 1e-12)
+
+
+def _snapped(direction: np.ndarray) -> np.ndarray:
+    nearest = int(np.argmax(np.abs(direction)))
+    if abs(direction[nearest]) < _SNAP_COS:
+        return direction
+    return np.eye(3)[nearest] * np.sign(direction[nearest])
