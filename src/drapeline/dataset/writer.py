@@ -2,18 +2,19 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.point_cache import PointCache, point_cache_writer
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
-from drapeline.mesh import Mesh, save_obj
+from drapeline.mesh import Mesh, edges, save_obj
 from drapeline.storage import (
     link_or_copy,
     load_npz,
@@ -39,48 +40,33 @@ CONVENTIONS = {
     "quad_to_triangles": "(0, 1, 2), (0, 2, 3)",
 }
 _CHUNK = 32  # frames held in memory at once
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """Where a sample comes from, beyond what its input files say.
-
-    Attributes:
-        body_model: name of the body model, such as "anny" or the name of a licensed file.
-        versions: package name -> version.
-        seed: the experiment's seed.
-        split: "train", "val" or "test".
-        settings: the experiment's settings that made the sample, JSON-serialisable.
-    """
-
-    body_model: str
-    versions: Mapping[str, str]
-    seed: int
-    split: str
-    settings: Mapping[str, Any]
+_PACKAGES = ("numpy", "scipy", "torch")
 
 
 def write_sample(
+    rng: np.random.Generator,
     folder: str | Path,
     *,
     body: BodyModel,
     body_record: str | Path,
     outfit: str | Path,
     simulation: str | Path,
-    provenance: Provenance,
-    rng: np.random.Generator,
+    seed: int,
+    split: str,
 ) -> dict[str, Any]:
     """Write `info.mat`, OBJ, PC16 and the extras of one sample; memory does not grow with frames.
 
     A sample that was not accepted gets a `meta.json` with its status and reason, and nothing else.
 
     Args:
+        rng: draws the camera and the lights.
         folder: `{sample}`; replaced as a whole. Its name is the sample's id.
         body: the body model of the sample's gender.
         body_record: `.npz` with shape, gender, poses, trans and the motion's labels.
         outfit: `.npz` with the rest meshes; the `.json` of the same stem lies beside it.
         simulation: folder with `{Garment}.f32`, `health.npz` and `status.json`.
-        rng: draws the camera and the lights.
+        seed: the experiment's seed, for the record.
+        split: "train", "val" or "test".
 
     Returns:
         What was written to `meta.json`.
@@ -97,11 +83,11 @@ def write_sample(
         "id": folder.name,
         "status": status["status"],
         "reason": status.get("reason", ""),
-        "split": provenance.split,
-        "seed": provenance.seed,
+        "split": split,
+        "seed": seed,
         "conventions": CONVENTIONS,
         "body": {
-            "model": provenance.body_model,
+            "model": body.name,
             "fingerprint": body_fingerprint(body),
             "gender": GENDERS[int(record["gender"])],
             "vertices": len(body.v_template),
@@ -110,8 +96,7 @@ def write_sample(
         "self_collision": _self_collision(record),
         "outfit": description,
         "simulation": status,
-        "settings": dict(provenance.settings),
-        "versions": dict(provenance.versions),
+        "versions": {"drapeline": __version__, **{name: version(name) for name in _PACKAGES}},
     }
     with whole_folder(folder) as scratch:
         if status["status"] == "accepted":
@@ -195,7 +180,7 @@ def _info(
 
 def _write_garment(
     folder: Path, name: str, meshes: Mapping[str, np.ndarray], simulation: Path, frame_count: int
-) -> dict[str, int]:
+) -> dict[str, float]:
     mesh = Mesh(
         meshes[f"{name}/vertices"],
         meshes[f"{name}/faces"],
@@ -218,11 +203,16 @@ def _write_garment(
                     raise InputError(f"{source}: frame {bad} holds values that are not finite")
                 half.append(frames)
     link_or_copy(source, folder / f"{name}.f32")
-    return {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    lines = mesh.vertices[edges(mesh.faces)]
+    return {
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "edge_m": float(np.linalg.norm(lines[:, 0] - lines[:, 1], axis=1).mean()),
+    }
 
 
 def _write_body(folder: Path, body: BodyModel, record: Mapping[str, np.ndarray]) -> None:
-    rest, _ = posed_vertices(body, record["shape"], REST_POSE[None])
+    rest, _ = posed_vertices(body, record["shape"], REST_POSE[None].copy())
     save_obj(folder / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
     poses = record["poses"]
     with point_cache_writer(folder / f"{BODY}.pc16", len(body.v_template)) as writer:

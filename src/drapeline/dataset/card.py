@@ -1,0 +1,174 @@
+"""The dataset card: what a dataset holds and how it was made, written from the data."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from drapeline.dataset.record import SampleRecord
+from drapeline.dataset.splits import SPLITS
+
+
+def dataset_card(
+    records: Sequence[SampleRecord], tables: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> str:
+    """Markdown for the dataset's `README.md`.
+
+    Args:
+        records: all samples, the rejected ones included.
+        tables: name of a statistics file -> its rows.
+    """
+    accepted = [record for record in records if record.accepted]
+    parts = [
+        "# Clothed humans in motion, simulated",
+        _summary(accepted),
+        "## Contents",
+        markdown_table(tables["statistics_overview"]),
+        "Garments by type, fabric and gender:",
+        markdown_table(tables["statistics_garments"]),
+        "Share of the frames per action:",
+        markdown_table(tables["statistics_actions"]),
+        "## Splits",
+        _splits(accepted),
+        "## How it was made",
+        _making(accepted),
+        "## Acceptance and health",
+        _acceptance(records),
+        _health(accepted),
+        "## Format",
+        _FORMAT,
+        "## Known limits",
+        _LIMITS,
+        "## Licence and citation",
+        _licence(accepted),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as a Markdown table, or a remark that there are none."""
+    if not rows:
+        return "(none)"
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    lines = [columns, ["---"] * len(columns)]
+    lines += [[str(row.get(column, "")).replace("|", "\\|") for column in columns] for row in rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _summary(records: Sequence[SampleRecord]) -> str:
+    frames = sum(record.meta["motion"]["frames"] for record in records)
+    rates = {record.meta["conventions"]["frames_per_second"] for record in records}
+    names = sorted({name for record in records for name in record.meta["garments"]})
+    return (
+        f"{len(records)} sequences, {frames} frames at {_listed(rates)} frames per second, of"
+        f" bodies wearing {_listed(names)}. The files follow the layout of CLOTH3D (Bertiche,"
+        " Madadi and Escalera, ECCV 2020), so readers written for it work here too."
+    )
+
+
+def _splits(records: Sequence[SampleRecord]) -> str:
+    rows = []
+    for split in SPLITS:
+        motions = [r.meta["motion"] for r in records if r.meta["split"] == split]
+        sources = sorted({motion["source"] for motion in motions})
+        rows.append({"split": split, "sequences": len(motions), "clips": ", ".join(sources)})
+    return "No motion clip and no body is in more than one split.\n\n" + markdown_table(rows)
+
+
+def _making(records: Sequence[SampleRecord]) -> str:
+    models = sorted({record.meta["body"]["model"] for record in records})
+    versions = sorted(
+        {
+            f"{name} {number}"
+            for record in records
+            for part in (record.meta["versions"], record.meta["simulation"].get("versions", {}))
+            for name, number in part.items()
+        }
+    )
+    seeds = {record.meta["seed"] for record in records}
+    return (
+        "Motion capture drives a parametric body whose shape is drawn for each sequence. A random"
+        " outfit is cut, resized and dressed on the body in rest pose, and simulated as cloth that"
+        " collides with the body, with itself and with the other garment. Every sampled number is"
+        " in the sample's `meta.json`.\n\n"
+        f"- Body models: {_listed(models)}\n"
+        f"- Software: {_listed(versions)}\n"
+        f"- Seed: {_listed(seeds)}"
+    )
+
+
+def _acceptance(records: Sequence[SampleRecord]) -> str:
+    counts = Counter(record.meta["status"] for record in records)
+    shares = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    lines = [f"Of {len(records)} samples: {shares}. All are listed in `status.tsv`."]
+    lost = [record for record in records if not record.accepted]
+    if lost:
+        lines.append(
+            markdown_table(
+                [
+                    {
+                        "sample": record.meta["id"],
+                        "status": record.meta["status"],
+                        "reason": record.meta["reason"],
+                    }
+                    for record in lost
+                ]
+            )
+        )
+    return "\n\n".join(lines)
+
+
+def _health(records: Sequence[SampleRecord]) -> str:
+    names = list(dict.fromkeys(name for record in records for name in record.meta["health"]))
+    rows = []
+    for name in names:
+        values = [(r.meta["motion"]["frames"], r.meta["health"].get(name)) for r in records]
+        values = [(frames, value) for frames, value in values if value is not None]
+        total = sum(frames for frames, _ in values)
+        rows.append(
+            {
+                "measure": f"`{name}`",
+                "mean over frames": f"{sum(f * v['mean'] for f, v in values) / total:.4g}",
+                "least": f"{min(v['min'] for _, v in values):.4g}",
+                "greatest": f"{max(v['max'] for _, v in values):.4g}",
+            }
+        )
+    return "Accepted frames:\n\n" + markdown_table(rows) if rows else ""
+
+
+_FORMAT = """\
+`{split}/{id}/` holds `info.mat` and, for each garment, `{Garment}.obj` (rest pose, quads) and
+`{Garment}.pc16` (half-precision vertices per frame, relative to the root joint). World position is
+vertex + `trans` of the frame; `zrot` is 0. Metres, radians, Z up.
+
+Beyond CLOTH3D there are `{Garment}.f32` (the same vertices in single precision, no header),
+`Body.obj` and `Body.pc16` (the body, so that no body model is needed), `health.npz` (measures per
+frame) and `meta.json`. Tables: `samples.tsv`, `status.tsv`, `statistics_*.tsv`."""
+
+_LIMITS = """\
+- The body is the model named above. Where that is not SMPL, `poses` and `shape` have SMPL's layout
+  and joint order but are coefficients of that model: CLOTH3D's readers parse them, yet rebuilding
+  the body with SMPL gives another body. Use `Body.pc16`, or the body file itself.
+- Half precision rounds positions by up to 0.5 mm, enough to show in accelerations. Use the `.f32`
+  files for measurements.
+- Corrections of the body's self-collisions during simulation are not part of the stored body, as in
+  CLOTH3D, so cloth may touch it near armpits and crotch. Limbs that were left out of a simulation
+  are named in `status.tsv`.
+- Simulated cloth is not free of penetrations; the health table above says how many there are.
+- Bodies have no hair, no soft tissue and no facial expression, and garments no seams, pockets or
+  buttons."""
+
+
+def _licence(records: Sequence[SampleRecord]) -> str:
+    subjects = sorted({r.meta["motion"]["source"] for r in records if r.meta["motion"]["source"]})
+    return (
+        "Garments and simulation were generated and carry no licence of their own. The body model"
+        " and the motion clips keep theirs: a dataset made with a licensed SMPL file or with your"
+        " own motion capture may be passed on only as far as those allow. Clips used:"
+        f" {_listed(subjects)}.\n\n"
+        "When you use the data, cite the software that made it (`CITATION.cff` of drapeline) and"
+        " the method: H. Bertiche, M. Madadi, S. Escalera, CLOTH3D: Clothed 3D Humans, ECCV 2020."
+    )
+
+
+def _listed(values: Iterable[Any]) -> str:
+    return ", ".join(sorted(str(value) for value in values)) or "none"

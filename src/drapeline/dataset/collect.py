@@ -1,0 +1,108 @@
+"""Accepted samples brought together in split folders, with tables of everything that was made."""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from drapeline.dataset.card import dataset_card
+from drapeline.dataset.record import SampleRecord, read_record
+from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.statistics import action_table, garment_table, overview_table
+from drapeline.errors import InputError
+from drapeline.storage import link_or_copy, whole_file, whole_folder
+
+
+def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[SampleRecord]:
+    """Link the accepted samples into `{output}/{split}/{id}` and write the tables and the card.
+
+    Args:
+        folders: one per sample, as `write_sample` leaves them, the rejected ones included.
+        output: folder of the dataset; replaced as a whole.
+
+    Returns:
+        The samples' records, by id.
+
+    Raises:
+        InputError: a sample's `meta.json` is unusable, or two samples have one id.
+    """
+    records = sorted((read_record(folder) for folder in folders), key=lambda r: r.meta["id"])
+    ids = [record.meta["id"] for record in records]
+    if len(set(ids)) < len(ids):
+        twice = next(name for name in ids if ids.count(name) > 1)
+        raise InputError(f"{output}: sample {twice} is given twice, expected each id once")
+    accepted = [record for record in records if record.accepted]
+    tables = {
+        "statistics_overview": overview_table(accepted),
+        "statistics_actions": action_table(accepted),
+        "statistics_garments": garment_table(accepted),
+    }
+    with whole_folder(output) as scratch:
+        for split in SPLITS:
+            (scratch / split).mkdir()
+        for record in accepted:
+            target = scratch / record.meta["split"] / record.meta["id"]
+            target.mkdir()
+            for path in sorted(record.folder.iterdir()):
+                link_or_copy(path, target / path.name)
+        write_table(scratch / "status.tsv", [status_row(record) for record in records])
+        write_table(scratch / "samples.tsv", [sample_row(record) for record in accepted])
+        for name, rows in tables.items():
+            write_table(scratch / f"{name}.tsv", rows)
+        (scratch / "README.md").write_text(dataset_card(records, tables))
+    return records
+
+
+def status_row(record: SampleRecord) -> dict[str, Any]:
+    """What became of one sample: a row of `status.tsv`."""
+    meta = record.meta
+    return {
+        "sample": meta["id"],
+        "status": meta["status"],
+        "reason": meta["reason"],
+        "attempts": len(meta["simulation"].get("attempts", [])),
+        "split": meta["split"],
+        "sequence": meta["motion"]["sequence"],
+        "garments": "+".join(garment["name"] for garment in meta["outfit"]["garments"]),
+        "self_collision": meta["self_collision"]["outcome"],
+        "thinned": meta["self_collision"]["thinned"],
+        "removed_segments": "+".join(meta["self_collision"]["removed_segments"]),
+    }
+
+
+def sample_row(record: SampleRecord) -> dict[str, Any]:
+    """One accepted sample: a row of `samples.tsv`."""
+    meta = record.meta
+    garments = meta["outfit"]["garments"]
+    row = {
+        "sample": meta["id"],
+        "split": meta["split"],
+        "gender": meta["body"]["gender"],
+        "garments": "+".join(garment["name"] for garment in garments),
+        "fabrics": "+".join(garment["fabric"] for garment in garments),
+        "action": meta["motion"]["action"],
+        "sequence": meta["motion"]["sequence"],
+        "subject": meta["motion"]["subject"],
+        "source": meta["motion"]["source"],
+        "frames": meta["motion"]["frames"],
+        "vertices": sum(garment["vertices"] for garment in meta["garments"].values()),
+        "megabytes": f"{record.cloth3d_bytes / 1e6:.2f}",
+        "megabytes_with_extras": f"{record.total_bytes / 1e6:.2f}",
+    }
+    for name, values in meta["health"].items():
+        row[f"{name}_mean"] = f"{values['mean']:.6g}"
+        row[f"{name}_max"] = f"{values['max']:.6g}"
+    return row
+
+
+def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as tab-separated values; the columns are those of all rows, in first order."""
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    with whole_file(path) as scratch, open(scratch, "w", newline="") as stream:
+        writer = csv.DictWriter(
+            stream, columns, restval="", delimiter="\t", lineterminator="\n", quotechar='"'
+        )
+        writer.writeheader()
+        writer.writerows(
+            {key: " ".join(str(value).split()) for key, value in row.items()} for row in rows
+        )

@@ -1,0 +1,94 @@
+"""Training, validation and test samples that share neither a motion clip nor a body."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+SPLITS = ("train", "val", "test")
+
+
+class SplitItem(NamedTuple):
+    """What decides where a sample may go.
+
+    Attributes:
+        sample: its id.
+        source: the clip its motion was cut from.
+        body: the body that wears it; samples of one body shape share the name.
+    """
+
+    sample: str
+    source: str
+    body: str
+
+
+def split_samples(
+    rng: np.random.Generator,
+    items: Sequence[SplitItem],
+    *,
+    val_share: float,
+    test_share: float,
+) -> dict[str, str]:
+    """Give every sample its split, known before anything is made.
+
+    CLOTH3D was split by sequence, so that cuts of one clip lie on both sides. Here samples that
+    share a clip or a body, directly or through others, form a group, and a group is never
+    divided. Test, then validation, takes the groups whose sizes add up closest to its share; where
+    there are three groups or more, no split that has a share stays empty.
+
+    Args:
+        items: every sample once.
+        val_share: share of the samples for validation, 0 to 1.
+        test_share: share of the samples for testing, 0 to 1.
+
+    Returns:
+        Sample id -> "train", "val" or "test", in the order of `items`.
+    """
+    groups = _groups(items)
+    groups = [groups[i] for i in rng.permutation(len(groups))]
+    shares = [(name, share) for name, share in (("test", test_share), ("val", val_share)) if share]
+    split_of = dict.fromkeys((item.sample for item in items), "train")
+    for position, (name, share) in enumerate(shares):
+        others = len(shares) - position  # the splits still to be served, and train
+        chosen = _closest_sum(
+            [len(group) for group in groups], share * len(items), len(groups) - others
+        )
+        for index in chosen:
+            split_of.update(dict.fromkeys(groups[index], name))
+        groups = [group for index, group in enumerate(groups) if index not in chosen]
+    return split_of
+
+
+def _groups(items: Sequence[SplitItem]) -> list[list[str]]:
+    """Samples joined by a common source or body, in the order of first appearance."""
+    parent: dict[tuple[str, str], tuple[str, str]] = {}
+
+    def root(node: tuple[str, str]) -> tuple[str, str]:
+        while parent.setdefault(node, node) != node:
+            parent[node] = node = parent[parent[node]]
+        return node
+
+    for item in items:
+        parent[root(("source", item.source))] = root(("body", item.body))
+    groups = defaultdict(list)
+    for item in items:
+        groups[root(("body", item.body))].append(item.sample)
+    return list(groups.values())
+
+
+def _closest_sum(sizes: Sequence[int], target: float, most: int) -> set[int]:
+    """Indices, at least one and at most `most`, of sizes whose sum is closest to the target."""
+    if most < 1:
+        return set()
+    # Reachable sum -> the indices that reach it; ends as soon as the target itself is met.
+    reached: dict[int, tuple[int, ...]] = {0: ()}
+    best = round(target)
+    for index, size in enumerate(sizes):
+        for total, chosen in list(reached.items()):
+            if len(chosen) < most and total <= target and total + size not in reached:
+                reached[total + size] = (*chosen, index)
+        if best > 0 and best in reached:
+            break
+    closest = min((total for total in reached if total), key=lambda t: (abs(t - target), t))
+    return set(reached[closest])

@@ -1,0 +1,117 @@
+"""Tables 1 and 2 of the CLOTH3D paper, for our data."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from drapeline.dataset.record import SampleRecord
+from drapeline.dataset.splits import SPLITS
+
+NO_ACTION = "Others"
+
+
+def overview_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
+    """Counts, sizes and resolution of the whole dataset and of each split (table 1).
+
+    Args:
+        records: the accepted samples.
+
+    Returns:
+        Rows of "measure", "all" and one column per split.
+    """
+    columns = {"all": list(records)}
+    for split in SPLITS:
+        columns[split] = [record for record in records if record.meta["split"] == split]
+    measured = {name: _measures(part) for name, part in columns.items()}
+    return [
+        {"measure": measure, **{name: values[measure] for name, values in measured.items()}}
+        for measure in measured["all"]
+    ]
+
+
+def _measures(records: Sequence[SampleRecord]) -> dict[str, str]:
+    metas = [record.meta for record in records]
+    garments = [garment for meta in metas for garment in meta["outfit"]["garments"]]
+    sizes = [size for meta in metas for size in meta["garments"].values()]
+    frames = [meta["motion"]["frames"] for meta in metas]
+    genders = Counter(meta["body"]["gender"] for meta in metas)
+    outfit_sizes = [sum(g["vertices"] for g in meta["garments"].values()) for meta in metas]
+    return {
+        "sequences": str(len(metas)),
+        "frames": str(sum(frames)),
+        "frames per sequence": _mean_range(frames, "{:.0f}"),
+        "subjects (bodies)": str(len(metas)),
+        "female": str(genders["female"]),
+        "male": str(genders["male"]),
+        "motion clips": str(len({meta["motion"]["source"] for meta in metas})),
+        "motion subjects": str(len({meta["motion"]["subject"] for meta in metas})),
+        "actions": str(len({meta["motion"]["action"] for meta in metas})),
+        "garments": str(len(garments)),
+        "garment types": str(len({garment["name"] for garment in garments})),
+        "fabrics": str(len({garment["fabric"] for garment in garments})),
+        "layered outfits": str(sum(len(meta["garments"]) > 1 for meta in metas)),
+        "vertices per garment": _mean_range([size["vertices"] for size in sizes], "{:.0f}"),
+        "vertices per outfit": _mean_range(outfit_sizes, "{:.0f}"),
+        "edge length (mm)": _mean_range([1000 * size["edge_m"] for size in sizes], "{:.1f}"),
+        "megabytes per sequence": _mean_range([r.cloth3d_bytes / 1e6 for r in records], "{:.2f}"),
+        "megabytes, extras included": f"{sum(r.total_bytes for r in records) / 1e6:.1f}",
+    }
+
+
+def _mean_range(values: Iterable[float], form: str) -> str:
+    values = list(values)
+    if not values:
+        return "-"
+    return " ".join(
+        [
+            form.format(np.mean(values)),
+            f"({form.format(min(values))} to {form.format(max(values))})",
+        ]
+    )
+
+
+def action_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
+    """Share of the frames per action label, the largest first (table 2)."""
+    frames: Counter[str] = Counter()
+    sequences: Counter[str] = Counter()
+    for record in records:
+        action = record.meta["motion"]["action"] or NO_ACTION
+        frames[action] += record.meta["motion"]["frames"]
+        sequences[action] += 1
+    total = sum(frames.values())
+    return [
+        {
+            "action": action,
+            "sequences": sequences[action],
+            "frames": count,
+            "percent": f"{100 * count / total:.2f}",
+        }
+        for action, count in sorted(frames.items(), key=lambda item: (-item[1], item[0]))
+    ]
+
+
+def garment_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
+    """How many garments there are of each type, by fabric and gender, and their vertices."""
+    worn = [
+        (garment["name"], garment["fabric"], record.meta)
+        for record in records
+        for garment in record.meta["outfit"]["garments"]
+    ]
+    fabrics = sorted({fabric for _, fabric, _ in worn})
+    rows = []
+    for name in sorted({name for name, _, _ in worn}):
+        of_type = [(fabric, meta) for type_, fabric, meta in worn if type_ == name]
+        vertices = [meta["garments"][name]["vertices"] for _, meta in of_type]
+        rows.append(
+            {
+                "garment": name,
+                "count": len(of_type),
+                **{f: sum(fabric == f for fabric, _ in of_type) for f in fabrics},
+                "female": sum(meta["body"]["gender"] == "female" for _, meta in of_type),
+                "male": sum(meta["body"]["gender"] == "male" for _, meta in of_type),
+                "vertices": _mean_range(vertices, "{:.0f}"),
+            }
+        )
+    return rows

@@ -1,0 +1,164 @@
+"""A sample in the layout that the earlier stages leave behind, made up in milliseconds."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.dataset.point_cache import write_point_cache
+from drapeline.dataset.writer import write_sample
+from drapeline.frames import REST_POSE
+from drapeline.mesh import Mesh
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz, write_json
+
+GARMENTS = ("Tshirt", "Skirt")
+
+
+class TinySample(NamedTuple):
+    """The written sample and the truth it was made from.
+
+    Attributes:
+        folder: the sample's folder.
+        stages: folder with the files of the earlier stages.
+        vertices: garment name -> (N, V, 3) float32 root-relative.
+        meshes: garment name -> rest mesh.
+        poses, trans, shape: what moves the body.
+    """
+
+    folder: Path
+    stages: Path
+    vertices: dict[str, np.ndarray]
+    meshes: dict[str, Mesh]
+    poses: np.ndarray
+    trans: np.ndarray
+    shape: np.ndarray
+
+
+def tube(radius_m: float, bottom_m: float, top_m: float, around: int = 12, rows: int = 5) -> Mesh:
+    """An open tube of quads about the Z axis, with a UV seam."""
+    angle = np.linspace(0, 2 * np.pi, around, endpoint=False)
+    heights = np.linspace(bottom_m, top_m, rows)
+    ring = np.stack([radius_m * np.cos(angle), 0.6 * radius_m * np.sin(angle)], -1)
+    vertices = np.concatenate([np.column_stack([ring, np.full(around, z)]) for z in heights])
+    row, column = np.mgrid[: rows - 1, :around].reshape(2, -1)
+    after = (column + 1) % around
+    faces = np.stack(
+        [row * around + column, row * around + after]
+        + [(row + 1) * around + after, (row + 1) * around + column],
+        -1,
+    )
+    u, v = np.meshgrid(np.linspace(0, 1, around + 1), np.linspace(0, 1, rows))
+    wide = around + 1
+    corners = np.stack(
+        [row * wide + column, row * wide + column + 1]
+        + [(row + 1) * wide + column + 1, (row + 1) * wide + column],
+        -1,
+    )
+    uv = np.stack([u.ravel(), v.ravel()], -1)
+    return Mesh(
+        vertices.astype(np.float32),
+        faces.astype(np.int32),
+        uv.astype(np.float32),
+        corners.astype(np.int32),
+    )
+
+
+def write_stages(
+    stages: Path,
+    sample: str,
+    *,
+    frames: int = 6,
+    seed: int = 0,
+    status: str = "accepted",
+    source: str = "walk.txt",
+    gender: int = 0,
+) -> TinySample:
+    """Write bodies/, outfits/ and simulation/ of one sample under `stages`."""
+    rng = rng_for(seed, "tiny sample", sample)
+    poses = np.tile(REST_POSE, (frames, 1)) + rng.normal(0, 0.05, (frames, 72))
+    trans = np.cumsum(rng.normal(0, 0.01, (frames, 3)), axis=0) + [0.3, -0.2, 0.9]
+    shape = rng.uniform(-1, 1, 10)
+    meshes = {"Tshirt": tube(0.25, 0.0, 0.5), "Skirt": tube(0.3, -0.4, 0.05, around=16)}
+    vertices = {
+        name: (mesh.vertices + rng.normal(0, 0.01, (frames, *mesh.vertices.shape))).astype("f4")
+        for name, mesh in meshes.items()
+    }
+    save_npz(
+        stages / "bodies" / f"{sample}.npz",
+        shape=shape,
+        gender=gender,
+        poses=poses,
+        trans=trans,
+        outcome="solved",
+        thinned=0,
+        removed_segments=np.array([22, 23]),
+        sequence=f"{Path(source).stem}_s0",
+        action="walk",
+        subject="01",
+        source=source,
+        start_frame=0,
+    )
+    arrays = {}
+    for name, mesh in meshes.items():
+        arrays |= {
+            f"{name}/vertices": mesh.vertices,
+            f"{name}/faces": mesh.faces,
+            f"{name}/uv": mesh.uv,
+            f"{name}/uv_faces": mesh.uv_faces,
+        }
+    save_npz(stages / "outfits" / f"{sample}.npz", **arrays)
+    garments = [
+        {
+            "name": name,
+            "fabric": fabric,
+            "elastic": {},
+            "texture": {"type": "color", "data": [0.1, 0.5, 0.9]},
+            "parameters": {"length": 0.5},
+        }
+        for name, fabric in zip(GARMENTS, ("cotton", "denim"), strict=True)
+    ]
+    write_json(
+        stages / "outfits" / f"{sample}.json",
+        {"garments": garments, "tightness": [-1.0, 0.25], "shape": shape.tolist()},
+    )
+    simulation = stages / "simulation" / sample
+    for name, values in vertices.items():
+        write_point_cache(simulation / f"{name}.f32", values)
+    save_npz(simulation / "health.npz", inside_share=np.linspace(0, 0.01, frames))
+    write_json(
+        simulation / "status.json",
+        {
+            "status": status,
+            "reason": "" if status == "accepted" else "1.20 % of the vertices inside the body",
+            "attempts": [{"steps": 14}],
+            "frames_per_second": 2.0,
+            "versions": {"bpy": "4.5.15"},
+        },
+    )
+    folder = stages / "samples" / sample
+    return TinySample(folder, stages, vertices, meshes, poses, trans, shape)
+
+
+def write_tiny_sample(
+    stages: Path, body: BodyModel, sample: str = "00001", split: str = "train", **stage_values
+) -> TinySample:
+    """All stages of one sample, the written sample included."""
+    tiny = write_stages(stages, sample, **stage_values)
+    write_sample(
+        rng_for(stage_values.get("seed", 0), "scene", sample),
+        tiny.folder,
+        body=body,
+        body_record=stages / "bodies" / f"{sample}.npz",
+        outfit=stages / "outfits" / f"{sample}.npz",
+        simulation=stages / "simulation" / sample,
+        seed=stage_values.get("seed", 0),
+        split=split,
+    )
+    return tiny
+
+
+def body_truth(body: BodyModel, tiny: TinySample) -> np.ndarray:
+    """(N, V, 3) body vertices in the world frame."""
+    return posed_vertices(body, tiny.shape, tiny.poses, tiny.trans)[0]
