@@ -4,10 +4,10 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from toys import toy_body as build_toy_body
 
 from drapeline.bodies.model import BodyModel, load_body
 from drapeline.frames import GENDERS
+from toys import toy_body as build_toy_body
 
 
 @pytest.fixture(scope="session")

