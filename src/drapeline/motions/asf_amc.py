@@ -1,0 +1,225 @@
+"""Acclaim skeletons and motions (.asf and .amc), the CMU database's own format."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from drapeline.errors import InputError
+from drapeline.motions.skeleton import Take, chain, globals_from_locals
+
+CMU_FPS = 120.0  # an AMC file does not say
+
+
+@dataclass
+class _Bone:
+    """A bone of the skeleton; its joint is where it starts, its parent's end."""
+
+    name: str = ""
+    vector: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axis: Rotation = field(default_factory=Rotation.identity)
+    order: str = "xyz"
+    degrees_of_freedom: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Skeleton:
+    bones: dict[str, _Bone]
+    parents: dict[str, str]
+    in_degrees: bool
+
+
+def find_asf(amc: str | Path) -> Path:
+    """The skeleton beside a motion: ``01_02.amc`` belongs to ``01.asf``.
+
+    Raises:
+        InputError: none or several could be meant.
+    """
+    amc = Path(amc)
+    beside = sorted(amc.parent.glob("*.asf"))
+    for stem in (amc.stem, amc.stem.split("_")[0]):
+        for candidate in beside:
+            if candidate.stem == stem:
+                return candidate
+    if len(beside) == 1:
+        return beside[0]
+    raise InputError(
+        f"{amc}: no {amc.stem.split('_')[0]}.asf beside it, expected its skeleton there or as 'asf'"
+    )
+
+
+def read_asf_amc(asf: str | Path, amc: str | Path, *, fps: float = CMU_FPS) -> Take:
+    """Read a motion on its skeleton.
+
+    Args:
+        asf: skeleton file.
+        amc: motion file.
+        fps: frames per second of the motion.
+
+    Returns:
+        The take, in the skeleton's unit of length (CMU: 1/0.45 inches); retargeting brings it to
+        metres by the length of the legs.
+
+    Raises:
+        InputError: names the file and what is missing, cut off or not a number.
+    """
+    asf, amc = Path(asf), Path(amc)
+    skeleton = _parse_asf(asf, _lines(asf, "an ASF skeleton"))
+    names = ["root"]  # parents before children, whatever the file's order
+    for parent in names:
+        names += [child for child, above in skeleton.parents.items() if above == parent]
+    parents = np.array([-1] + [names.index(skeleton.parents[name]) for name in names[1:]])
+    frames = _parse_amc(amc, _lines(amc, "an AMC motion"), skeleton)
+    count = len(frames["root"])
+    local = np.zeros((count, len(names), 3, 3))
+    for joint, name in enumerate(names):
+        local[:, joint] = _local_rotation(skeleton, skeleton.bones[name], frames.get(name), count)
+    rotations = globals_from_locals(parents, local)
+    offsets = np.array(
+        [np.zeros(3)] + [skeleton.bones[names[parent]].vector for parent in parents[1:]]
+    )
+    root = np.zeros((count, 3))
+    for column, channel in enumerate(skeleton.bones["root"].degrees_of_freedom):
+        if channel.startswith("t"):
+            root[:, "xyz".index(channel[1])] = frames["root"][:, column]
+    positions = chain(parents, rotations, offsets[None]) + root[:, None]
+    return Take(
+        str(amc), tuple(names), parents, offsets, rotations, positions, np.arange(count) / fps
+    )
+
+
+def amc_frames(path: str | Path) -> int:
+    """Number of frames of an AMC file, from the frame numbers at its two ends."""
+    path = Path(path)
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(1 << 14)
+            stream.seek(0, 2)
+            stream.seek(max(stream.tell() - (1 << 16), 0))
+            tail = stream.read()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file, expected an AMC motion") from error
+    numbers = [[int(word) for word in part.split(b"\n") if word.strip().isdigit()]
+               for part in (head, tail)]
+    if not numbers[0] or not numbers[1]:
+        raise InputError(f"{path}: holds 0 frames, expected at least 1")
+    return numbers[1][-1] - numbers[0][0] + 1
+
+
+def _lines(path: Path, expected: str) -> list[list[str]]:
+    try:
+        text = path.read_text(encoding="latin-1")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file, expected {expected}") from error
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror}), expected {expected}") from error
+    rows = (line.split("#")[0].split() for line in text.splitlines())
+    return [row for row in rows if row]
+
+
+def _parse_asf(path: Path, lines: list[list[str]]) -> _Skeleton:
+    bones = {"root": _Bone("root")}
+    parents: dict[str, str] = {}
+    in_degrees, section, bone, length = True, "", _Bone(), 0.0
+    direction = np.zeros(3)
+    try:
+        for words in lines:
+            key = words[0].lower()
+            if key.startswith(":"):
+                section = key
+            elif section == ":units" and key == "angle":
+                in_degrees = words[1].lower().startswith("deg")
+            elif section == ":root":
+                _parse_root_line(bones["root"], words, in_degrees)
+            elif section == ":bonedata":
+                if key == "begin":
+                    bone = _Bone()
+                elif key == "name":
+                    bone.name = words[1]
+                elif key == "direction":
+                    direction = np.array(words[1:4], dtype=np.float64)
+                elif key == "length":
+                    length = float(words[1])
+                elif key == "axis":
+                    bone.order = words[4].lower()
+                    bone.axis = Rotation.from_euler(
+                        bone.order, np.array(words[1:4], dtype=np.float64), degrees=in_degrees
+                    )
+                elif key == "dof":
+                    bone.degrees_of_freedom = tuple(word.lower() for word in words[1:])
+                elif key == "end":
+                    bone.vector = direction / np.linalg.norm(direction) * length
+                    bones[bone.name] = bone
+            elif section == ":hierarchy" and key not in ("begin", "end"):
+                parents.update(dict.fromkeys(words[1:], words[0]))
+    except (ValueError, IndexError) as error:
+        raise InputError(f"{path}: not readable as ASF ({error})") from error
+    strange = sorted({*parents, *parents.values()} - set(bones))
+    if strange or not parents or set(bones) - {"root"} - set(parents):
+        listed = ", ".join(strange or sorted(set(bones) - {"root"} - set(parents)) or ["none"])
+        raise InputError(f"{path}: bones and hierarchy disagree on {listed}, expected a whole ASF")
+    return _Skeleton(bones, parents, in_degrees)
+
+
+def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:
+    key = words[0].lower()
+    if key == "order":
+        root.degrees_of_freedom = tuple(word.lower() for word in words[1:])
+    elif key == "axis":
+        root.order = words[1].lower()
+    elif key == "orientation":
+        angles = np.array(words[1:4], dtype=np.float64)
+        root.axis = Rotation.from_euler(root.order, angles, degrees=in_degrees)
+
+
+def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[str, np.ndarray]:
+    """Values (N, degrees of freedom) of each moving bone."""
+    rows: dict[str, list[list[float]]] = {
+        name: [] for name, bone in skeleton.bones.items() if bone.degrees_of_freedom
+    }
+    frame, count = "", 0
+    for words in lines:
+        if words[0].startswith(":"):
+            continue
+        if len(words) == 1 and words[0].isdigit():
+            frame, count = words[0], count + 1
+            continue
+        name = words[0]
+        if name not in rows:
+            known = ", ".join(rows)
+            raise InputError(f"{path}: frame {frame} moves bone {name}, expected one of {known}")
+        try:
+            values = [float(word) for word in words[1:]]
+        except ValueError as error:
+            raise InputError(f"{path}: frame {frame}, bone {name}: {error}") from error
+        expected = len(skeleton.bones[name].degrees_of_freedom)
+        if len(values) != expected or not np.isfinite(values).all():
+            raise InputError(
+                f"{path}: frame {frame}, bone {name} holds {' '.join(words[1:])}, "
+                f"expected {expected} finite numbers"
+            )
+        rows[name].append(values)
+    if count == 0:
+        raise InputError(f"{path}: holds 0 frames, expected at least 1")
+    short = [name for name, values in rows.items() if len(values) != count]
+    if short:
+        raise InputError(
+            f"{path}: bone {short[0]} has {len(rows[short[0]])} values in {count} frames, "
+            "expected one in each (is the file cut off?)"
+        )
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def _local_rotation(
+    skeleton: _Skeleton, bone: _Bone, values: np.ndarray | None, count: int
+) -> np.ndarray:
+    """(N, 3, 3) turn of a bone away from the rest pose: its angles, about its own axes."""
+    if values is None:
+        return np.repeat(np.eye(3)[None], count, axis=0)
+    angles = np.zeros((count, 3))
+    for column, channel in enumerate(bone.degrees_of_freedom):
+        if channel.startswith("r"):
+            angles[:, bone.order.index(channel[1])] = values[:, column]
+    turn = Rotation.from_euler(bone.order, angles, degrees=skeleton.in_degrees)
+    return (bone.axis * turn * bone.axis.inv()).as_matrix()
