@@ -1,12 +1,18 @@
-"""What is known of a written sample from its `meta.json` and its file sizes."""
+"""What is known of a written sample from its `meta.json` and its file sizes; body identity."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.storage import read_json
+
+if TYPE_CHECKING:
+    from drapeline.bodies.model import BodyModel
 
 _SHARED = (".mat", ".obj", ".pc16", ".png")  # what a CLOTH3D sample holds; the rest is ours
 
@@ -51,3 +57,12 @@ def read_record(folder: str | Path) -> SampleRecord:
         if path.suffix in _SHARED and path.stem in {"info", *meta.get("garments", {})}
     ]
     return SampleRecord(folder, meta, sum(shared), sum(sizes.values()))
+
+
+def body_fingerprint(body: "BodyModel") -> str:
+    """SHA-256 of the arrays that decide where a posed body is; tells two body files apart."""
+    digest = hashlib.sha256()
+    for array in (body.v_template, body.shapedirs, body.posedirs, body.J_regressor, body.weights):
+        digest.update(np.ascontiguousarray(array, dtype="<f4").data)
+    digest.update(np.ascontiguousarray(body.faces, dtype="<i4").data)
+    return digest.hexdigest()

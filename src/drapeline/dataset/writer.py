@@ -1,6 +1,5 @@
 """One simulated sample as a CLOTH3D folder, with extras that CLOTH3D's readers pass over."""
 
-import hashlib
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +11,7 @@ from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.point_cache import PointCache, point_cache_writer
+from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.mesh import Mesh, edges, save_obj
@@ -113,15 +113,6 @@ def write_sample(
             meta["health"] = summarise_health(health)
         write_json(scratch / "meta.json", meta)
     return meta
-
-
-def body_fingerprint(body: BodyModel) -> str:
-    """SHA-256 of the arrays that decide where a posed body is; tells two body files apart."""
-    digest = hashlib.sha256()
-    for array in (body.v_template, body.shapedirs, body.posedirs, body.J_regressor, body.weights):
-        digest.update(np.ascontiguousarray(array, dtype="<f4").data)
-    digest.update(np.ascontiguousarray(body.faces, dtype="<i4").data)
-    return digest.hexdigest()
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:

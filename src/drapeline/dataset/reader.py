@@ -1,0 +1,331 @@
+"""Reading CLOTH3D-format datasets: ours, and the original download."""
+
+import os
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from drapeline.dataset.info_mat import SampleInfo, read_info
+from drapeline.dataset.point_cache import PointCache
+from drapeline.dataset.record import body_fingerprint
+from drapeline.errors import InputError
+from drapeline.frames import FPS, GENDERS
+from drapeline.mesh import Mesh, load_obj
+from drapeline.storage import load_npz, read_json
+
+if TYPE_CHECKING:
+    from drapeline.bodies.model import BodyModel
+
+BODY = "Body"
+Frame = Literal["world", "root"]
+
+
+class Cloth3D:
+    """A folder of CLOTH3D samples, or of splits of samples.
+
+    `len`, iteration and indexing by position or by id give `Sequence` objects; nothing is read
+    from a sample before it is asked for.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        split: str | None = None,
+        *,
+        bodies: Mapping[str, "BodyModel"] | None = None,
+        rest_turned: bool = True,
+    ) -> None:
+        """Find the samples.
+
+        Args:
+            root: holds samples (`{id}/info.mat`) or folders of samples (`train/{id}/info.mat`).
+            split: the folder under `root` to read; all of them if None.
+            bodies: gender -> body model that rebuilds the bodies from poses and shape, such as
+                SMPL for the original download, which stores no bodies.
+            rest_turned: whether the rest meshes of samples without a `meta.json` are turned by
+                `zrot`: True for the full CLOTH3D release, False for its starter kit's samples.
+
+        Raises:
+            InputError: there is no such folder or no sample in it.
+        """
+        self.root = Path(root)
+        self._bodies = dict(bodies or {})
+        self._rest_turned = rest_turned
+        if not self.root.is_dir():
+            raise InputError(f"{self.root}: no such folder, expected a CLOTH3D dataset")
+        self._folders = _sample_folders(self.root, split)
+        if not self._folders:
+            place = self.root if split is None else self.root / split
+            raise InputError(f"{place}: no folder with an info.mat, expected CLOTH3D samples")
+        self.ids = sorted(self._folders)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __contains__(self, sample: str) -> bool:
+        return sample in self._folders
+
+    def __getitem__(self, key: int | str) -> "Sequence":
+        sample = key if isinstance(key, str) else self.ids[key]
+        if sample not in self._folders:
+            raise KeyError(f"{self.root}: no sample {sample}")
+        return Sequence(self._folders[sample], bodies=self._bodies, rest_turned=self._rest_turned)
+
+    def __iter__(self) -> Iterator["Sequence"]:
+        return (self[sample] for sample in self.ids)
+
+
+def _sample_folders(root: Path, split: str | None) -> dict[str, Path]:
+    """Sample id -> folder, for samples right under `root` and one level below."""
+    places = [root / split] if split is not None else [root, *_folders_in(root)]
+    found: dict[str, Path] = {}
+    for place in places:
+        for folder in _folders_in(place):
+            if (folder / "info.mat").is_file():
+                if folder.name in found:
+                    raise InputError(
+                        f"{folder}: sample {folder.name} is in {found[folder.name].parent} too,"
+                        " expected each id once (name a split to read one of them)"
+                    )
+                found[folder.name] = folder
+    return found
+
+
+def _folders_in(place: Path) -> list[Path]:
+    if not place.is_dir():
+        return []
+    with os.scandir(place) as entries:
+        return sorted(Path(entry.path) for entry in entries if entry.is_dir())
+
+
+class Sequence:
+    """One sample: an outfit in rest pose and, per frame, on a moving body.
+
+    Frames are read by position from open files, so a range costs what the range weighs. Works for
+    samples that lack tightness or fabrics (the original's test sets), bodies or a `meta.json`.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        *,
+        bodies: Mapping[str, "BodyModel"] | None = None,
+        rest_turned: bool = True,
+    ) -> None:
+        """Name the sample's folder; see `Cloth3D` for the other arguments."""
+        self.folder = Path(folder)
+        self.id = self.folder.name
+        self._bodies = dict(bodies or {})
+        self._rest_turned = rest_turned
+        self._caches: dict[str, PointCache] = {}
+
+    @cached_property
+    def info(self) -> SampleInfo:
+        """Contents of `info.mat`."""
+        return read_info(self.folder / "info.mat")
+
+    @cached_property
+    def meta(self) -> dict[str, Any] | None:
+        """Contents of `meta.json`, or None where there is none, as in the original."""
+        path = self.folder / "meta.json"
+        return read_json(path) if path.is_file() else None
+
+    @cached_property
+    def garments(self) -> tuple[str, ...]:
+        """Names of the garments, the innermost first (in the original: in the stored order)."""
+        named = tuple(self.info.outfit)
+        if named:
+            return named
+        stems = sorted(path.stem for path in self.folder.glob("*.obj"))
+        return tuple(stem for stem in stems if stem != BODY)
+
+    @property
+    def frame_count(self) -> int:
+        """Frames of the sequence."""
+        return len(self.info.poses)
+
+    def __len__(self) -> int:
+        return self.frame_count
+
+    @property
+    def fps(self) -> int:
+        """Frames per second."""
+        return FPS
+
+    @property
+    def gender(self) -> str:
+        """`"female"` or `"male"`."""
+        return GENDERS[self.info.gender]
+
+    @property
+    def split(self) -> str:
+        """Name of the folder the sample lies in."""
+        return self.folder.parent.name
+
+    @property
+    def fabrics(self) -> dict[str, str | None]:
+        """Garment name -> fabric, or None where it is not stored."""
+        return {name: self.info.outfit.get(name, {}).get("fabric") for name in self.garments}
+
+    @property
+    def tightness(self) -> np.ndarray | None:
+        """(2,) tightness, or None where it is not stored."""
+        return self.info.tightness
+
+    @cached_property
+    def health(self) -> dict[str, np.ndarray]:
+        """Measures per frame, or nothing where none are stored."""
+        path = self.folder / "health.npz"
+        return load_npz(path) if path.is_file() else {}
+
+    def mesh(self, garment: str) -> Mesh:
+        """The garment in rest pose, root-relative and facing -Y: faces, triangles and UVs too.
+
+        Raises:
+            InputError: the OBJ is missing or damaged.
+        """
+        return self._meshes(garment)
+
+    def body_mesh(self) -> Mesh:
+        """The body in rest pose, in the frame of the rest garments.
+
+        Raises:
+            InputError: there is neither a `Body.obj` nor a body model for this gender.
+        """
+        if (self.folder / f"{BODY}.obj").is_file():
+            return self._meshes(BODY)
+        from drapeline.bodies.model import posed_vertices
+        from drapeline.frames import REST_POSE
+
+        body = self._body_model
+        rest, _ = posed_vertices(body, self.info.shape, REST_POSE[None].copy())
+        return Mesh(rest[0], body.faces, body.vt, body.ft)
+
+    def vertices(
+        self, garment: str, start: int = 0, stop: int | None = None, frame: Frame = "world"
+    ) -> np.ndarray:
+        """Garment vertices of frames [start, stop), (stop - start, V, 3) float32 metres.
+
+        The single-precision cache is read where there is one, else the half-precision one.
+
+        Args:
+            garment: one of `garments`.
+            start: first frame.
+            stop: frame after the last; the end of the sequence if None.
+            frame: "world", or "root" for positions relative to the root joint before `zrot`.
+
+        Raises:
+            InputError: the file is missing, damaged, or does not have the sequence's frames.
+            IndexError: frames outside of the sequence.
+        """
+        cache = self._cache(garment)
+        return self._placed(cache.frames(start, stop), start, frame)
+
+    def body_vertices(
+        self, start: int = 0, stop: int | None = None, frame: Frame = "world"
+    ) -> np.ndarray:
+        """Body vertices of frames [start, stop), (stop - start, V, 3) float32 metres.
+
+        Rebuilt from poses and shape where a body model was given, else read from `Body.pc16`.
+
+        Raises:
+            InputError: there is neither, or the model is not the one the sample was made with.
+            IndexError: frames outside of the sequence.
+        """
+        if not self._bodies:
+            return self._placed(self._cache(BODY).frames(start, stop), start, frame)
+        from drapeline.bodies.model import posed_vertices
+
+        stop = self.frame_count if stop is None else stop
+        if not 0 <= start <= stop <= self.frame_count:
+            raise IndexError(
+                f"{self.folder}: frames [{start}, {stop}) asked for, expected within"
+                f" [0, {self.frame_count})"
+            )
+        poses = self.info.poses[start:stop]
+        points, _ = posed_vertices(self._body_model, self.info.shape, poses)
+        return self._placed(points, start, frame)
+
+    def root_positions(self, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """World position of the root joint in frames [start, stop), (stop - start, 3) float64."""
+        return self.info.trans[start:stop] @ _turn(self.info.zrot).T
+
+    def close(self) -> None:
+        """Close the caches; they are also closed when nothing refers to the object any more."""
+        for cache in self._caches.values():
+            cache.close()
+        self._caches.clear()
+
+    def __enter__(self) -> "Sequence":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _meshes(self, name: str) -> Mesh:
+        mesh = load_obj(self.folder / f"{name}.obj")
+        turned = (
+            self._rest_turned
+            if self.meta is None
+            else self.meta["conventions"]["rest_obj_is_turned_by_zrot"]
+        )
+        if not turned or self.info.zrot == 0:
+            return mesh
+        upright = mesh.vertices @ _turn(self.info.zrot).astype(np.float32)  # = Rz(-zrot) v
+        return Mesh(upright, mesh.faces, mesh.uv, mesh.uv_faces)
+
+    def _cache(self, name: str) -> PointCache:
+        if name not in self._caches:
+            if name != BODY and name not in self.garments:
+                raise KeyError(f"{self.folder}: no garment {name}, only {', '.join(self.garments)}")
+            half, single = self.folder / f"{name}.pc16", self.folder / f"{name}.f32"
+            if name == BODY and not half.is_file():
+                raise InputError(
+                    f"{half}: no such file, expected it or a body model for gender {self.gender}"
+                )
+            cache = PointCache(half)
+            if single.is_file():
+                # The half-precision header tells the vertex count without parsing the OBJ.
+                cache = PointCache(single, cache.vertex_count)
+            if len(cache) != self.frame_count:
+                raise InputError(
+                    f"{cache.path}: {len(cache)} frames, expected {self.frame_count} as in info.mat"
+                )
+            self._caches[name] = cache
+        return self._caches[name]
+
+    @cached_property
+    def _body_model(self) -> "BodyModel":
+        if self.gender not in self._bodies:
+            raise InputError(
+                f"{self.folder}: no body model for gender {self.gender},"
+                f" only for {', '.join(self._bodies) or 'none'}"
+            )
+        body = self._bodies[self.gender]
+        made_with = self.meta["body"] if self.meta is not None else None
+        if made_with is not None and body_fingerprint(body) != made_with["fingerprint"]:
+            raise InputError(
+                f"{self.folder}: made with body '{made_with['model']}', but the body model given,"
+                f" '{body.name}', has other arrays"
+            )
+        return body
+
+    def _placed(self, points: np.ndarray, start: int, frame: Frame) -> np.ndarray:
+        if frame == "root":
+            return points
+        if frame != "world":
+            raise ValueError(f"frame is '{frame}', expected 'world' or 'root'")
+        trans = self.info.trans[start : start + len(points)].astype(np.float32)
+        points = points + trans[:, None]
+        if self.info.zrot:
+            points = points @ _turn(self.info.zrot).T.astype(np.float32)
+        return points
+
+
+def _turn(angle: float) -> np.ndarray:
+    """(3, 3) rotation about +Z."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
