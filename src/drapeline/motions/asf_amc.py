@@ -100,8 +100,9 @@ def amc_frames(path: str | Path) -> int:
             tail = stream.read()
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file, expected an AMC motion") from error
-    numbers = [[int(word) for word in part.split(b"\n") if word.strip().isdigit()]
-               for part in (head, tail)]
+    numbers = [
+        [int(word) for word in part.split(b"\n") if word.strip().isdigit()] for part in (head, tail)
+    ]
     if not numbers[0] or not numbers[1]:
         raise InputError(f"{path}: holds 0 frames, expected at least 1")
     return numbers[1][-1] - numbers[0][0] + 1

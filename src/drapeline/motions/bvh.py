@@ -52,9 +52,7 @@ def read_bvh(path: str | Path) -> Take:
         step = np.einsum("nab,nb->na", rotations[:, parent], moved[:, joint])
         positions[:, joint] = positions[:, parent] + step
     times = np.arange(len(values)) * frame_time_s
-    return Take(
-        str(path), tuple(hierarchy.names), parents, offsets, rotations, positions, times
-    )
+    return Take(str(path), tuple(hierarchy.names), parents, offsets, rotations, positions, times)
 
 
 def bvh_frames(path: str | Path) -> tuple[int, float]:
@@ -89,7 +87,9 @@ def _halves(path: Path, *, motion_lines: int | None = None) -> tuple[list[str], 
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file, expected a BVH motion") from error
     except OSError as error:
-        raise InputError(f"{path}: not readable ({error.strerror}), expected a BVH motion") from error
+        raise InputError(
+            f"{path}: not readable ({error.strerror}), expected a BVH motion"
+        ) from error
     return head, rows
 
 
@@ -169,9 +169,7 @@ def _parse_motion_header(path: Path, rows: list[str]) -> tuple[int, float, int]:
     raise InputError(f"{path}: lacks 'Frames:' or 'Frame Time:', expected a whole BVH file")
 
 
-def _parse_values(
-    path: Path, rows: list[str], hierarchy: _Hierarchy, count: int
-) -> np.ndarray:
+def _parse_values(path: Path, rows: list[str], hierarchy: _Hierarchy, count: int) -> np.ndarray:
     """(frames, channels) values of the MOTION part."""
     text = " ".join(rows).split()
     try:
@@ -208,9 +206,7 @@ def _starts_with_rest_pose(values: np.ndarray, rotations: np.ndarray) -> bool:
     return bool(jump > REST_JUMP_DEG and usual < 0.25 * jump)
 
 
-def _local_transforms(
-    hierarchy: _Hierarchy, values: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _local_transforms(hierarchy: _Hierarchy, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Local rotations (N, J, 3, 3) and offsets from the parent (N, J, 3) of every frame."""
     count = len(values)
     local = np.zeros((count, len(hierarchy.names), 3, 3))

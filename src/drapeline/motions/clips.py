@@ -59,9 +59,7 @@ def convert_clip(path: Path, clip: Clip) -> Motion:
         )
     else:
         count = resampled_count(2, 1.0 / take.times_s[-1])
-        poses, trans = interpolate(
-            poses, trans, take.times_s, np.arange(count) / FPS
-        )
+        poses, trans = interpolate(poses, trans, take.times_s, np.arange(count) / FPS)
     motion = Motion(
         poses, trans, float(FPS), clip.action, "deepmimic", path.name, clip.name, cycle=cycle
     )

@@ -55,7 +55,9 @@ def read_deepmimic(path: str | Path) -> tuple[Take, bool]:
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: not readable as a DeepMimic clip ({error})") from error
     if frames.ndim != 2 or frames.shape[1] != FRAME_SIZE or len(frames) < 2:
-        raise InputError(f"{path}: frames of shape {frames.shape}, expected (2 or more, {FRAME_SIZE})")
+        raise InputError(
+            f"{path}: frames of shape {frames.shape}, expected (2 or more, {FRAME_SIZE})"
+        )
     if not np.isfinite(frames).all():
         row = int(np.argmin(np.isfinite(frames).all(1)))
         raise InputError(f"{path}: frame {row} holds a value that is not a number")

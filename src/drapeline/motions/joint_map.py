@@ -69,7 +69,9 @@ def load_joint_map(path: str | Path) -> JointMap:
     joints = {str(key): str(value) for key, value in content["joints"].items()}
     unknown = sorted(set(joints) - set(JOINT_NAMES))
     if unknown:
-        raise InputError(f"{path}: {_listed(unknown)} is no SMPL joint, which are {_listed(JOINT_NAMES)}")
+        raise InputError(
+            f"{path}: {_listed(unknown)} is no SMPL joint, which are {_listed(JOINT_NAMES)}"
+        )
     lacking = [joint for joint in REQUIRED if joint not in joints]
     if lacking:
         raise InputError(f"{path}: maps no source joint to {_listed(lacking)}, which is required")

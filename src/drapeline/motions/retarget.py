@@ -83,7 +83,9 @@ def body_frame(rest: np.ndarray, source: dict[str, int], name: str) -> np.ndarra
     left = hips[0] - hips[1] + shoulders[0] - shoulders[1]
     left = left - up * (left @ up)
     if np.linalg.norm(left) < 1e-9 or not np.isfinite(left).all():
-        raise InputError(f"{name}: hips and shoulders lie on one line, expected a standing rest pose")
+        raise InputError(
+            f"{name}: hips and shoulders lie on one line, expected a standing rest pose"
+        )
     left = _unit(_snapped(_unit(left)))
     left = _unit(left - up * (left @ up))
     return np.stack([left, up, np.cross(left, up)])

@@ -1,0 +1,165 @@
+"""One door for every motion file: what it holds, and how many frames it will have."""
+
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.errors import InputError
+from drapeline.frames import FPS
+from drapeline.motions.amass import RATE_KEYS, read_amass
+from drapeline.motions.asf_amc import CMU_FPS, amc_frames, find_asf, read_asf_amc
+from drapeline.motions.bvh import bvh_frames, read_bvh
+from drapeline.motions.floor import set_on_floor
+from drapeline.motions.joint_map import built_in_map, load_joint_map
+from drapeline.motions.looping import loop_to
+from drapeline.motions.motion import (
+    Motion,
+    check_motion,
+    interpolate,
+    load_motion,
+    resample,
+    resampled_count,
+)
+from drapeline.motions.retarget import retarget
+
+SUFFIXES = (".npz", ".bvh", ".amc")
+
+
+def import_motion(
+    path: str | Path,
+    *,
+    joint_map: str | Path | None = None,
+    asf: str | Path | None = None,
+    amc_fps: float = CMU_FPS,
+    frames: int | None = None,
+    action: str = "",
+    subject: str = "",
+    sequence: str = "",
+) -> Motion:
+    """Read any supported motion file as SMPL poses at 30 fps on the floor.
+
+    Args:
+        path: `.npz` (ours or AMASS), `.bvh` or `.amc`.
+        joint_map: YAML joint map of a BVH or AMC skeleton; None tries the built-in ones.
+        asf: skeleton of an AMC motion; None looks beside it.
+        amc_fps: frames per second of an AMC motion, which does not say.
+        frames: length of the result: cyclic clips are repeated to it, longer motions are cut;
+            shorter ones stay as they are. None keeps the whole motion.
+        action, subject, sequence: labels; where empty, the file's own or its name are used.
+
+    Raises:
+        InputError: one sentence naming the file, the value and what was expected.
+    """
+    path = _known(path)
+    if path.suffix.lower() == ".npz":
+        motion = _read_npz(path)
+    else:
+        take = (
+            read_bvh(path)
+            if path.suffix.lower() == ".bvh"
+            else read_asf_amc(asf or find_asf(path), path, fps=amc_fps)
+        )
+        chosen = built_in_map(take) if joint_map is None else load_joint_map(joint_map)
+        poses, trans = retarget(take, chosen)
+        fps = amc_fps if path.suffix.lower() == ".amc" else _rate(take.times_s)
+        times = np.arange(resampled_count(len(poses), fps)) / FPS
+        poses, trans = interpolate(poses, trans, take.times_s, times)
+        motion = set_on_floor(Motion(poses, trans, float(FPS), "", "", str(path), path.stem))
+    if frames is not None:
+        motion = loop_to(motion, frames)
+        motion = replace(motion, poses=motion.poses[:frames], trans=motion.trans[:frames])
+    check_motion(replace(motion, source=str(path)))
+    return replace(
+        motion,
+        source=path.name if motion.source == str(path) else motion.source,
+        action=action or motion.action,
+        subject=subject or motion.subject or _subject(path),
+        sequence=sequence or motion.sequence,
+    )
+
+
+def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float = CMU_FPS) -> int:
+    """Frames that `import_motion` would return, without reading the whole file.
+
+    Raises:
+        InputError: the file is missing, of an unknown kind, or its header is unreadable.
+    """
+    path = _known(path)
+    suffix, cyclic = path.suffix.lower(), False
+    if suffix == ".npz":
+        count, fps, cyclic = _npz_frames(path)
+    elif suffix == ".bvh":
+        count, fps = bvh_frames(path)
+    else:
+        count, fps = amc_frames(path), amc_fps
+    count = resampled_count(count, fps)
+    if frames is None:
+        return count
+    return frames if cyclic else min(count, frames)
+
+
+def _known(path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"{path}: '{path.suffix}' is no known motion, expected {', '.join(SUFFIXES)}"
+        )
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a motion")
+    return path
+
+
+def _read_npz(path: Path) -> Motion:
+    """Our own file, told by its leg length, or else an AMASS one set on our floor."""
+    with _archive(path) as archive:
+        ours = "reference_leg_length_m.npy" in archive.namelist()
+    if ours:
+        return resample(load_motion(path))
+    return set_on_floor(resample(read_amass(path)))
+
+
+def _npz_frames(path: Path) -> tuple[int, float, bool]:
+    """Frames, frames per second, and whether it is cyclic, from the array headers."""
+    with _archive(path) as archive:
+        names = archive.namelist()
+        if "poses.npy" not in names:
+            raise InputError(f"{path}: lacks 'poses', it holds {', '.join(sorted(names))}")
+        try:
+            with archive.open("poses.npy") as stream:
+                version = np.lib.format.read_magic(stream)
+                read_header = {
+                    (1, 0): np.lib.format.read_array_header_1_0,
+                    (2, 0): np.lib.format.read_array_header_2_0,
+                }[version]
+                shape = read_header(stream)[0]
+            rates = [key for key in RATE_KEYS if f"{key}.npy" in names]
+            with archive.open(f"{rates[0]}.npy") as stream:
+                fps = float(np.lib.format.read_array(stream, allow_pickle=False))
+        except (ValueError, KeyError, IndexError, OSError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path}: no readable 'poses' and frame rate ({error})") from error
+        if not shape or shape[0] < 1 or not fps > 0:
+            raise InputError(
+                f"{path}: poses of shape {shape} at {fps} frames per second, expected at least 1 "
+                "frame at a positive rate"
+            )
+        return int(shape[0]), fps, "cycle_turn_rad.npy" in names
+
+
+def _archive(path: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(path)
+    except (zipfile.BadZipFile, OSError) as error:
+        raise InputError(f"{path}: not a readable .npz ({error})") from error
+
+
+def _rate(times_s: np.ndarray) -> float:
+    """Frames per second of evenly spaced frames; one frame has none, and needs none."""
+    return 1.0 / float(times_s[1] - times_s[0]) if len(times_s) > 1 else float(FPS)
+
+
+def _subject(path: Path) -> str:
+    """The subject in a CMU file name such as ``01_02`` or ``cmu_12_01_walk``."""
+    numbers = [part for part in path.stem.split("_") if part.isdigit()]
+    return numbers[0] if len(numbers) >= 2 else ""
