@@ -13,6 +13,9 @@ rule bake_body:
         mem_mb=4000,
         runtime=20,
     params:
+        # Fixed: every experiment shares one shape space.
+        seed=0,
+        population=600,
         code=source_hash("bake_body"),
     script:
         "../../scripts/bake_body.py"
@@ -20,7 +23,7 @@ rule bake_body:
 
 rule import_motion:
     input:
-        motion_file,
+        unpack(motion_files),
     output:
         f"{RESULTS}/motions/{{sequence}}.npz",
     log:

@@ -27,7 +27,11 @@ try:
             " + ".join(map(str, workflow.configfiles)),
         )
     )
-    MOTIONS = motion_table(config["motions"]["table"], config["motions"]["sequences"])
+    MOTIONS = motion_table(
+        config["motions"]["table"],
+        config["motions"]["sequences"],
+        loop_frames=config["motions"]["loop_frames"],
+    )
     SAMPLES = plan_samples(
         config["seed"],
         {name: motion.frames for name, motion in MOTIONS.items()},
@@ -87,7 +91,8 @@ def sample_templates(wildcards):
     return f"{RESULTS}/templates/{SAMPLES[wildcards.sample].gender}.npz"
 
 
-def motion_file(wildcards):
+def motion_files(wildcards):
+    """The clip, and the joint map and skeleton it may need."""
     return MOTIONS[wildcards.sequence].files
 
 

@@ -1,0 +1,126 @@
+"""The table that lists the motions of an experiment."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drapeline.errors import InputError
+from drapeline.motions.importing import frame_count
+
+REQUIRED = ("name", "file")
+OPTIONAL = ("action", "subject", "loop", "joint_map", "asf", "amc_fps")
+# Columns that describe a clip for people and are not read.
+DESCRIPTIVE = ("frames", "source", "note")
+
+
+@dataclass(frozen=True)
+class MotionEntry:
+    """One row of a motion table.
+
+    Attributes:
+        name: of the sequence.
+        path: the motion file.
+        frames: frames it has once imported, at 30 fps.
+        loop_frames: length to which the cycle is repeated, or None.
+        action, subject: labels; empty leaves the file's own.
+        joint_map, asf: further files it needs, or None.
+        amc_fps: frame rate of an AMC file, or None.
+    """
+
+    name: str
+    path: str
+    frames: int
+    loop_frames: int | None
+    action: str
+    subject: str
+    joint_map: str | None
+    asf: str | None
+    amc_fps: float | None
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Every file that the import reads, by argument name."""
+        named = {"motion": self.path, "joint_map": self.joint_map, "asf": self.asf}
+        return {name: path for name, path in named.items() if path}
+
+    def parameters(self) -> dict[str, Any]:
+        """What else `import_motion` is told."""
+        given = {
+            "frames": self.loop_frames,
+            "action": self.action,
+            "subject": self.subject,
+            "sequence": self.name,
+        }
+        return given if self.amc_fps is None else {**given, "amc_fps": self.amc_fps}
+
+
+def motion_table(
+    path: str | Path, names: Sequence[str] = (), *, loop_frames: int
+) -> dict[str, MotionEntry]:
+    """Read the motions named, or all of them, from a tab-separated table.
+
+    Args:
+        path: columns `name` and `file` (relative to the table's folder), and optionally `action`,
+            `subject`, `loop` (yes: the clip is one round of a cycle), `joint_map`, `asf`, `amc_fps`.
+        names: which rows, in this order; all rows if empty.
+        loop_frames: length in frames that cyclic clips are repeated to.
+
+    Raises:
+        InputError: names the table, the row or name, and what was expected.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a table of motions")
+    with open(path, newline="") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    if not rows:
+        raise InputError(f"{path}: lists no motion, expected at least one row below the header")
+    known = {*REQUIRED, *OPTIONAL, *DESCRIPTIVE}
+    columns = set(rows[0]) - {None}
+    if not columns <= known or not set(REQUIRED) <= columns:
+        raise InputError(
+            f"{path}: columns {', '.join(sorted(columns))}, expected {' and '.join(REQUIRED)}"
+            f" and perhaps {', '.join([*OPTIONAL, *DESCRIPTIVE])}, separated by tabs"
+        )
+    by_name = {row["name"]: row for row in rows}
+    if len(by_name) < len(rows):
+        listed = [row["name"] for row in rows]
+        twice = next(name for name in listed if listed.count(name) > 1)
+        raise InputError(f"{path}: '{twice}' is listed twice, expected each name once")
+    for name in names:
+        if name not in by_name:
+            raise InputError(f"{path}: lists no '{name}', expected one of {', '.join(by_name)}")
+    chosen = [by_name[name] for name in names] if names else rows
+    return {row["name"]: _entry(path, row, loop_frames) for row in chosen}
+
+
+def _entry(table: Path, row: dict[str, str], loop_frames: int) -> MotionEntry:
+    loop = row.get("loop") or "no"
+    if loop not in ("yes", "no"):
+        raise InputError(f"{table}: '{row['name']}' has loop '{loop}', expected yes or no")
+    try:
+        amc_fps = float(row["amc_fps"]) if row.get("amc_fps") else None
+    except ValueError as error:
+        raise InputError(
+            f"{table}: '{row['name']}' has amc_fps '{row['amc_fps']}', expected a number"
+        ) from error
+
+    def beside(column: str) -> str | None:
+        return str(table.parent / row[column]) if row.get(column) else None
+
+    length = loop_frames if loop == "yes" else None
+    file = str(table.parent / row["file"])
+    rate = {} if amc_fps is None else {"amc_fps": amc_fps}
+    return MotionEntry(
+        row["name"],
+        file,
+        frame_count(file, frames=length, **rate),
+        length,
+        row.get("action") or "",
+        row.get("subject") or "",
+        beside("joint_map"),
+        beside("asf"),
+        amc_fps,
+    )
