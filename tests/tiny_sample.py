@@ -42,26 +42,27 @@ def tube(radius_m: float, bottom_m: float, top_m: float, around: int = 12, rows:
     heights = np.linspace(bottom_m, top_m, rows)
     ring = np.stack([radius_m * np.cos(angle), 0.6 * radius_m * np.sin(angle)], -1)
     vertices = np.concatenate([np.column_stack([ring, np.full(around, z)]) for z in heights])
-    row, column = np.mgrid[: rows - 1, :around].reshape(2, -1)
-    after = (column + 1) % around
-    faces = np.stack(
-        [row * around + column, row * around + after]
-        + [(row + 1) * around + after, (row + 1) * around + column],
-        -1,
-    )
     u, v = np.meshgrid(np.linspace(0, 1, around + 1), np.linspace(0, 1, rows))
-    wide = around + 1
-    corners = np.stack(
-        [row * wide + column, row * wide + column + 1]
-        + [(row + 1) * wide + column + 1, (row + 1) * wide + column],
-        -1,
-    )
     uv = np.stack([u.ravel(), v.ravel()], -1)
+    row, column = np.mgrid[: rows - 1, :around].reshape(2, -1)
+    # The tube's last column of faces closes on the first vertices, but not on the first UVs.
+    faces, uv_faces = (
+        np.stack(
+            [
+                row * width + column,
+                row * width + (column + 1) % width,
+                (row + 1) * width + (column + 1) % width,
+                (row + 1) * width + column,
+            ],
+            axis=-1,
+        )
+        for width in (around, around + 1)
+    )
     return Mesh(
         vertices.astype(np.float32),
         faces.astype(np.int32),
         uv.astype(np.float32),
-        corners.astype(np.int32),
+        uv_faces.astype(np.int32),
     )
 
 
@@ -78,7 +79,8 @@ def write_stages(
     """Write bodies/, outfits/ and simulation/ of one sample under `stages`."""
     rng = rng_for(seed, "tiny sample", sample)
     poses = np.tile(REST_POSE, (frames, 1)) + rng.normal(0, 0.05, (frames, 72))
-    trans = np.cumsum(rng.normal(0, 0.01, (frames, 3)), axis=0) + [0.3, -0.2, 0.9]
+    start = np.array([0.3, -0.2, 0.9])
+    trans = start + np.cumsum(rng.normal(0, 0.01, (frames, 3)), axis=0)
     shape = rng.uniform(-1, 1, 10)
     meshes = {"Tshirt": tube(0.25, 0.0, 0.5), "Skirt": tube(0.3, -0.4, 0.05, around=16)}
     vertices = {

@@ -1,0 +1,148 @@
+import csv
+import re
+
+import numpy as np
+import pytest
+
+from drapeline.dataset.collect import collect_dataset, write_table
+from drapeline.dataset.reader import Cloth3D
+from drapeline.dataset.record import read_record
+from drapeline.dataset.statistics import action_table, garment_table, overview_table
+from drapeline.errors import InputError
+from drapeline.storage import read_json, write_json
+from tiny_sample import write_tiny_sample
+
+
+def rows_of(path):
+    with open(path, newline="") as stream:
+        return list(csv.DictReader(stream, delimiter="\t"))
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory, toy_body):
+    stages = tmp_path_factory.mktemp("stages")
+    plan = [
+        ("00001", "train", "accepted", 6, 0),
+        ("00002", "train", "accepted", 4, 1),
+        ("00003", "val", "rejected", 6, 0),
+        ("00004", "test", "accepted", 2, 0),
+    ]
+    folders = [
+        write_tiny_sample(
+            stages, toy_body, name, split, status=status, frames=n, gender=g, source=f"c{name}.bvh"
+        ).folder
+        for name, split, status, n, g in plan
+    ]
+    collect_dataset(reversed(folders), stages / "dataset")
+    return stages / "dataset"
+
+
+def test_accepted_samples_are_in_their_splits_and_rejected_ones_in_none(dataset):
+    assert Cloth3D(dataset).ids == ["00001", "00002", "00004"]
+    assert Cloth3D(dataset, "train").ids == ["00001", "00002"]
+    assert list((dataset / "val").iterdir()) == []
+
+
+def test_files_are_linked_and_not_copied(dataset):
+    for split in ("train", "test"):
+        for path in (dataset / split).glob("*/*.pc16"):
+            source = dataset.parent / "samples" / path.parent.name / path.name
+            assert path.samefile(source)
+
+
+def test_status_lists_every_sample_with_its_reason(dataset):
+    rows = {row["sample"]: row for row in rows_of(dataset / "status.tsv")}
+    assert list(rows) == ["00001", "00002", "00003", "00004"]
+    assert rows["00003"]["status"] == "rejected"
+    assert rows["00003"]["reason"] == "1.20 % of the vertices inside the body"
+    assert rows["00001"]["attempts"] == "1"
+    assert rows["00001"]["removed_segments"] == "left_hand+right_hand"
+
+
+def test_samples_table_has_a_row_per_accepted_sample(dataset):
+    rows = rows_of(dataset / "samples.tsv")
+    assert [row["sample"] for row in rows] == ["00001", "00002", "00004"]
+    first = rows[0]
+    assert (first["gender"], first["garments"]) == ("female", "Tshirt+Skirt")
+    assert (first["frames"], first["vertices"]) == ("6", "140")
+    assert float(first["inside_share_max"]) == pytest.approx(0.01)
+
+
+def test_a_sequences_size_counts_what_cloth3d_stores(dataset):
+    folder = dataset / "train" / "00001"
+    record = read_record(folder)
+    names = ["info.mat", "Tshirt.obj", "Tshirt.pc16", "Skirt.obj", "Skirt.pc16"]
+    assert record.cloth3d_bytes == sum((folder / name).stat().st_size for name in names)
+    assert record.total_bytes == sum(path.stat().st_size for path in folder.iterdir())
+
+
+def test_statistics_add_up(dataset):
+    records = [read_record(sequence.folder) for sequence in Cloth3D(dataset)]
+    overview = {row["measure"]: row for row in overview_table(records)}
+    assert overview["sequences"] == {
+        "measure": "sequences", "all": "3", "train": "2", "val": "0", "test": "1"
+    }  # fmt: skip
+    assert overview["frames"]["all"] == "12"
+    assert overview["female"]["all"] == "2"
+    assert overview["vertices per outfit"]["val"] == "-"
+    actions = action_table(records)
+    assert sum(float(row["percent"]) for row in actions) == pytest.approx(100)
+    garments = {row["garment"]: row for row in garment_table(records)}
+    assert (garments["Tshirt"]["cotton"], garments["Skirt"]["cotton"]) == (3, 0)
+
+
+def test_edge_length_is_the_mean_of_the_rest_mesh(dataset):
+    sequence = Cloth3D(dataset)[0]
+    mesh = sequence.mesh("Skirt")
+    sides = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, -1, axis=1)]
+    # Every edge of a tube but those of its two ends lies on two faces.
+    edges = {}
+    for face, lengths in zip(mesh.faces, np.linalg.norm(sides, axis=-1), strict=True):
+        for a, b, length in zip(face, np.roll(face, -1), lengths, strict=True):
+            edges[frozenset((int(a), int(b)))] = length
+    assert sequence.meta["garments"]["Skirt"]["edge_m"] == pytest.approx(
+        np.mean(list(edges.values())), abs=1e-6
+    )
+
+
+def test_the_card_is_written_from_the_data(dataset):
+    card = (dataset / "README.md").read_text()
+    assert "3 sequences, 12 frames at 30 frames per second" in card
+    assert "Of 4 samples: 3 accepted, 1 rejected" in card
+    assert "toy-1" in card
+    assert "c00004.bvh" in card
+    tables = re.findall(r"(?:^\|.*\|\n)+", card, flags=re.MULTILINE)
+    for table in tables:
+        assert len({line.count("|") for line in table.splitlines()}) == 1
+
+
+def test_collecting_again_replaces_the_dataset(tmp_path, toy_body):
+    folders = [write_tiny_sample(tmp_path, toy_body, f"0000{i}").folder for i in (1, 2)]
+    collect_dataset(folders, tmp_path / "dataset")
+    collect_dataset(folders[1:], tmp_path / "dataset")
+    assert Cloth3D(tmp_path / "dataset").ids == ["00002"]
+    assert (folders[0] / "info.mat").is_file()
+
+
+def test_a_dataset_of_rejected_samples_alone_still_says_why(tmp_path, toy_body):
+    folder = write_tiny_sample(tmp_path, toy_body, status="failed").folder
+    collect_dataset([folder], tmp_path / "dataset")
+    assert len(rows_of(tmp_path / "dataset" / "status.tsv")) == 1
+    assert "0 sequences" in (tmp_path / "dataset" / "README.md").read_text()
+
+
+def test_unusable_samples_are_named(tmp_path, toy_body):
+    folder = write_tiny_sample(tmp_path, toy_body).folder
+    with pytest.raises(InputError, match="sample 00001 is given twice"):
+        collect_dataset([folder, folder], tmp_path / "dataset")
+    meta = read_json(folder / "meta.json")
+    del meta["motion"]
+    write_json(folder / "meta.json", meta)
+    with pytest.raises(InputError, match=r"meta.json: lacks motion"):
+        collect_dataset([folder], tmp_path / "dataset")
+    assert not (tmp_path / "dataset").exists()
+
+
+def test_a_table_keeps_one_line_per_row(tmp_path):
+    write_table(tmp_path / "t.tsv", [{"a": "two\nlines\tand a tab"}, {"a": 1, "b": "x"}])
+    assert (tmp_path / "t.tsv").read_text() == "a\tb\ntwo lines and a tab\t\n1\tx\n"

@@ -1,0 +1,207 @@
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drapeline.dataset.info_mat import read_info, write_info
+from drapeline.dataset.reader import Cloth3D, Sequence
+from drapeline.errors import InputError
+from drapeline.mesh import Mesh, load_obj, save_obj
+from tiny_sample import GARMENTS, body_truth, write_tiny_sample
+
+
+@pytest.fixture
+def original(tiny, tmp_path):
+    """The sample as the original would store it: no extras, and no meta."""
+    folder = tmp_path / "train" / "00001"
+    folder.mkdir(parents=True)
+    for path in tiny.folder.iterdir():
+        if path.suffix in (".mat", ".obj", ".pc16") and path.stem != "Body":
+            shutil.copy(path, folder)
+    return folder
+
+
+def turn(angle):
+    return np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
+
+
+def test_a_flat_folder_and_split_folders_are_both_datasets(tmp_path, tiny):
+    for split, ids in (("train", ("00003", "00001")), ("val", ("00002",))):
+        for sample in ids:
+            shutil.copytree(tiny.folder, tmp_path / split / sample)
+    (tmp_path / "train" / "notes").mkdir()
+    (tmp_path / "samples.tsv").touch()
+    everything = Cloth3D(tmp_path)
+    assert len(everything) == 3
+    assert [sequence.id for sequence in everything] == ["00001", "00002", "00003"]
+    assert [sequence.split for sequence in everything] == ["train", "val", "train"]
+    assert Cloth3D(tmp_path, "train").ids == ["00001", "00003"]
+    assert Cloth3D(tmp_path / "train").ids == ["00001", "00003"]
+    assert everything[-1].id == everything["00003"].id == "00003"
+    assert "00002" in everything
+    assert "00002" not in Cloth3D(tmp_path, "train")
+    with pytest.raises(KeyError, match="00009"):
+        everything["00009"]
+    with pytest.raises(IndexError):
+        everything[3]
+
+
+def test_an_empty_or_missing_dataset_is_named(tmp_path):
+    with pytest.raises(InputError, match="nowhere: no such folder"):
+        Cloth3D(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"test: no folder with an info.mat"):
+        Cloth3D(tmp_path, "test")
+
+
+def test_one_id_in_two_splits_is_refused(tmp_path, tiny):
+    shutil.copytree(tiny.folder, tmp_path / "train" / "00001")
+    shutil.copytree(tiny.folder, tmp_path / "val" / "00001")
+    with pytest.raises(InputError, match="sample 00001 is in"):
+        Cloth3D(tmp_path)
+    assert len(Cloth3D(tmp_path, "val")) == 1
+
+
+def test_garment_vertices_are_those_simulated(tiny):
+    sequence = Sequence(tiny.folder)
+    assert sequence.garments == GARMENTS
+    for name in GARMENTS:
+        root = sequence.vertices(name, 1, 4, "root")
+        np.testing.assert_array_equal(root, tiny.vertices[name][1:4])
+        world = sequence.vertices(name, 1, 4)
+        expected = tiny.vertices[name][1:4] + tiny.trans[1:4, None]
+        np.testing.assert_allclose(world, expected, atol=1e-6)
+        assert world.dtype == np.float32
+    assert sequence.vertices("Skirt").shape == (len(sequence), 80, 3)
+
+
+def test_labels_are_read(tiny):
+    sequence = Sequence(tiny.folder)
+    assert sequence.fabrics == {"Tshirt": "cotton", "Skirt": "denim"}
+    assert (sequence.gender, sequence.fps, len(sequence)) == ("female", 30, 6)
+    np.testing.assert_array_equal(sequence.tightness, [-1.0, 0.25])
+    np.testing.assert_allclose(sequence.root_positions(2, 4), tiny.trans[2:4])
+    assert sequence.health["inside_share"].shape == (6,)
+
+
+def test_rest_mesh_has_quads_triangles_and_uvs(tiny):
+    mesh = Sequence(tiny.folder).mesh("Skirt")
+    assert mesh.faces.shape == (64, 4)
+    assert mesh.triangles.shape == (128, 3)
+    assert mesh.uv_faces.shape == (64, 4)
+
+
+def test_the_body_is_read_or_rebuilt_to_half_precision(tiny, toy_body):
+    truth = body_truth(toy_body, tiny)
+    stored = Sequence(tiny.folder)
+    rebuilt = Sequence(tiny.folder, bodies={"female": toy_body})
+    np.testing.assert_allclose(rebuilt.body_vertices(2, 5), truth[2:5], atol=1e-6)
+    np.testing.assert_allclose(stored.body_vertices(2, 5), truth[2:5], atol=5e-4)
+    np.testing.assert_array_equal(stored.body_mesh().faces, toy_body.faces)
+
+
+def test_the_original_reads_the_same_without_extras(original, tiny, toy_body):
+    sequence = Cloth3D(original.parent.parent, bodies={"female": toy_body})[0]
+    assert sequence.meta is None
+    assert sequence.health == {}
+    for name in GARMENTS:
+        np.testing.assert_array_equal(
+            sequence.vertices(name, frame="root"), tiny.vertices[name].astype(np.float16)
+        )
+    np.testing.assert_allclose(sequence.body_vertices(), body_truth(toy_body, tiny), atol=1e-6)
+    np.testing.assert_allclose(
+        sequence.body_mesh().vertices, load_obj(tiny.folder / "Body.obj").vertices, atol=1e-6
+    )
+
+
+def test_without_a_body_the_original_says_what_it_needs(original):
+    with pytest.raises(InputError, match=r"Body.pc16: no such file, expected it or a body model"):
+        Sequence(original).body_vertices()
+    with pytest.raises(InputError, match="no body model for gender female"):
+        Sequence(original).body_mesh()
+
+
+def test_another_body_than_the_samples_own_is_refused(tiny, toy_body):
+    other = replace(toy_body, v_template=toy_body.v_template * 1.01, name="other")
+    with pytest.raises(InputError, match="made with body 'toy-1', but the body model given"):
+        Sequence(tiny.folder, bodies={"female": other}).body_vertices()
+    with pytest.raises(InputError, match="no body model for gender female, only for male"):
+        Sequence(tiny.folder, bodies={"male": toy_body}).body_vertices()
+
+
+def test_the_scenes_turn_is_applied_after_the_translation(original, tiny, toy_body):
+    info = read_info(original / "info.mat")
+    write_info(original / "info.mat", replace(info, zrot=2.1))
+    sequence = Sequence(original, bodies={"female": toy_body})
+    expected = (tiny.vertices["Skirt"] + tiny.trans[:, None]) @ turn(2.1).T
+    np.testing.assert_allclose(sequence.vertices("Skirt"), expected, atol=1e-3)
+    body = body_truth(toy_body, tiny) @ turn(2.1).T
+    np.testing.assert_allclose(sequence.body_vertices(), body, atol=1e-5)
+    np.testing.assert_allclose(sequence.root_positions(), tiny.trans @ turn(2.1).T)
+
+
+@pytest.mark.parametrize("rest_turned", [True, False])
+def test_rest_meshes_are_turned_back_where_the_release_turned_them(original, tiny, rest_turned):
+    info = read_info(original / "info.mat")
+    write_info(original / "info.mat", replace(info, zrot=-0.7))
+    made = tiny.meshes["Tshirt"]
+    if rest_turned:
+        points = (made.vertices @ turn(-0.7).T).astype(np.float32)
+        save_obj(original / "Tshirt.obj", Mesh(points, made.faces, made.uv, made.uv_faces))
+    rest = Sequence(original, rest_turned=rest_turned).mesh("Tshirt")
+    np.testing.assert_allclose(rest.vertices, made.vertices, atol=2e-6)
+
+
+def test_test_sets_without_fabrics_or_outfit_are_read(original):
+    info = read_info(original / "info.mat")
+    bare = {name: {"texture": {"type": "pattern"}} for name in GARMENTS}
+    write_info(original / "info.mat", replace(info, tightness=None, outfit=bare))
+    sequence = Sequence(original)
+    assert sequence.tightness is None
+    assert sequence.fabrics == {"Tshirt": None, "Skirt": None}
+    write_info(original / "info.mat", replace(info, outfit={}))
+    assert sorted(Sequence(original).garments) == sorted(GARMENTS)
+
+
+def test_a_single_frame_is_not_squeezed_away(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body, frames=1)
+    sequence = Sequence(tiny.folder)
+    assert len(sequence) == 1
+    assert sequence.vertices("Skirt").shape == (1, 80, 3)
+    assert sequence.body_vertices().shape == (1, len(toy_body.v_template), 3)
+
+
+@pytest.mark.parametrize("suffix", ["f32", "pc16"])
+def test_a_truncated_cache_is_one_sentence(tmp_path, tiny, suffix):
+    folder = shutil.copytree(tiny.folder, tmp_path / "00001")
+    path = folder / f"Skirt.{suffix}"
+    path.write_bytes(path.read_bytes()[:-2])
+    with pytest.raises(InputError, match=rf"Skirt.{suffix}: \d+ bytes, expected \d+"):
+        Sequence(folder).vertices("Skirt", 0, 1)
+
+
+def test_frames_that_do_not_match_the_poses_are_refused(original):
+    info = read_info(original / "info.mat")
+    write_info(original / "info.mat", replace(info, poses=info.poses[:4], trans=info.trans[:4]))
+    with pytest.raises(InputError, match=r"Skirt.pc16: 6 frames, expected 4 as in info.mat"):
+        Sequence(original).vertices("Skirt")
+
+
+def test_wrong_names_and_ranges_are_told(tiny, toy_body):
+    sequence = Sequence(tiny.folder, bodies={"female": toy_body})
+    with pytest.raises(KeyError, match="no garment Dress, only Tshirt, Skirt"):
+        sequence.vertices("Dress")
+    with pytest.raises(IndexError, match=r"within \[0, 6\)"):
+        sequence.vertices("Skirt", 0, 7)
+    with pytest.raises(IndexError, match=r"within \[0, 6\)"):
+        sequence.body_vertices(-1, 2)
+    with pytest.raises(ValueError, match="expected 'world' or 'root'"):
+        sequence.vertices("Skirt", frame="camera")
+
+
+def test_a_closed_sequence_opens_again(tiny):
+    with Sequence(tiny.folder) as sequence:
+        before = sequence.vertices("Skirt", 0, 1)
+    np.testing.assert_array_equal(sequence.vertices("Skirt", 0, 1), before)

@@ -1,0 +1,167 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.model import load_body, posed_vertices
+from drapeline.dataset.info_mat import read_info
+from drapeline.dataset.point_cache import PointCache, point_cache_writer
+from drapeline.dataset.writer import summarise_health, write_sample
+from drapeline.errors import InputError
+from drapeline.frames import REST_POSE
+from drapeline.mesh import load_obj
+from drapeline.seeding import rng_for
+from drapeline.storage import load_npz, read_json, save_npz
+from tiny_sample import GARMENTS, body_truth, write_stages, write_tiny_sample
+
+
+def write(tiny, body, sample="00001"):
+    stages = tiny.stages
+    return write_sample(
+        rng_for(0, "scene"),
+        tiny.folder,
+        body=body,
+        body_record=stages / "bodies" / f"{sample}.npz",
+        outfit=stages / "outfits" / f"{sample}.npz",
+        simulation=stages / "simulation" / sample,
+        seed=0,
+        split="train",
+    )
+
+
+def test_the_folder_holds_cloth3d_files_and_the_extras(tiny):
+    assert sorted(path.name for path in tiny.folder.iterdir()) == sorted(
+        ["info.mat", "meta.json", "health.npz", "Body.obj", "Body.pc16"]
+        + [f"{name}.{suffix}" for name in GARMENTS for suffix in ("obj", "pc16", "f32")]
+    )
+
+
+def test_poses_and_shape_rebuild_the_stored_body(tiny, toy_body):
+    info = read_info(tiny.folder / "info.mat")
+    rebuilt, joints = posed_vertices(toy_body, info.shape, info.poses, info.trans)
+    np.testing.assert_allclose(joints[:, 0], info.trans, atol=1e-6)
+    stored = PointCache(tiny.folder / "Body.pc16").frames() + info.trans[:, None]
+    half = 2.0**-11 * np.maximum(np.abs(rebuilt - info.trans[:, None]), 0.5)
+    assert (np.abs(stored - rebuilt) <= half + 1e-6).all()
+    np.testing.assert_allclose(rebuilt, body_truth(toy_body, tiny), atol=1e-6)
+
+
+def test_the_rest_body_stands_with_legs_open_and_its_root_at_the_origin(tiny, toy_body):
+    rest = load_obj(tiny.folder / "Body.obj")
+    expected, _ = posed_vertices(toy_body, tiny.shape, REST_POSE[None].copy())
+    np.testing.assert_allclose(rest.vertices, expected[0], atol=1e-6)
+    np.testing.assert_array_equal(rest.faces, toy_body.faces)
+
+
+def test_garments_keep_single_precision_and_round_once_to_half(tiny):
+    for name in GARMENTS:
+        count = len(tiny.meshes[name].vertices)
+        single = PointCache(tiny.folder / f"{name}.f32", count).frames()
+        half = PointCache(tiny.folder / f"{name}.pc16", count).frames()
+        np.testing.assert_array_equal(single, tiny.vertices[name])
+        np.testing.assert_array_equal(half, tiny.vertices[name].astype(np.float16))
+
+
+def test_rest_garments_are_quads_in_the_order_of_the_frames(tiny):
+    for name in GARMENTS:
+        mesh, made = load_obj(tiny.folder / f"{name}.obj"), tiny.meshes[name]
+        np.testing.assert_allclose(mesh.vertices, made.vertices, atol=1e-6)
+        np.testing.assert_array_equal(mesh.faces, made.faces)
+        np.testing.assert_array_equal(mesh.uv_faces, made.uv_faces)
+
+
+def test_meta_tells_where_the_sample_comes_from(tiny):
+    meta = read_json(tiny.folder / "meta.json")
+    assert meta["status"] == "accepted"
+    assert meta["motion"]["source"] == "walk.txt"
+    assert meta["motion"]["frames"] == len(tiny.poses)
+    assert meta["body"] | {"fingerprint": ""} == {
+        "model": "toy-1",
+        "fingerprint": "",
+        "gender": "female",
+        "vertices": meta["body"]["vertices"],
+    }
+    assert meta["self_collision"]["removed_segments"] == ["left_hand", "right_hand"]
+    assert meta["outfit"]["garments"][1]["parameters"] == {"length": 0.5}
+    assert meta["simulation"]["attempts"] == [{"steps": 14}]
+    assert meta["health"]["inside_share"] == pytest.approx({"mean": 0.005, "min": 0.0, "max": 0.01})
+
+
+def test_a_rejected_sample_says_why_and_holds_no_meshes(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
+    assert [path.name for path in tiny.folder.iterdir()] == ["meta.json"]
+    assert read_json(tiny.folder / "meta.json")["reason"].startswith("1.20 %")
+
+
+def test_the_same_inputs_give_the_same_bytes(tmp_path, toy_body):
+    folders = [
+        write_tiny_sample(tmp_path / run, toy_body, frames=2).folder for run in ("one", "two")
+    ]
+    for path in folders[0].iterdir():
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+
+
+def test_one_frame_is_enough(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body, frames=1)
+    assert read_info(tiny.folder / "info.mat").poses.shape == (1, 72)
+
+
+def test_a_cache_that_is_not_finite_is_named_with_its_frame(tmp_path, toy_body):
+    tiny = write_stages(tmp_path, "00001")
+    frames = tiny.vertices["Skirt"].copy()
+    frames[4, 3, 1] = np.nan
+    with point_cache_writer(tmp_path / "simulation/00001/Skirt.f32", frames.shape[1]) as cache:
+        cache.append(frames)
+    with pytest.raises(InputError, match=r"Skirt.f32: frame 4 holds values that are not finite"):
+        write(tiny, toy_body)
+    assert not tiny.folder.exists()
+
+
+def test_a_cache_of_another_length_is_named(tmp_path, toy_body):
+    tiny = write_stages(tmp_path, "00001")
+    with point_cache_writer(tmp_path / "simulation/00001/Skirt.f32", 80) as cache:
+        cache.append(tiny.vertices["Skirt"][:4])
+    with pytest.raises(InputError, match="4 frames of 80 vertices, expected 6"):
+        write(tiny, toy_body)
+
+
+def test_memory_does_not_grow_with_frames(tmp_path, toy_body):
+    peaks = []
+    for frames in (64, 512):
+        tiny = write_stages(tmp_path / str(frames), "00001", frames=frames)
+        tracemalloc.start()
+        write(tiny, toy_body)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # 448 more frames of body vertices would be 4.6 MB in half precision; poses alone grow.
+    assert peaks[1] - peaks[0] < 448 * 72 * 8 * 4
+
+
+def test_health_is_summarised_per_measure_over_frames():
+    summary = summarise_health(
+        {
+            "inside_share": np.array([0.0, 0.2, 0.1]),
+            "self_hits": np.array([1, 2, 6], dtype=np.int32),
+            "per_garment": np.zeros((3, 2)),
+            "depth_m": np.array([0.0, np.nan, 0.0]),
+        }
+    )
+    assert list(summary) == ["inside_share", "self_hits"]
+    assert summary["self_hits"] == {"mean": 3.0, "min": 1.0, "max": 6.0}
+
+
+def test_the_stored_body_is_that_of_a_saved_and_loaded_model(tmp_path, toy_body, tiny):
+    save_npz(
+        tmp_path / "body.npz",
+        v_template=toy_body.v_template,
+        shapedirs=toy_body.shapedirs,
+        posedirs=toy_body.posedirs,
+        J_regressor=toy_body.J_regressor,
+        weights=toy_body.weights,
+        f=toy_body.faces,
+        segmentation=toy_body.segmentation,
+    )
+    record = load_npz(tiny.stages / "bodies/00001.npz")
+    points, _ = posed_vertices(load_body(tmp_path / "body.npz"), tiny.shape, record["poses"])
+    stored = PointCache(tiny.folder / "Body.pc16").frames()
+    assert np.abs(points - stored).max() < 5e-4
