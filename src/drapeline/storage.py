@@ -1,5 +1,6 @@
 """Files that are whole or absent: everything is written beside its target and then renamed."""
 
+import errno
 import json
 import os
 import shutil
@@ -15,40 +16,84 @@ import numpy as np
 from drapeline.errors import InputError
 
 
+# What the disk, not the program, does wrong.
+_DISK_ERRORS = {
+    errno.EACCES,
+    errno.EDQUOT,
+    errno.EEXIST,
+    errno.EFBIG,
+    errno.EIO,
+    errno.ENOSPC,
+    errno.ENOTDIR,
+    errno.EPERM,
+    errno.EROFS,
+}
+
+
+@contextmanager
+def _disk_errors_named(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        place = path if error.filename is None else Path(error.filename)
+        ours = place.parent == path.parent or place in path.parents
+        if error.errno not in _DISK_ERRORS or not ours:
+            raise
+        raise InputError(
+            f"{path}: cannot be written ({os.strerror(error.errno)}),"
+            " expected a writable folder with free disk space"
+        ) from error
+
+
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Yield a scratch path that replaces `path` when the block ends without an error."""
+    """Yield a scratch path that replaces `path` when the block ends without an error.
+
+    Raises:
+        InputError: the folder is not writable or the disk is full.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # The suffix is kept last: writers such as Blender's and Pillow's choose a format by it.
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
-    scratch = Path(name)
-    try:
-        yield scratch
-        # mkstemp makes files private; give the usual mode back.
-        umask = os.umask(0)
-        os.umask(umask)
-        scratch.chmod(0o666 & ~umask)
-        os.replace(scratch, path)
-    finally:
-        scratch.unlink(missing_ok=True)
+    with _disk_errors_named(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # The suffix stays last: writers such as Blender's and Pillow's choose a format by it.
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
+        )
+        os.close(handle)
+        scratch = Path(name)
+        try:
+            yield scratch
+            scratch.chmod(0o666 & ~_umask())  # mkstemp makes files private
+            os.replace(scratch, path)
+        finally:
+            scratch.unlink(missing_ok=True)
 
 
 @contextmanager
 def whole_folder(path: str | Path) -> Iterator[Path]:
-    """Yield a scratch folder that replaces `path` when the block ends without an error."""
+    """Yield a scratch folder that replaces `path` when the block ends without an error.
+
+    Raises:
+        InputError: the folder is not writable or the disk is full.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
-    try:
-        yield scratch
-        scratch.chmod(0o755)
-        if path.exists():
-            shutil.rmtree(path)
-        os.replace(scratch, path)
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+    with _disk_errors_named(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+        try:
+            yield scratch
+            scratch.chmod(0o777 & ~_umask())
+            if path.exists():
+                shutil.rmtree(path)
+            os.replace(scratch, path)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _umask() -> int:
+    umask = os.umask(0)
+    os.umask(umask)
+    return umask
 
 
 def link_or_copy(source: str | Path, target: str | Path) -> None:

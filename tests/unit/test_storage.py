@@ -1,4 +1,5 @@
 import json
+import resource
 
 import numpy as np
 import pytest
@@ -99,3 +100,36 @@ def test_json_keeps_small_numbers_and_refuses_nan(tmp_path):
         read_json(path)
     with pytest.raises(InputError, match="b.json: no such file"):
         read_json(tmp_path / "b.json")
+
+
+@pytest.fixture
+def small_disk():
+    """Files of this process may hold 4 kB; more fails as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+# NumPy's half-written archive complains once more when it is collected.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.usefixtures("small_disk")
+def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
+    path = tmp_path / "a.npz"
+    save_npz(path, x=1)
+    noise = np.random.Generator(np.random.PCG64(0)).random(10_000)
+    with pytest.raises(InputError, match="a.npz: cannot be written .*free disk space"):
+        save_npz(path, x=noise)
+    assert load_npz(path)["x"] == 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "results").write_text("a file is in the way")
+    with pytest.raises(InputError, match="a.json: cannot be written .*expected a writable folder"):
+        write_json(tmp_path / "results" / "a.json", 1)
+
+
+def test_a_missing_input_inside_the_block_keeps_its_own_error(tmp_path):
+    with pytest.raises(FileNotFoundError), whole_file(tmp_path / "a") as scratch:
+        scratch.write_bytes((tmp_path / "elsewhere" / "b").read_bytes())
