@@ -17,6 +17,8 @@ class _Bone:
     """A bone of the skeleton; its joint is where it starts, its parent's end."""
 
     name: str = ""
+    direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    length: float = 0.0
     vector: np.ndarray = field(default_factory=lambda: np.zeros(3))
     axis: Rotation = field(default_factory=Rotation.identity)
     order: str = "xyz"
@@ -122,8 +124,7 @@ def _lines(path: Path, expected: str) -> list[list[str]]:
 def _parse_asf(path: Path, lines: list[list[str]]) -> _Skeleton:
     bones = {"root": _Bone("root")}
     parents: dict[str, str] = {}
-    in_degrees, section, bone, length = True, "", _Bone(), 0.0
-    direction = np.zeros(3)
+    in_degrees, section, bone = True, "", _Bone()
     try:
         for words in lines:
             key = words[0].lower()
@@ -133,25 +134,13 @@ def _parse_asf(path: Path, lines: list[list[str]]) -> _Skeleton:
                 in_degrees = words[1].lower().startswith("deg")
             elif section == ":root":
                 _parse_root_line(bones["root"], words, in_degrees)
+            elif section == ":bonedata" and key == "begin":
+                bone = _Bone()
+            elif section == ":bonedata" and key == "end":
+                bone.vector = bone.direction / np.linalg.norm(bone.direction) * bone.length
+                bones[bone.name] = bone
             elif section == ":bonedata":
-                if key == "begin":
-                    bone = _Bone()
-                elif key == "name":
-                    bone.name = words[1]
-                elif key == "direction":
-                    direction = np.array(words[1:4], dtype=np.float64)
-                elif key == "length":
-                    length = float(words[1])
-                elif key == "axis":
-                    bone.order = words[4].lower()
-                    bone.axis = Rotation.from_euler(
-                        bone.order, np.array(words[1:4], dtype=np.float64), degrees=in_degrees
-                    )
-                elif key == "dof":
-                    bone.degrees_of_freedom = tuple(word.lower() for word in words[1:])
-                elif key == "end":
-                    bone.vector = direction / np.linalg.norm(direction) * length
-                    bones[bone.name] = bone
+                _parse_bone_line(bone, words, in_degrees)
             elif section == ":hierarchy" and key not in ("begin", "end"):
                 parents.update(dict.fromkeys(words[1:], words[0]))
     except (ValueError, IndexError) as error:
@@ -161,6 +150,22 @@ def _parse_asf(path: Path, lines: list[list[str]]) -> _Skeleton:
         listed = ", ".join(strange or sorted(set(bones) - {"root"} - set(parents)) or ["none"])
         raise InputError(f"{path}: bones and hierarchy disagree on {listed}, expected a whole ASF")
     return _Skeleton(bones, parents, in_degrees)
+
+
+def _parse_bone_line(bone: _Bone, words: list[str], in_degrees: bool) -> None:
+    key = words[0].lower()
+    if key == "name":
+        bone.name = words[1]
+    elif key == "direction":
+        bone.direction = np.array(words[1:4], dtype=np.float64)
+    elif key == "length":
+        bone.length = float(words[1])
+    elif key == "axis":
+        bone.order = words[4].lower()
+        angles = np.array(words[1:4], dtype=np.float64)
+        bone.axis = Rotation.from_euler(bone.order, angles, degrees=in_degrees)
+    elif key == "dof":
+        bone.degrees_of_freedom = tuple(word.lower() for word in words[1:])
 
 
 def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:

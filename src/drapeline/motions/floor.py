@@ -122,7 +122,7 @@ def supported_frames(points: np.ndarray, fps: float) -> np.ndarray:
     lowest = points[..., 2].argmin(1)
     speed = np.linalg.norm(np.gradient(points, 1.0 / fps, axis=0)[frames, lowest], axis=-1)
     height = points[frames, lowest, 2]
-    width = 2 * int(round(_NEIGHBOURHOOD_S * fps)) + 1
+    width = 2 * round(_NEIGHBOURHOOD_S * fps) + 1
     around = minimum_filter1d(height, width, mode="nearest")
     return (speed < CONTACT_SPEED_M_S) & (height < around + _NEIGHBOURHOOD_M)
 
@@ -149,7 +149,7 @@ def set_on_floor(motion: Motion) -> Motion:
     sunk = np.maximum(-(height + lift), 0.0)
     if sunk.any():
         # A smooth bump at least as high as what it must lift: widen, then blur by as much.
-        width = max(int(round(_SMOOTH_S * motion.fps)), 1)
+        width = max(round(_SMOOTH_S * motion.fps), 1)
         raised = -minimum_filter1d(-sunk, 4 * width + 1, mode="nearest")
         lift = lift + gaussian_filter1d(raised, width / 2, mode="nearest")
     trans = motion.trans.copy()

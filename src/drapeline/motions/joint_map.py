@@ -10,11 +10,8 @@ from drapeline.frames import JOINT_NAMES
 from drapeline.motions.skeleton import Take
 
 BUILT_IN = Path(__file__).parent / "joint_maps"
-REQUIRED = ("pelvis",) + tuple(
-    f"{side}_{part}"
-    for side in ("left", "right")
-    for part in ("hip", "knee", "ankle", "shoulder", "elbow")
-)
+_LIMB_PARTS = ("hip", "knee", "ankle", "shoulder", "elbow")
+REQUIRED = ("pelvis", *(f"{side}_{part}" for side in ("left", "right") for part in _LIMB_PARTS))
 UP_AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 
 

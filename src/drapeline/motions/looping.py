@@ -36,7 +36,7 @@ def closed_cycle(
         round moves the body on.
     """
     duration = times_s[-1] - times_s[0]
-    count = max(int(round(duration * fps)), 2)
+    count = max(round(duration * fps), 2)
     grid = times_s[0] + duration * np.arange(count + 1) / count
     poses, trans = interpolate(poses, trans, times_s, grid)
     cycle = Cycle(0.0 if straight else _turn(poses[0, :3], poses[-1, :3]), np.zeros(2))

@@ -5,6 +5,8 @@ the source's rest pose; the source's rest pose is related to SMPL's T-pose by tu
 rest direction onto that of the T-pose, along the chain so that no twist is added.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -144,7 +146,7 @@ def _align_foot(
 def _fill_spine(rotations: np.ndarray, source: dict[str, int]) -> None:
     """Spread the turn between two driven joints evenly over the spine joints between them."""
     driven = [level for level, name in enumerate(SPINE) if name in source]
-    for low, high in zip(driven[:-1], driven[1:], strict=True):
+    for low, high in pairwise(driven):
         start, end = rotations[:, INDEX[SPINE[low]]], rotations[:, INDEX[SPINE[high]]]
         turn = Rotation.from_matrix(np.swapaxes(start, -1, -2) @ end).as_rotvec()
         for level in range(low + 1, high):
