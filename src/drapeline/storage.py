@@ -15,7 +15,6 @@ import numpy as np
 
 from drapeline.errors import InputError
 
-
 # What the disk, not the program, does wrong.
 _DISK_ERRORS = {
     errno.EACCES,

@@ -24,7 +24,7 @@ try:
         checked_settings(
             config,
             yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text()),
-            " + ".join(map(str, workflow.configfiles)),
+            " + ".join(map(os.path.relpath, workflow.configfiles)),
         )
     )
     MOTIONS = motion_table(
@@ -109,3 +109,15 @@ def own_garment_files(wildcards):
     """The user's own OBJ files among the garments of this sample."""
     own = config["outfits"]["own_garments"]
     return [own[name] for name in SAMPLES[wildcards.sample].kind.split("+") if name in own]
+
+
+def dataset_files():
+    return [f"{RESULTS}/dataset"]
+
+
+def picture_files():
+    return []
+
+
+def report_files():
+    return []

@@ -1,0 +1,106 @@
+"""The workflow as Snakemake reads it: plans of each size, refusals before any job."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+CONFIGS = ["tests/data/tiny.yaml", "config.yaml", "workflow/config/paper.yaml"]
+
+
+def snakemake(*arguments, cwd=ROOT):
+    return subprocess.run(
+        [sys.executable, "-m", "snakemake", "--cores", "1", "--nolock", *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def with_settings(tmp_path, **settings):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"results": str(tmp_path / "results"), **settings}))
+    return ["--dry-run", "all", "--configfile", str(path)]
+
+
+def dry_run_error(tmp_path, **settings):
+    run = snakemake(*with_settings(tmp_path, **settings))
+    assert run.returncode != 0
+    assert not (tmp_path / "results").exists()
+    return run.stderr + run.stdout
+
+
+@pytest.mark.parametrize("config", CONFIGS[:2])
+def test_each_size_plans_every_step(config, tmp_path):
+    run = snakemake("--dry-run", "all", "--forceall", "--quiet", "--configfile", config)
+    assert run.returncode == 0, run.stderr
+    steps = {line.split()[0] for line in (run.stdout + run.stderr).splitlines() if line.strip()}
+    for rule in ("import_motion", "animate_body", "make_outfit", "simulate_outfit", "write_sample"):
+        assert rule in steps
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"samples": {"cuont": 3}}, "'samples.cuont' is not a setting, expected one of count"),
+        ({"outfits": {"edge_length_m": 1.4}}, "edge_length_m is 1.4, expected a number from 0.005"),
+        ({"seed": "one"}, "seed is 'one', expected an integer of at least 0"),
+        ({"motions": {"sequences": ["wlak"]}}, "lists no 'wlak', expected one of walk, run"),
+        ({"motions": {"table": "none.tsv"}}, "none.tsv: no such file, expected a table of motions"),
+        (
+            {"motions": {"frames": 300, "frames_min": 300, "loop_frames": 60}},
+            "frames_min is 300, but the longest clip has",
+        ),
+    ],
+)
+def test_a_wrong_setting_stops_before_any_job(tmp_path, settings, message):
+    text = dry_run_error(tmp_path, **settings)
+    assert message in " ".join(text.split())
+
+
+def test_a_missing_or_broken_motion_is_named_before_any_job(tmp_path):
+    table = tmp_path / "clips.tsv"
+    table.write_text("name\tfile\tloop\nmine\tmine.bvh\tno\n")
+    text = dry_run_error(tmp_path, motions={"table": str(table)})
+    assert "mine.bvh: no such file" in text
+    (tmp_path / "mine.bvh").write_text("not a motion")
+    assert "mine.bvh" in dry_run_error(tmp_path, motions={"table": str(table)})
+
+
+def test_a_target_that_does_not_exist_is_refused(tmp_path):
+    config = with_settings(tmp_path)[-1]
+    run = snakemake("--dry-run", str(tmp_path / "results/samples/99999"), "--configfile", config)
+    assert run.returncode != 0
+    assert "MissingRuleException" in run.stderr + run.stdout
+
+
+def test_changing_library_code_reruns_the_rules_that_use_it(tmp_path):
+    """In a copy of the project: outfit code counts for outfits, not for the body."""
+    for name in ("Snakefile", "config.yaml"):
+        shutil.copy(ROOT / name, tmp_path / name)
+    for name in ("workflow", "scripts", "src", "envs"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    tree = tmp_path / "src" / "drapeline"
+
+    def digests():
+        code = (
+            "from pathlib import Path\nfrom drapeline.source_digest import source_digest\n"
+            "for p in sorted(Path('scripts').glob('*.py')):"
+            " print(p.stem, source_digest(p, Path('src')))"
+        )
+        run = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return dict(line.split() for line in run.stdout.splitlines())
+
+    before = digests()
+    with open(next(iter(sorted(tree.glob("outfits/templates*.py")))), "a") as stream:
+        stream.write("\nADDED = 1\n")
+    changed = {name for name, value in digests().items() if value != before[name]}
+    assert "make_outfit" in changed
+    assert not changed & {"bake_body", "import_motion", "animate_body"}
