@@ -1,4 +1,4 @@
-"""SMPL-format bodies: the file, and posing it by linear blend skinning."""
+"""SMPL-format bodies: the model, and posing it by linear blend skinning."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
-from drapeline.storage import load_npz
 
 
 @dataclass(frozen=True)
@@ -39,20 +39,30 @@ class BodyModel:
 
 
 def load_body(path: str | Path) -> BodyModel:
-    """Read a baked body."""
-    a = load_npz(path, "v_template", "shapedirs", "posedirs", "J_regressor", "weights", "f")
+    """Read a baked body, or a real SMPL one (`.npz`, `.pkl`); nothing in the file is executed.
+
+    Raises:
+        InputError: names the file and what in it is missing, forbidden or misshapen.
+    """
+    a = read_body_arrays(path)
     return BodyModel(
-        a["v_template"],
-        a["shapedirs"],
-        a["posedirs"],
-        a["J_regressor"],
-        a["weights"],
-        a["f"],
-        a.get("vt"),
-        a.get("ft"),
-        a["segmentation"],
-        str(a.get("name", Path(path).stem)),
+        v_template=a["v_template"],
+        shapedirs=a["shapedirs"],
+        posedirs=a["posedirs"],
+        J_regressor=a["J_regressor"],
+        weights=a["weights"],
+        faces=a["f"],
+        vt=a.get("vt"),
+        ft=a.get("ft"),
+        segmentation=a["segmentation"],
+        name=str(a["name"]),
     )
+
+
+def shaped(body: BodyModel, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rest vertices (V, 3) and joints (24, 3) of a shape (10,), in the SMPL frame."""
+    vertices = body.v_template + body.shapedirs @ np.asarray(shape, dtype=np.float32)
+    return vertices, body.J_regressor @ vertices
 
 
 def axis_angle_to_matrix(axis_angle: torch.Tensor) -> torch.Tensor:
@@ -67,10 +77,76 @@ def axis_angle_to_matrix(axis_angle: torch.Tensor) -> torch.Tensor:
     return identity + torch.sin(angle) * cross + (1 - torch.cos(angle)) * (cross @ cross)
 
 
-def shaped(body: BodyModel, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rest vertices (V, 3) and joints (24, 3) of a shape (10,), in the SMPL frame."""
-    vertices = body.v_template + body.shapedirs @ np.asarray(shape, dtype=np.float32)
-    return vertices, body.J_regressor @ vertices
+def joint_transforms(
+    joints: torch.Tensor, rotations: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Forward kinematics.
+
+    Args:
+        joints: (24, 3) rest joints.
+        rotations: (N, 24, 3, 3) each joint's turn against its parent.
+
+    Returns:
+        (N, 24, 3, 4) motion of each joint's frame from rest to pose, which leaves the root
+        joint in its place, and (N, 24, 3) posed joints.
+    """
+    world, places = [rotations[:, 0]], [joints[0].expand(len(rotations), 3)]
+    for joint in range(1, 24):
+        parent = int(PARENTS[joint])
+        bone = joints[joint] - joints[parent]
+        places.append(places[parent] + world[parent] @ bone)
+        world.append(world[parent] @ rotations[:, joint])
+    turn, place = torch.stack(world, 1), torch.stack(places, 1)  # (N, 24, 3, 3), (N, 24, 3)
+    shift = place - (turn @ joints[..., None])[..., 0]
+    return torch.cat([turn, shift[..., None]], -1), place
+
+
+def blend(vertices: torch.Tensor, transforms: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """Linear blend skinning in coordinate planes: one matrix product, then three multiply-adds.
+
+    Args:
+        vertices: (3, V) or (N, 3, V) coordinate planes of the rest body.
+        transforms: (N, 24, 3, 4).
+        weights: (24, V), contiguous.
+
+    Returns:
+        (N, 3, V) planes of the posed body.
+    """
+    blended = transforms.permute(0, 2, 3, 1).reshape(-1, 24) @ weights
+    blended = blended.unflatten(0, (-1, 3, 4))  # (N, 3, 4, V)
+    out = blended[:, :, 3]
+    for axis in range(3):
+        out = torch.addcmul(out, blended[:, :, axis], vertices[..., axis, :].unsqueeze(-2))
+    return out
+
+
+def skin(
+    vertices: torch.Tensor,
+    joints: torch.Tensor,
+    weights: torch.Tensor,
+    poses: torch.Tensor,
+    posedirs: torch.Tensor | None = None,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Pose a body; differentiable in every argument.
+
+    Args:
+        vertices: (V, 3) shaped rest body.
+        joints: (24, 3) its joints.
+        weights: (V, 24).
+        poses: (N, 72) axis-angle in radians.
+        posedirs: (V, 3, 207) pose blend shapes, or None for a body without.
+
+    Returns:
+        Vertices (N, V, 3) and joints (N, 24, 3), the root joint where it is at rest.
+    """
+    rotations = axis_angle_to_matrix(poses.unflatten(-1, (24, 3)))
+    transforms, places = joint_transforms(joints, rotations)
+    planes = vertices.T
+    if posedirs is not None:
+        planes = (
+            planes + (_pose_feature(rotations) @ posedirs.flatten(0, 1).T).unflatten(1, (-1, 3)).mT
+        )  # (N, 3, V)
+    return blend(planes, transforms, weights.T.contiguous()).mT, places
 
 
 def posed_vertices(
@@ -87,47 +163,44 @@ def posed_vertices(
         shape: (10,) shape coefficients.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the root joint in metres; the origin if None.
+        chunk: frames worked on at once: memory against overhead.
 
     Returns:
         Vertices (N, V, 3) and joints (N, 24, 3), float32.
     """
     vertices, joints = shaped(body, shape)
-    rest, rest_joints = torch.from_numpy(vertices), torch.from_numpy(joints)
-    rest, rest_joints = rest - rest_joints[0], rest_joints - rest_joints[0]
-    rotations = axis_angle_to_matrix(
-        torch.as_tensor(np.asarray(poses), dtype=torch.float32).reshape(-1, 24, 3)
-    )
-    count = len(rotations)
-    world_r = [rotations[:, 0]]
-    world_t = [torch.zeros(count, 3)]
-    for joint in range(1, 24):
-        parent = int(PARENTS[joint])
-        bone = rest_joints[joint] - rest_joints[parent]
-        world_r.append(world_r[parent] @ rotations[:, joint])
-        world_t.append(world_t[parent] + world_r[parent] @ bone)
-    r, t = torch.stack(world_r, 1), torch.stack(world_t, 1)
-    offset = t - torch.einsum("njab,jb->nja", r, rest_joints)
-    if trans is not None:
-        shift = torch.as_tensor(np.asarray(trans), dtype=torch.float32)
-        offset = offset + shift[:, None]
-        t = t + shift[:, None]
+    planes = torch.from_numpy(np.ascontiguousarray((vertices - joints[0]).T))
+    rest_joints = torch.from_numpy(joints - joints[0])
     weights = torch.from_numpy(np.ascontiguousarray(body.weights.T))
-    pose_feature = (rotations[:, 1:] - torch.eye(3)).reshape(count, 207)
-    has_pose_shapes = bool(np.any(body.posedirs))
-    directions = (
-        torch.from_numpy(body.posedirs).reshape(-1, 207).T.contiguous() if has_pose_shapes else None
-    )
-    transforms = torch.cat([r, offset[..., None]], -1)  # (N, 24, 3, 4)
-    out = np.zeros((count, len(vertices), 3), dtype=np.float32)
-    for start in range(0, count, chunk):
-        part = slice(start, min(start + chunk, count))
-        blended = transforms[part].permute(0, 2, 3, 1).reshape(-1, 24) @ weights
-        blended = blended.unflatten(0, (-1, 3, 4))  # (n, 3, 4, V)
-        points = rest.T
-        if directions is not None:
-            points = points + (pose_feature[part] @ directions).unflatten(1, (-1, 3)).mT
-        else:
-            points = points.expand(blended.shape[0], -1, -1)
-        moved = (blended[:, :, :3] * points[:, None]).sum(2) + blended[:, :, 3]
-        out[part] = moved.mT.numpy()
-    return out, t.numpy()
+    directions = _pose_directions(body)
+    pose = torch.as_tensor(np.asarray(poses), dtype=torch.float32).reshape(-1, 24, 3)
+    out = np.zeros((len(pose), len(vertices), 3), dtype=np.float32)
+    with torch.no_grad():
+        rotations = axis_angle_to_matrix(pose)
+        transforms, places = joint_transforms(rest_joints, rotations)
+        if trans is not None:
+            shift = torch.as_tensor(np.asarray(trans), dtype=torch.float32)[:, None]
+            transforms[..., 3] += shift
+            places = places + shift
+        for start in range(0, len(pose), chunk):
+            part = slice(start, start + chunk)
+            points = planes
+            if directions is not None:
+                feature = _pose_feature(rotations[part])
+                points = planes + (feature @ directions).unflatten(1, (3, -1))
+            torch.from_numpy(out[part]).mT.copy_(blend(points, transforms[part], weights))
+    return out, places.numpy()
+
+
+def _pose_feature(rotations: torch.Tensor) -> torch.Tensor:
+    """(N, 24, 3, 3) -> (N, 207): how far every joint but the root is from rest."""
+    identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+    return (rotations[:, 1:] - identity).flatten(1)
+
+
+def _pose_directions(body: BodyModel) -> torch.Tensor | None:
+    """(207, 3 * V) pose blend shapes in coordinate planes; None where all are zero."""
+    if not np.any(body.posedirs):
+        return None
+    planes = np.ascontiguousarray(body.posedirs.transpose(2, 1, 0))
+    return torch.from_numpy(planes).flatten(1)
