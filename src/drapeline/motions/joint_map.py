@@ -1,6 +1,7 @@
 """Joint maps: which joint of a source skeleton drives each SMPL joint (YAML)."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import yaml
@@ -79,23 +80,32 @@ def load_joint_map(path: str | Path) -> JointMap:
 
 
 def built_in_map(take: Take) -> JointMap:
-    """The first shipped map whose joints the take has.
+    """The shipped map whose joints the take has; the one that drives most joints if several fit.
+
+    A prefix that all of a file's joints share, such as ``mixamorig:``, is ignored.
 
     Raises:
         InputError: no shipped map fits; names the joints and what to write.
     """
-    for path in sorted(BUILT_IN.glob("*.yaml")):
-        joint_map = load_joint_map(path)
-        if set(joint_map.joints.values()) <= set(take.names):
-            return joint_map
-    known = ", ".join(path.stem for path in sorted(BUILT_IN.glob("*.yaml")))
+    prefix = take.names[0][: take.names[0].rfind(":") + 1]
+    shipped = [load_joint_map(path) for path in sorted(BUILT_IN.glob("*.yaml"))]
+    if not all(name.startswith(prefix) for name in take.names):
+        prefix = ""
+    fitting = []
+    for joint_map in shipped:
+        joints = {joint: prefix + source for joint, source in joint_map.joints.items()}
+        if set(joints.values()) <= set(take.names):
+            fitting.append(replace(joint_map, joints=joints))
+    if fitting:
+        return max(fitting, key=lambda joint_map: len(joint_map.joints))
     raise InputError(
-        f"{take.source}: joints {_listed(take.names)} fit no built-in map ({known}), expected a "
+        f"{take.source}: joints {_listed(take.names)} fit no built-in map "
+        f"({_listed(Path(joint_map.name).stem for joint_map in shipped)}), expected a "
         "'joint_map' YAML file that names the source joint of each SMPL joint"
     )
 
 
-def _listed(names: object) -> str:
+def _listed(names: Iterable[object]) -> str:
     names = [str(name) for name in names]
     shown = ", ".join(names[:40])
     return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"

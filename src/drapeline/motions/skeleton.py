@@ -115,7 +115,7 @@ def poses_from_globals(rotations: np.ndarray) -> np.ndarray:
 
 def globals_from_poses(poses: np.ndarray) -> np.ndarray:
     """Global rotations (N, 24, 3, 3) of SMPL pose vectors (N, 72)."""
-    local = Rotation.from_rotvec(np.asarray(poses).reshape(-1, 3)).as_matrix()
+    local = Rotation.from_rotvec(np.array(poses, dtype=np.float64).reshape(-1, 3)).as_matrix()
     return globals_from_locals(PARENTS, local.reshape(-1, 24, 3, 3))
 
 

@@ -1,0 +1,87 @@
+"""Motion files of known content, written by other means than the readers' own."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from drapeline.frames import JOINT_NAMES, PARENTS
+from drapeline.motions.skeleton import REFERENCE_OFFSETS
+
+SMPL_TO_CMU_BVH = {
+    "pelvis": "Hips",
+    "spine1": "LowerBack",
+    "spine2": "Spine",
+    "spine3": "Spine1",
+    "neck": "Neck",
+    "head": "Head",
+} | {
+    f"{side}_{ours}": f"{side.title()}{theirs}"
+    for side in ("left", "right")
+    for ours, theirs in {
+        "hip": "UpLeg",
+        "knee": "Leg",
+        "ankle": "Foot",
+        "foot": "ToeBase",
+        "collar": "Shoulder",
+        "shoulder": "Arm",
+        "elbow": "ForeArm",
+        "wrist": "Hand",
+        "hand": "Fingers",
+    }.items()
+}
+
+
+def random_turns(rng: np.random.Generator, shape: tuple[int, ...], angle: float) -> np.ndarray:
+    """Rotation matrices `shape` + (3, 3) of up to about `angle` radians."""
+    vectors = rng.uniform(-angle, angle, (int(np.prod(shape)), 3))
+    return Rotation.from_rotvec(vectors).as_matrix().reshape(*shape, 3, 3)
+
+
+def smooth_turns(rng: np.random.Generator, frames: int, joints: int, angle: float) -> np.ndarray:
+    """Local rotations (N, J, 3, 3) that change slowly from frame to frame."""
+    phase = rng.uniform(0, 2 * np.pi, (joints, 3))
+    time = np.linspace(0, 1.5, frames)[:, None, None]
+    vectors = rng.uniform(-angle, angle, (joints, 3)) * np.sin(2 * np.pi * time + phase)
+    return Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(frames, joints, 3, 3)
+
+
+def write_bvh(
+    path: Path,
+    local: np.ndarray,
+    root: np.ndarray,
+    *,
+    names: tuple[str, ...] = tuple(SMPL_TO_CMU_BVH[name] for name in JOINT_NAMES),
+    parents: np.ndarray = PARENTS,
+    offsets: np.ndarray = REFERENCE_OFFSETS,
+    order: str = "ZYX",
+    frame_time: float = 1 / 30,
+) -> Path:
+    """Write local rotations (N, J, 3, 3) and root positions (N, 3) as BVH."""
+    sequence: list[int] = []
+    lines = ["HIERARCHY", *_joint_lines(0, names, parents, offsets, order, sequence, "")]
+    lines += ["MOTION", f"Frames: {len(local)}", f"Frame Time: {frame_time:.9f}"]
+    turns = Rotation.from_matrix(local[:, sequence].reshape(-1, 3, 3))
+    angles = turns.as_euler(order, degrees=True).reshape(len(local), -1)
+    for row in np.concatenate([root, angles], axis=1):
+        lines.append(" ".join(f"{value:.9f}" for value in row))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def _joint_lines(joint, names, parents, offsets, order, sequence, pad) -> list[str]:
+    sequence.append(joint)
+    turns = " ".join(f"{axis}rotation" for axis in order)
+    moves = "6 Xposition Yposition Zposition" if joint == 0 else "3"
+    lines = [
+        f"{pad}{'ROOT' if joint == 0 else 'JOINT'} {names[joint]}",
+        f"{pad}{{",
+        f"{pad}\tOFFSET " + " ".join(f"{value:.9f}" for value in offsets[joint]),
+        f"{pad}\tCHANNELS {moves} {turns}",
+    ]
+    children = np.flatnonzero(parents == joint)
+    for child in children:
+        lines += _joint_lines(child, names, parents, offsets, order, sequence, pad + "\t")
+    if len(children) == 0:
+        lines += [f"{pad}\tEnd Site", f"{pad}\t{{", f"{pad}\t\tOFFSET 0 0.1 0", f"{pad}\t}}"]
+    return [*lines, f"{pad}}}"]

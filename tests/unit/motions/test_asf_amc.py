@@ -1,0 +1,192 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from drapeline.errors import InputError
+from drapeline.frames import JOINT_NAMES
+from drapeline.motions.asf_amc import amc_frames, find_asf, read_asf_amc
+from drapeline.motions.joint_map import built_in_map
+from drapeline.motions.retarget import retarget
+from drapeline.motions.skeleton import reference_joints
+
+# name: parent, direction, length, axis in degrees, degrees of freedom
+BONES = {
+    "lowerback": ("root", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+    "upperback": ("lowerback", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+    "thorax": ("upperback", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+    "lowerneck": ("thorax", (0, 1, 0), 1.5, (0, 0, 0), "rx ry rz"),
+    "head": ("lowerneck", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+}
+for side, sign in (("l", 1), ("r", -1)):
+    slant = (0.34202 * sign, -0.939693, 0)
+    BONES |= {
+        f"{side}hipjoint": ("root", (0.6 * sign, -0.7, 0.3), 2.4, (0, 0, 0), ""),
+        f"{side}femur": (f"{side}hipjoint", slant, 7.2, (0, 0, 20 * sign), "rx ry rz"),
+        f"{side}tibia": (f"{side}femur", slant, 7.5, (0, 0, 20 * sign), "rx"),
+        f"{side}foot": (
+            f"{side}tibia",
+            (0.06 * sign, -0.18, 0.98),
+            2.3,
+            (-90, 0, 20 * sign),
+            "rx rz",
+        ),
+        f"{side}toes": (f"{side}foot", (0, 0, 1), 1.2, (-90, 0, 20 * sign), "rx"),
+        f"{side}clavicle": ("thorax", (0.94 * sign, 0.33, 0), 3.6, (0, 0, 0), "ry rz"),
+        f"{side}humerus": (
+            f"{side}clavicle",
+            (sign, 0, 0),
+            5,
+            (180, 30 * sign, 90 * sign),
+            "rx ry rz",
+        ),
+        f"{side}radius": (f"{side}humerus", (sign, 0, 0), 3, (180, 30 * sign, 90 * sign), "rx"),
+        f"{side}wrist": (f"{side}radius", (sign, 0, 0), 1.5, (180, 30 * sign, 90 * sign), "ry"),
+    }
+
+
+def asf_text():
+    lines = [
+        ":version 1.10",
+        ":units",
+        "  mass 1.0",
+        "  length 0.45",
+        "  angle deg",
+        ":root",
+        "   order TX TY TZ RX RY RZ",
+        "   axis XYZ",
+        "   position 0 0 0",
+        "   orientation 0 0 0",
+        ":bonedata",
+    ]
+    for number, (name, (_, direction, length, axis, freedom)) in enumerate(BONES.items(), 1):
+        lines += ["begin", f"id {number}", f"name {name}"]
+        lines += ["direction " + " ".join(map(str, direction)), f"length {length}"]
+        lines += ["axis " + " ".join(map(str, axis)) + " XYZ"]
+        lines += [f"dof {freedom}", "limits (-180 180)"] if freedom else []
+        lines += ["end"]
+    lines += [":hierarchy", "begin"]
+    for parent in ["root", *BONES]:
+        children = [name for name, bone in BONES.items() if bone[0] == parent]
+        if children:
+            lines.append(" ".join([parent, *children]))
+    return "\n".join([*lines, "end"]) + "\n"
+
+
+def amc_text(frames):
+    lines = [":FULLY-SPECIFIED", ":DEGREES"]
+    for number, frame in enumerate(frames, 1):
+        lines.append(str(number))
+        values = {"root": [0, 17, 0, 0, 0, 0]}
+        values |= {name: [0] * len(bone[4].split()) for name, bone in BONES.items() if bone[4]}
+        values |= frame
+        lines += [f"{name} " + " ".join(map(str, row)) for name, row in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def files(tmp_path):
+    def write(*frames):
+        asf, amc = tmp_path / "07.asf", tmp_path / "07_01.amc"
+        asf.write_text(asf_text())
+        amc.write_text(amc_text(frames))
+        return asf, amc
+
+    return write
+
+
+def directions(asf, amc):
+    take = read_asf_amc(asf, amc)
+    poses, trans = retarget(take, built_in_map(take))
+    joints, _ = reference_joints(poses, trans)
+
+    def bone(start, end):
+        vector = joints[0, JOINT_NAMES.index(end)] - joints[0, JOINT_NAMES.index(start)]
+        return vector / np.linalg.norm(vector)
+
+    return bone
+
+
+def test_zero_angles_show_the_skeletons_rest_pose(files):
+    bone = directions(*files({}))
+    slant = np.radians(20)
+    np.testing.assert_allclose(
+        bone("left_knee", "left_ankle"), [np.sin(slant), 0, -np.cos(slant)], atol=1e-5
+    )
+    np.testing.assert_allclose(bone("right_elbow", "right_wrist"), [-1, 0, 0], atol=1e-6)
+
+
+def test_a_knee_bends_back_about_the_bones_own_axis(files):
+    bone = directions(*files({"ltibia": [90]}))
+    np.testing.assert_allclose(bone("left_knee", "left_ankle"), [0, 1, 0], atol=1e-5)
+    np.testing.assert_allclose(bone("right_knee", "right_ankle")[1], 0, atol=1e-5)
+
+
+def test_axes_are_applied_in_the_order_written(files):
+    # Own axes of the humerus: C = Rz Ry Rx; turning by rz then means C Rz(a) C^-1.
+    own = Rotation.from_euler("xyz", [180, 30, 90], degrees=True)
+    turn = own * Rotation.from_euler("xyz", [20, -35, 50], degrees=True) * own.inv()
+    bone = directions(*files({"lhumerus": [20, -35, 50]}))
+    x, y, z = turn.apply([1, 0, 0])
+    np.testing.assert_allclose(bone("left_shoulder", "left_elbow"), [x, -z, y], atol=1e-6)
+
+
+def test_the_root_carries_heading_and_path(files):
+    asf, amc = files({"root": [0, 17, 0, 0, 90, 0]}, {"root": [10, 17, 0, 0, 90, 0]})
+    take = read_asf_amc(asf, amc)
+    poses, trans = retarget(take, built_in_map(take))
+    front = Rotation.from_rotvec(poses[0, :3]).apply([0, 0, 1])
+    np.testing.assert_allclose(front, [1, 0, 0], atol=1e-9)
+    # 10 units of 1/0.45 inches, brought to the reference skeleton by its 0.82 m of 14.7 units.
+    np.testing.assert_allclose(trans[1] - trans[0], [10 * 0.82 / 14.7, 0, 0], atol=1e-9)
+
+
+def test_frames_are_counted_from_the_ends(files):
+    _, amc = files(*[{}] * 37)
+    assert amc_frames(amc) == 37
+
+
+def test_the_skeleton_beside_a_motion_is_found(files, tmp_path):
+    asf, amc = files({})
+    (tmp_path / "99.asf").write_text("")
+    assert find_asf(amc) == asf
+    with pytest.raises(InputError, match=r"08_01\.amc: no 08\.asf beside it"):
+        find_asf(tmp_path / "08_01.amc")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("lfemur 0 0 0", "lfemur 0 0", "frame 1, bone lfemur holds 0 0, expected 3 finite"),
+        ("lfemur 0 0 0", "lfemur 0 nan 0", "frame 1, bone lfemur holds 0 nan 0"),
+        ("lfemur 0 0 0", "lfemur 0 x 0", "frame 1, bone lfemur: could not convert"),
+        ("lfemur 0 0 0", "tail 0 0 0", "frame 1 moves bone tail, expected one of root"),
+        ("lfemur 0 0 0\n", "", "bone lfemur has 0 values in 1 frames"),
+    ],
+)
+def test_malformed_motions_are_named(files, old, new, message):
+    asf, amc = files({})
+    amc.write_text(amc.read_text().replace(old, new))
+    with pytest.raises(InputError, match=r"07_01\.amc: ") as caught:
+        read_asf_amc(asf, amc)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("name ltibia", "name lshin"), ("length 7.2", "length long"), (":hierarchy", ":nothing")],
+)
+def test_malformed_skeletons_are_named(files, old, new):
+    asf, amc = files({})
+    asf.write_text(asf.read_text().replace(old, new))
+    with pytest.raises(InputError, match=r"07\.asf: "):
+        read_asf_amc(asf, amc)
+
+
+def test_no_frames_and_no_file(files, tmp_path):
+    asf, amc = files()
+    with pytest.raises(InputError, match="holds 0 frames"):
+        read_asf_amc(asf, amc)
+    with pytest.raises(InputError, match="holds 0 frames"):
+        amc_frames(amc)
+    with pytest.raises(InputError, match=r"none\.amc: no such file"):
+        read_asf_amc(asf, tmp_path / "none.amc")

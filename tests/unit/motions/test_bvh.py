@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.frames import PARENTS
+from drapeline.motions.bvh import bvh_frames, read_bvh
+from drapeline.motions.joint_map import built_in_map
+from drapeline.motions.skeleton import REFERENCE_OFFSETS, chain, globals_from_locals
+from motion_files import smooth_turns, write_bvh
+
+
+@pytest.fixture
+def walk(tmp_path):
+    rng = np.random.default_rng(0)
+    local = smooth_turns(rng, 20, 24, 0.5)
+    return write_bvh(tmp_path / "walk.bvh", local, rng.normal(size=(20, 3))), local
+
+
+def test_frame_zero_and_last_equal_what_was_written(walk):
+    path, local = walk
+    take = read_bvh(path)
+    expected = globals_from_locals(PARENTS, local)
+    order = [take.names.index(name) for name in take.names]
+    assert len(take.rotations) == 20
+    np.testing.assert_allclose(take.times_s, np.arange(20) / 30, atol=1e-6)
+    # The file lists joints depth first, so compare by the positions they reach.
+    positions = chain(PARENTS, expected, REFERENCE_OFFSETS[None])
+    reached = take.positions - take.positions[:, :1]
+    for joint in order:
+        distance = np.linalg.norm(positions - reached[:, joint, None], axis=-1).min(1)
+        np.testing.assert_allclose(distance, 0, atol=1e-6)
+
+
+def test_single_channels_and_extra_joints_are_read(tmp_path):
+    path = tmp_path / "a.bvh"
+    path.write_text(
+        "HIERARCHY\nROOT a\n{\n OFFSET 1 2 3\n CHANNELS 4 Yposition Xrotation Zposition Yrotation\n"
+        " JOINT b\n {\n  OFFSET 0 5 0\n  CHANNELS 0\n  End Site\n  {\n   OFFSET 0 1 0\n  }\n }\n}\n"
+        "MOTION\nFrames: 1\nFrame Time: 0.01\n7 90 9 0\n"
+    )
+    take = read_bvh(path)
+    np.testing.assert_allclose(take.positions[0, 0], [1, 7, 9])  # no Xposition: offset stays
+    np.testing.assert_allclose(take.positions[0, 1], [1, 7, 14], atol=1e-12)
+
+
+def test_a_leading_rest_pose_is_dropped(tmp_path, walk):
+    _, local = walk
+    stand = np.tile(np.eye(3), (1, 24, 1, 1))
+    bent = local.copy()
+    bent[:, 16] = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # an arm far from the T-pose
+    path = write_bvh(tmp_path / "t.bvh", np.concatenate([stand, bent]), np.zeros((21, 3)))
+    assert len(read_bvh(path).times_s) == 20
+    assert bvh_frames(path)[0] == 20
+
+
+def test_header_count_equals_the_whole_reading(walk):
+    path, _ = walk
+    count, fps = bvh_frames(path)
+    assert count == len(read_bvh(path).times_s)
+    assert fps == pytest.approx(30)
+
+
+def edited(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("HIERARCHY", "HELLO", "does not start with 'HIERARCHY'"),
+        ("MOTION", "", "no line 'MOTION'"),
+        ("Frames: 20", "Frames: 0", "holds 0 frames, expected at least 1"),
+        ("Frames: 20", "Frames: many", "'Frames: many', expected a number"),
+        ("Frames: 20", "", "lacks 'Frames:'"),
+        ("Frame Time: 0.033333333", "Frame Time: -1", "frame time -1.0"),
+        ("Frames: 20", "Frames: 21", "1500 motion values, expected 21 frames of 75 channels, 1575"),
+        ("CHANNELS 3 Zrotation", "CHANNELS 3 Zrotator", "has channel 'Zrotator'"),
+        ("OFFSET", "OFSET", "'OFSET' in the hierarchy"),
+        ("JOINT LeftLeg", "JOINT LeftUpLeg", "LeftUpLeg appears twice"),
+    ],
+)
+def test_malformed_files_are_named(walk, old, new, message):
+    path = edited(walk[0], old, new)
+    with pytest.raises(InputError, match=r"walk\.bvh: ") as caught:
+        read_bvh(path)
+    assert message in str(caught.value)
+
+
+def test_nan_is_named_with_frame_and_joint(walk):
+    path, _ = walk
+    lines = path.read_text().splitlines()
+    values = lines[-3].split()
+    values[6] = "nan"
+    lines[-3] = " ".join(values)
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match="frame 17, joint LeftUpLeg holds nan"):
+        read_bvh(path)
+
+
+def test_text_in_place_of_numbers_is_refused(walk):
+    path, _ = walk
+    path.write_text(path.read_text() + "oops\n")
+    with pytest.raises(InputError, match=r"walk\.bvh: .*'oops'"):
+        read_bvh(path)
+
+
+@pytest.mark.parametrize("keep", [0.2, 0.7])
+def test_a_file_cut_off_is_refused(walk, keep):
+    path, _ = walk
+    text = path.read_text()
+    path.write_text(text[: int(len(text) * keep)])
+    with pytest.raises(InputError, match=r"walk\.bvh: "):
+        read_bvh(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"none\.bvh: no such file"):
+        read_bvh(tmp_path / "none.bvh")
+
+
+def test_unknown_joints_are_listed_with_what_to_write(walk):
+    path = edited(walk[0], "JOINT LeftUpLeg", "JOINT Oberschenkel")
+    with pytest.raises(InputError, match="Oberschenkel.*'joint_map' YAML"):
+        built_in_map(read_bvh(path))

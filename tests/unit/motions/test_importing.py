@@ -1,0 +1,145 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from drapeline.errors import InputError
+from drapeline.frames import JOINT_NAMES
+from drapeline.motions.floor import floor_report
+from drapeline.motions.importing import frame_count, import_motion
+from drapeline.motions.motion import Cycle, Motion, save_motion
+from motion_files import SMPL_TO_CMU_BVH, smooth_turns, write_bvh
+
+
+@pytest.fixture
+def make(tmp_path):
+    """One motion file of each kind, 50 frames at 60 fps or as many as its kind allows."""
+    rng = np.random.default_rng(0)
+    local = smooth_turns(rng, 50, 24, 0.3)
+    root = np.linspace([0, 0.9, 0], [0, 0.9, 1.0], 50)
+
+    def bvh():
+        return write_bvh(tmp_path / "12_03.bvh", local, root, frame_time=1 / 60)
+
+    def amass():
+        poses = rng.uniform(-0.1, 0.1, (50, 156))
+        poses[:, 0] += np.pi / 2
+        trans = np.zeros((50, 3))
+        np.savez(tmp_path / "a.npz", poses=poses, trans=trans, mocap_framerate=60.0)
+        return tmp_path / "a.npz"
+
+    def cycle():
+        poses = np.zeros((20, 72))
+        poses[:, 0] = np.pi / 2
+        motion = Motion(
+            poses,
+            np.tile([0, 0, 0.9], (20, 1)),
+            30.0,
+            "walk",
+            "me",
+            "x.txt",
+            "x",
+            cycle=Cycle(0.1, np.array([0.0, -0.1])),
+        )
+        save_motion(tmp_path / "cycle.npz", motion)
+        return tmp_path / "cycle.npz"
+
+    return {"bvh": bvh, "amass": amass, "cycle": cycle}
+
+
+@pytest.mark.parametrize("kind", ["bvh", "amass", "cycle"])
+@pytest.mark.parametrize("frames", [None, 7, 100])
+def test_the_count_is_known_before_reading(make, kind, frames):
+    path = make[kind]()
+    motion = import_motion(path, frames=frames)
+    assert frame_count(path, frames=frames) == len(motion)
+    assert motion.fps == 30
+    whole = 20 if kind == "cycle" else 25
+    longest = 100 if kind == "cycle" else 25
+    assert len(motion) == {None: whole, 7: 7, 100: longest}[frames]
+
+
+def test_labels_are_kept_or_replaced(make):
+    path = make["cycle"]()
+    motion = import_motion(path)
+    assert (motion.action, motion.subject, motion.source, motion.sequence) == (
+        "walk",
+        "me",
+        "x.txt",
+        "x",
+    )
+    motion = import_motion(path, action="stroll", subject="you", sequence="s")
+    assert (motion.action, motion.subject, motion.sequence) == ("stroll", "you", "s")
+    motion = import_motion(make["bvh"]())
+    assert (motion.subject, motion.source, motion.sequence) == ("12", "12_03.bvh", "12_03")
+
+
+@pytest.mark.parametrize("kind", ["bvh", "amass"])
+def test_imported_motions_stand_on_the_floor(make, kind):
+    assert floor_report(import_motion(make[kind]())).penetration_max_mm < 1e-6
+
+
+def test_a_joint_map_opens_any_skeleton(make, tmp_path):
+    path = make["bvh"]()
+    expected = import_motion(path)
+    text = path.read_text()
+    for name in SMPL_TO_CMU_BVH.values():
+        text = text.replace(f" {name}\n", f" my{name}\n")
+    path.write_text(text)
+    with pytest.raises(InputError, match="fit no built-in map"):
+        import_motion(path)
+    joints = {j: f"my{SMPL_TO_CMU_BVH[j]}" for j in JOINT_NAMES if "hand" not in j}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joints": joints}))
+    motion = import_motion(path, joint_map=tmp_path / "map.yaml")
+    np.testing.assert_allclose(motion.poses, expected.poses, atol=1e-9)
+
+
+@pytest.mark.parametrize("read", [import_motion, frame_count])
+@pytest.mark.parametrize("name", ["a.fbx", "missing.bvh", "missing.npz", "missing.amc"])
+def test_missing_and_unknown_files_are_named(tmp_path, read, name):
+    if name.endswith(".fbx"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(InputError, match=rf"{name}: .*expected"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("read", [import_motion, frame_count])
+@pytest.mark.parametrize("suffix", [".npz", ".bvh", ".amc"])
+@pytest.mark.parametrize("content", [b"", b"\x00\xff\x01 not a motion", b"PK\x03\x04 cut"])
+def test_unreadable_files_are_named(tmp_path, read, suffix, content):
+    path = tmp_path / f"bad{suffix}"
+    path.write_bytes(content)
+    (tmp_path / "bad.asf").write_bytes(content)
+    with pytest.raises(InputError, match=r"bad\.a?\w+: "):
+        read(path)
+
+
+def test_npz_headers_without_frames_or_rate_are_named(tmp_path):
+    np.savez(tmp_path / "a.npz", poses=np.zeros((0, 156)), mocap_framerate=60.0)
+    with pytest.raises(InputError, match=r"a\.npz: poses of shape \(0, 156\)"):
+        frame_count(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", poses=np.zeros((5, 156)))
+    with pytest.raises(InputError, match=r"b\.npz: no readable 'poses' and frame rate"):
+        frame_count(tmp_path / "b.npz")
+    np.savez(tmp_path / "c.npz", x=np.zeros(5))
+    with pytest.raises(InputError, match=r"c\.npz: lacks 'poses'"):
+        frame_count(tmp_path / "c.npz")
+
+
+def test_nan_in_our_own_file_names_it(make):
+    path = make["cycle"]()
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays["poses"][4, 30] = np.nan
+    np.savez(path, **arrays)
+    with pytest.raises(InputError, match=r"cycle\.npz: frame 4, joint left_foot is nan"):
+        import_motion(path)
+
+
+def test_one_frame_of_bvh_is_a_motion(tmp_path):
+    still = np.tile(np.eye(3), (1, 24, 1, 1))
+    path = write_bvh(tmp_path / "one.bvh", still, np.zeros((1, 3)))
+    motion = import_motion(path)
+    assert len(motion) == 1 == frame_count(path)
+    assert replace(motion, source="").sequence == "one"
