@@ -37,7 +37,7 @@ def dry_run_error(tmp_path, **settings):
 
 @pytest.mark.parametrize("config", CONFIGS[:2])
 def test_each_size_plans_every_step(config, tmp_path):
-    run = snakemake("--dry-run", "all", "--forceall", "--quiet", "--configfile", config)
+    run = snakemake("--dry-run", "all", "--forceall", "--configfile", config)
     assert run.returncode == 0, run.stderr
     steps = {line.split()[0] for line in (run.stdout + run.stderr).splitlines() if line.strip()}
     for rule in ("import_motion", "animate_body", "make_outfit", "simulate_outfit", "write_sample"):
