@@ -6,7 +6,22 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.parts import PAIRS, PART_JOINTS, PART_NAMES, Topology, topology_of
+from drapeline.bodies.placement import ground_contact, leg_length_m, place_on_floor
+from drapeline.bodies.sampling import SHAPE_RANGE
+from drapeline.bodies.self_collision import Solution, solve_self_collisions
+from drapeline.frames import JOINT_NAMES
 from drapeline.storage import load_npz, save_npz
+
+# Parts that may be left out of collisions, by what the outfit leaves bare.
+REMOVABLE = {
+    "none": (),
+    "hands": ("hand",),
+    "forearms": ("hand", "forearm"),
+    "arms": ("hand", "forearm", "upper_arm"),
+}
+THINNER_STEP = 1.0  # of the shape's second coefficient, corpulence
+MAX_THINNED = 3
 
 
 @dataclass(frozen=True)
@@ -18,11 +33,16 @@ class BodySequence:
         gender: 0 female, 1 male.
         poses: (N, 72) float64 axis-angle, radians.
         trans: (N, 3) float64 world position of the root joint in metres, feet on the floor.
-        outcome: "free", "solved", "thinned", "removed" or "rejected".
+        outcome: "free" of collisions, "solved", "removed" (parts left out), "thinned" or
+            "rejected"; the last that applies.
+        reason: one sentence if rejected, else empty.
         thinned: how many times the body was made thinner.
         removed_segments: (k,) int32 joints whose segments take no part in collisions.
         fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
         fix_delta: (m, 3) float32 metres, world axes.
+        collided_frames: frames in which parts were pressed apart.
+        deepest_m: greatest distance that a vertex was moved.
+        penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
         sequence, action, subject, source: the motion's labels.
         start_frame: first frame of this sub-sequence in its source clip, at 30 fps.
     """
@@ -32,11 +52,16 @@ class BodySequence:
     poses: np.ndarray
     trans: np.ndarray
     outcome: str
+    reason: str
     thinned: int
     removed_segments: np.ndarray
     fix_frame: np.ndarray
     fix_vertex: np.ndarray
     fix_delta: np.ndarray
+    collided_frames: int
+    deepest_m: float
+    penetration_m: float
+    foot_sliding_m_s: float
     sequence: str
     action: str
     subject: str
@@ -61,33 +86,117 @@ def make_body_sequence(
 ) -> BodySequence:
     """Put a motion on a body and free it of self-collisions (CLOTH3D 3.1).
 
+    Small overlaps are pressed apart. For larger ones, parts are left out where the outfit allows
+    it; else the body is made thinner, step by step; else the sequence is rejected.
+
     Args:
         shape: (10,) shape coefficients.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the motion's own root joint in metres.
-        reference_leg_length_m: leg length of the skeleton the motion was recorded on; root
-            displacements are scaled by the ratio of leg lengths. None keeps them.
-        removable: what the outfit leaves bare and collisions may drop: "none", "hands",
-            "forearms" (with hands) or "arms" (with both).
+        reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
+            path is scaled by the ratio of leg lengths. None keeps it.
+        removable: a key of `REMOVABLE`, what the outfit leaves bare.
     """
-    none = np.zeros(0, dtype=np.int32)
+    shape = np.array(shape, dtype=np.float64)
+    topology = topology_of(body)
+    thinner = _thinner_direction(body)
+    for thinned in range(MAX_THINNED + 1):
+        vertices, _ = posed_vertices(body, shape, poses)
+        solution = solve_self_collisions(vertices, topology)
+        removed = _parts_to_remove(solution, removable)
+        if removed:
+            solution = solve_self_collisions(vertices, topology, ignored=removed)
+        deep = solution.unsolved()
+        slimmer = shape.copy()
+        slimmer[1] = np.clip(slimmer[1] + thinner * THINNER_STEP, -SHAPE_RANGE, SHAPE_RANGE)
+        if not deep.any() or slimmer[1] == shape[1] or thinned == MAX_THINNED:
+            break
+        shape = slimmer
+    scale = 1.0
+    if reference_leg_length_m is not None:
+        scale = leg_length_m(body, shape) / reference_leg_length_m
+    path = place_on_floor(vertices, trans, scale)
+    ground = ground_contact(vertices, path, _feet(topology))
+    collided = (solution.depth_m > 0).any(axis=1)
     return BodySequence(
-        np.asarray(shape, dtype=np.float64),
-        gender,
-        poses,
-        trans,
-        "free",
-        0,
-        none,
-        none,
-        none,
-        np.zeros((0, 3), dtype=np.float32),
-        sequence,
-        action,
-        subject,
-        source,
-        start_frame,
+        shape=shape,
+        gender=gender,
+        poses=np.array(poses, dtype=np.float64),
+        trans=path,
+        outcome=_outcome(deep.any(), thinned, bool(removed), collided.any()),
+        reason=_reason(solution, thinned),
+        thinned=thinned,
+        removed_segments=_joints_of(removed),
+        fix_frame=solution.frame,
+        fix_vertex=solution.vertex,
+        fix_delta=solution.delta,
+        collided_frames=int(collided.sum()),
+        deepest_m=float(solution.depth_m.max(initial=0)),
+        penetration_m=ground.penetration_m,
+        foot_sliding_m_s=ground.foot_sliding_m_s,
+        sequence=sequence,
+        action=action,
+        subject=subject,
+        source=source,
+        start_frame=start_frame,
     )
+
+
+def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
+    if deep:
+        return "rejected"
+    if thinned:
+        return "thinned"
+    if removed:
+        return "removed"
+    return "solved" if collided else "free"
+
+
+def _reason(solution: Solution, thinned: int) -> str:
+    deep = np.where(solution.unsolved(), solution.depth_m, 0)
+    if not deep.any():
+        return ""
+    frame, index = np.unravel_index(deep.argmax(), deep.shape)
+    pair = PAIRS[index]
+    return (
+        f"{pair.first} and {pair.second} overlap by {1000 * deep.max():.0f} mm in frame {frame},"
+        f" at most {1000 * pair.limit_m:.0f} mm can be pressed apart"
+        + (f" (after thinning {thinned} times)" if thinned else "")
+    ).replace("_", " ")
+
+
+def _thinner_direction(body: BodyModel) -> float:
+    """Sign of the second shape coefficient that takes volume away."""
+    outward = np.zeros_like(body.v_template)
+    corners = [body.v_template[body.faces[:, i]] for i in range(3)]
+    cross = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    for i in range(3):
+        np.add.at(outward, body.faces[:, i], cross)
+    return -1.0 if np.sum(outward * body.shapedirs[:, :, 1]) > 0 else 1.0
+
+
+def _parts_to_remove(solution: Solution, removable: str) -> frozenset[str]:
+    """Parts without which nothing is left unsolved, with all beyond them; none if impossible."""
+    allowed = REMOVABLE[removable]
+    removed: set[str] = set()
+    for index in np.flatnonzero(solution.unsolved().any(axis=0)):
+        pair = PAIRS[index]
+        found = {p for p in (pair.first, pair.second) if p.partition("_")[2] in allowed}
+        if not found:
+            return frozenset()
+        for part in found:
+            side, _, limb = part.partition("_")
+            removed |= {f"{side}_{beyond}" for beyond in allowed[: allowed.index(limb) + 1]}
+    return frozenset(removed)
+
+
+def _joints_of(parts: frozenset[str]) -> np.ndarray:
+    names = [name for part in PART_NAMES if part in parts for name in PART_JOINTS[part]]
+    return np.array([JOINT_NAMES.index(name) for name in names], dtype=np.int32)
+
+
+def _feet(topology: Topology) -> list[np.ndarray]:
+    return [topology.part_vertices[PART_NAMES.index(f"{side}_foot")] for side in ("left", "right")]
 
 
 def body_sequence_vertices(
@@ -131,10 +240,10 @@ def load_body_sequence(path: str | Path) -> BodySequence:
     """
     fields = BodySequence.__dataclass_fields__
     arrays = load_npz(path, *fields)
-    plain = {str: str, int: int}
+    plain = {str, int, float}
     return BodySequence(
         **{
-            name: plain[field.type](arrays[name]) if field.type in plain else arrays[name]
+            name: field.type(arrays[name]) if field.type in plain else arrays[name]
             for name, field in fields.items()
         }
     )
