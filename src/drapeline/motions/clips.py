@@ -10,7 +10,7 @@ import numpy as np
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.motions.deepmimic import read_deepmimic
-from drapeline.motions.floor import set_on_floor
+from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.looping import closed_cycle
 from drapeline.motions.motion import Motion, interpolate, resampled_count, save_motion

@@ -1,4 +1,4 @@
-"""The floor: what touches it, how far feet slide on it, and setting a motion down on it.
+"""The floor: what touches it, how far feet slide on it, and the root's height above it.
 
 Touching is measured on the reference skeleton with spheres at soles, hands, knees and so on, so
 that crawling and rolling clips meet the floor too. A body of another build is set down again by
@@ -8,7 +8,11 @@ its own vertices later.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.ndimage import (
+    gaussian_filter1d,
+    maximum_filter1d,
+    minimum_filter1d,
+)
 
 from drapeline.frames import JOINT_NAMES
 from drapeline.motions.motion import Motion
@@ -16,6 +20,10 @@ from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, reference_joints
 
 CONTACT_HEIGHT_M = 0.03  # a point this near the floor may be standing on it
 CONTACT_SPEED_M_S = 0.4  # a faster point is not
+REST_HEIGHT_M = 0.035  # a foot rests if it is no higher
+REST_SPEED_M_S = 0.6  # and its bearing points no faster
+MIN_REST_FRAMES = 3
+_BEARING_M = 0.01  # sole points this near to the lowest one bear with it
 _NEIGHBOURHOOD_S = 0.5  # a support is nearly the lowest that the body gets within this time
 _NEIGHBOURHOOD_M = 0.06
 _SMOOTH_S = 0.1
@@ -55,6 +63,8 @@ def _spheres() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 SPHERE_JOINTS, SPHERE_CENTRES, SPHERE_RADII = _spheres()
 SOLES = np.flatnonzero(SPHERE_RADII == 0.0)
+_ON_THE_LEFT = np.array([JOINT_NAMES[joint].startswith("left") for joint in SPHERE_JOINTS[SOLES]])
+SOLES_BY_SIDE = (SOLES[_ON_THE_LEFT], SOLES[~_ON_THE_LEFT])
 
 
 @dataclass(frozen=True)
@@ -62,8 +72,11 @@ class FloorReport:
     """How well a motion stands on the floor z = 0, on the reference skeleton.
 
     Attributes:
-        sliding_mm_per_frame: mean horizontal travel of a sole point from one frame to the next
-            while it is on the floor in both.
+        sliding_mm_per_frame: mean horizontal travel from one frame to the next of what bears of
+            a resting foot.
+        near_floor_mm_per_frame: the same of every sole point that is within 3 cm of the floor
+            and not swinging; pivots and feet about to lift count here.
+        resting: share of frames in which a foot rests, over both feet.
         penetration_mean_mm: mean depth of the lowest point below the floor, over all frames.
         penetration_max_mm: largest such depth.
         floating_mean_mm: mean height of the lowest point in frames where the body is supported.
@@ -71,6 +84,8 @@ class FloorReport:
     """
 
     sliding_mm_per_frame: float
+    near_floor_mm_per_frame: float
+    resting: float
     penetration_mean_mm: float
     penetration_max_mm: float
     floating_mean_mm: float
@@ -96,19 +111,53 @@ def floor_report(motion: Motion) -> FloorReport:
     soles = points[:, SOLES]
     low = soles[..., 2] < CONTACT_HEIGHT_M
     travel = np.linalg.norm(np.diff(soles[..., :2], axis=0), axis=-1)
-    slow = travel * motion.fps < 4 * CONTACT_SPEED_M_S  # a swinging foot brushing by is no contact
-    both = low[1:] & low[:-1] & slow
+    near = low[1:] & low[:-1] & (travel * motion.fps < 4 * CONTACT_SPEED_M_S)
+    resting, bearing_travel = sole_rests(motion)
+    rested = np.linalg.norm(bearing_travel[:-1, :, :2], axis=-1)[resting[:-1] & resting[1:]]
     depth = np.maximum(-lowest, 0.0)
     supported = supported_frames(points, motion.fps)
     return FloorReport(
-        sliding_mm_per_frame=float(1e3 * travel[both].mean()) if both.any() else 0.0,
-        penetration_mean_mm=float(1e3 * depth.mean()),
+        sliding_mm_per_frame=_mean_mm(rested),
+        near_floor_mm_per_frame=_mean_mm(travel[near]),
+        resting=float(resting.mean()),
+        penetration_mean_mm=_mean_mm(depth),
         penetration_max_mm=float(1e3 * depth.max()),
-        floating_mean_mm=float(1e3 * np.maximum(lowest[supported], 0.0).mean())
-        if supported.any()
-        else 0.0,
+        floating_mean_mm=_mean_mm(np.maximum(lowest[supported], 0.0)),
         supported=float(supported.mean()),
     )
+
+
+def _mean_mm(values: np.ndarray) -> float:
+    return float(1e3 * values.mean()) if values.size else 0.0
+
+
+def sole_rests(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """When each foot rests, and how fast its bearing points travel.
+
+    Returns:
+        Resting (N, 2) bool for left and right, and the travel (N, 2, 3) in metres of the bearing
+        points from each frame to the next, 0 in the last frame.
+    """
+    points = touch_points(motion.poses, motion.trans, leg_length_m=motion.reference_leg_length_m)
+    resting = np.zeros((len(motion), 2), dtype=bool)
+    travel = np.zeros((len(motion), 2, 3))
+    for side, soles in enumerate(SOLES_BY_SIDE):
+        sole = points[:, soles]
+        height = sole[..., 2].min(1)
+        bearing = sole[..., 2] < height[:, None] + _BEARING_M
+        step = np.diff(sole, axis=0)
+        both = bearing[:-1] & bearing[1:]
+        both |= ~both.any(1, keepdims=True) & bearing[:-1]  # weight shifts from heel to toe
+        travel[:-1, side] = (step * both[..., None]).sum(1) / both.sum(1)[:, None]
+        speed = np.linalg.norm(travel[:, side, :2], axis=1) * motion.fps
+        slow = speed < REST_SPEED_M_S
+        slow[1:] &= slow[:-1] | (speed[1:] == 0)
+        low = height < REST_HEIGHT_M
+        # Gaps of a frame are closed, and rests of less than `MIN_REST_FRAMES` dropped.
+        whole = minimum_filter1d(maximum_filter1d(low & slow, 3, mode="nearest"), 3, mode="nearest")
+        kept = minimum_filter1d(whole, MIN_REST_FRAMES, mode="nearest")
+        resting[:, side] = maximum_filter1d(kept, MIN_REST_FRAMES, mode="nearest")
+    return resting, travel
 
 
 def supported_frames(points: np.ndarray, fps: float) -> np.ndarray:
@@ -127,33 +176,39 @@ def supported_frames(points: np.ndarray, fps: float) -> np.ndarray:
     return (speed < CONTACT_SPEED_M_S) & (height < around + _NEIGHBOURHOOD_M)
 
 
-def set_on_floor(motion: Motion) -> Motion:
-    """Raise or lower the root, smoothly in time, so that supports rest at z = 0.
+def rest_supports(motion: Motion) -> Motion:
+    """Raise or lower the root, smoothly in time, so that what supports the body is at z = 0.
 
-    Between supports (flight) the correction is interpolated; where the result still dips below
-    the floor it is lifted out. A cyclic motion stays cyclic.
+    Between supports (flight) the correction is interpolated. A cyclic motion stays cyclic.
     """
     points = _points(motion)
-    count, rounds = len(points), 1
-    if motion.cycle is not None:  # the correction has no seam either
-        points, rounds = np.tile(points, (3, 1, 1)), 3
     height = points[..., 2].min(1)
-    single = points[:count]
-    supported = np.tile(supported_frames(single, motion.fps), rounds)
+    supported = supported_frames(points, motion.fps)
+    if not supported.any():
+        return _raised(motion, np.full(len(motion), -height.min()))
+    rounds = 1 if motion.cycle is None else 3
+    height, supported = np.tile(height, rounds), np.tile(supported, rounds)
     frames = np.arange(len(height))
-    if supported.any():
-        lift = np.interp(frames, frames[supported], -height[supported])
-        lift = gaussian_filter1d(lift, _SMOOTH_S * motion.fps, mode="nearest")
-    else:
-        lift = np.full(len(height), -height.min())
-    sunk = np.maximum(-(height + lift), 0.0)
-    if sunk.any():
-        # A smooth bump at least as high as what it must lift: widen, then blur by as much.
-        width = max(round(_SMOOTH_S * motion.fps), 1)
-        raised = -minimum_filter1d(-sunk, 4 * width + 1, mode="nearest")
-        lift = lift + gaussian_filter1d(raised, width / 2, mode="nearest")
+    lift = np.interp(frames, frames[supported], -height[supported])
+    lift = gaussian_filter1d(lift, _SMOOTH_S * motion.fps, mode="nearest")
+    return _raised(motion, lift)
+
+
+def lift_out(motion: Motion) -> Motion:
+    """Raise the root, smoothly in time, wherever something is below the floor."""
+    sunk = np.maximum(-_points(motion)[..., 2].min(1), 0.0)
+    sunk = np.tile(sunk, 1 if motion.cycle is None else 3)
+    # A smooth bump at least as high as what it must lift: widen, then blur by less than that.
+    width = max(round(_SMOOTH_S * motion.fps), 1)
+    raised = maximum_filter1d(sunk, 4 * width + 1, mode="nearest")
+    return _raised(motion, gaussian_filter1d(raised, width / 2, mode="nearest"))
+
+
+def _raised(motion: Motion, lift: np.ndarray) -> Motion:
+    """Add (N,) metres to the root's height; of three rounds of a cycle the middle one counts."""
+    count = len(motion)
     trans = motion.trans.copy()
-    trans[:, 2] += lift[count : 2 * count] if rounds == 3 else lift
+    trans[:, 2] += lift if len(lift) == count else lift[count : 2 * count]
     return replace(motion, trans=trans)
 
 

@@ -11,7 +11,7 @@ from drapeline.frames import FPS
 from drapeline.motions.amass import RATE_KEYS, read_amass
 from drapeline.motions.asf_amc import CMU_FPS, amc_frames, find_asf, read_asf_amc
 from drapeline.motions.bvh import bvh_frames, read_bvh
-from drapeline.motions.floor import set_on_floor
+from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.joint_map import built_in_map, load_joint_map
 from drapeline.motions.looping import loop_to
 from drapeline.motions.motion import (
@@ -117,7 +117,7 @@ def _read_npz(path: Path) -> Motion:
         ours = "reference_leg_length_m.npy" in archive.namelist()
     if ours:
         return resample(load_motion(path))
-    return set_on_floor(resample(read_amass(path)))
+    return set_on_floor(resample(read_amass(path)), lock=False)
 
 
 def _npz_frames(path: Path) -> tuple[int, float, bool]:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from drapeline.frames import REST_POSE
-from drapeline.motions.floor import floor_report, set_on_floor, touch_points
+from drapeline.motions.floor import floor_report, touch_points
+from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.looping import loop_to
 from drapeline.motions.motion import Cycle, Motion
 
@@ -37,9 +38,11 @@ def test_report_of_standing_still_is_clean():
 
 
 def test_sliding_is_the_travel_per_frame():
-    assert floor_report(set_on_floor(standing(speed_m=0.005))).sliding_mm_per_frame == (
-        pytest.approx(5.0)
-    )
+    rested = set_on_floor(standing(speed_m=0.005), lock=False)
+    report = floor_report(rested)
+    assert report.sliding_mm_per_frame == pytest.approx(5.0)
+    assert report.near_floor_mm_per_frame == pytest.approx(5.0)
+    assert report.resting == 1.0
 
 
 def test_penetration_and_floating_are_measured():

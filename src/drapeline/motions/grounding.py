@@ -1,0 +1,21 @@
+"""Setting a retargeted motion on the floor."""
+
+from drapeline.motions.floor import lift_out, rest_supports
+from drapeline.motions.foot_lock import lock_feet
+from drapeline.motions.motion import Motion
+
+
+def set_on_floor(motion: Motion, *, lock: bool = True) -> Motion:
+    """Bring a motion to the floor z = 0 of the reference skeleton.
+
+    The root is raised or lowered so that supports rest on the floor, then legs are bent so that
+    resting feet neither slide nor float, and what is still below the floor (hands, knees) is
+    lifted out. A cyclic motion stays cyclic.
+
+    Args:
+        motion: a motion on any floor.
+        lock: whether poses may change; False keeps those of a source that is in SMPL's pose
+            space already.
+    """
+    motion = rest_supports(motion)
+    return lift_out(lock_feet(motion) if lock else motion)
