@@ -32,7 +32,7 @@ PART_NAMES = tuple(PART_JOINTS)
 # Flesh beside a joint folds, and what overlaps there may be pressed apart by this much ...
 FOLD_LIMIT_M = 0.05
 # ... while other parts that meet more deeply are two solids in one place.
-TOUCH_LIMIT_M = 0.015
+TOUCH_LIMIT_M = 0.03
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,8 @@ class Topology:
         part_faces: (F', 3) faces with two or three corners in each part.
         normal_of: (V, F) sparse, sums face vectors to vertices.
         neighbours: (V, V) sparse adjacency with ones on the diagonal.
+        seam: (V, P) bool, vertices within two rings of each part: where parts join, being
+            close to one another means nothing.
     """
 
     faces: np.ndarray
@@ -105,6 +107,7 @@ class Topology:
     part_faces: tuple[np.ndarray, ...]
     normal_of: csr_matrix
     neighbours: csr_matrix
+    seam: np.ndarray
 
     def normals(self, vertices: np.ndarray) -> np.ndarray:
         """Outward unit normals (V, 3) of vertices (V, 3)."""
@@ -128,11 +131,16 @@ def topology_of(body: BodyModel) -> Topology:
     rows = np.arange(len(faces)).repeat(3)
     around = np.concatenate([pairs, pairs[:, ::-1], np.arange(count)[:, None].repeat(2, 1)])
     parts = range(len(PART_NAMES))
+    neighbours = csr_matrix(
+        (np.ones(len(around), dtype=np.float32), around.T), shape=(count, count)
+    )
+    member = np.eye(len(PART_NAMES), dtype=np.float32)[part]
     return Topology(
         faces,
         tuple(np.flatnonzero(part == p) for p in parts),
         tuple(pairs[(part[pairs] == p).all(axis=1)] for p in parts),
         tuple(faces[(part[faces] == p).sum(axis=1) >= 2] for p in parts),
         csr_matrix((ones, (faces.ravel(), rows)), shape=(count, len(faces))),
-        csr_matrix((np.ones(len(around), dtype=np.float32), around.T), shape=(count, count)),
+        neighbours,
+        neighbours @ (neighbours @ member) > 0,
     )

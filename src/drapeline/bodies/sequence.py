@@ -1,5 +1,6 @@
 """One sample's body: a shape moving through a sequence, freed of self-collisions."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -8,7 +9,6 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.parts import PAIRS, PART_JOINTS, PART_NAMES, Topology, topology_of
 from drapeline.bodies.placement import ground_contact, leg_length_m, place_on_floor
-from drapeline.bodies.sampling import SHAPE_RANGE
 from drapeline.bodies.self_collision import Solution, solve_self_collisions
 from drapeline.frames import JOINT_NAMES
 from drapeline.storage import load_npz, save_npz
@@ -22,6 +22,8 @@ REMOVABLE = {
 }
 THINNER_STEP = 1.0  # of the shape's second coefficient, corpulence
 MAX_THINNED = 3
+THINNEST = 3.0
+TRIAL_FRAMES = 6  # worst frames, on which a thinner body is tried before the whole sequence
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ def make_body_sequence(
     *,
     gender: int,
     reference_leg_length_m: float | None = None,
-    removable: str = "none",
+    removable: str = "hands",
+    gap_m: float = 0.004,
     sequence: str = "",
     action: str = "",
     subject: str = "",
@@ -96,22 +99,23 @@ def make_body_sequence(
         reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
             path is scaled by the ratio of leg lengths. None keeps it.
         removable: a key of `REMOVABLE`, what the outfit leaves bare.
+        gap_m: between parts that were pressed apart.
     """
     shape = np.array(shape, dtype=np.float64)
     topology = topology_of(body)
-    thinner = _thinner_direction(body)
-    for thinned in range(MAX_THINNED + 1):
-        vertices, _ = posed_vertices(body, shape, poses)
-        solution = solve_self_collisions(vertices, topology)
-        removed = _parts_to_remove(solution, removable)
-        if removed:
-            solution = solve_self_collisions(vertices, topology, ignored=removed)
-        deep = solution.unsolved()
-        slimmer = shape.copy()
-        slimmer[1] = np.clip(slimmer[1] + thinner * THINNER_STEP, -SHAPE_RANGE, SHAPE_RANGE)
-        if not deep.any() or slimmer[1] == shape[1] or thinned == MAX_THINNED:
-            break
-        shape = slimmer
+    vertices, solution, removed = _solve(body, topology, shape, poses, removable, gap_m)
+    thinned = 0
+    if solution.unsolved().any():
+        worst = np.where(solution.unsolved(), solution.depth_m, 0).max(axis=1).argsort()
+        trial = np.sort(worst[-TRIAL_FRAMES:])
+        for times, thin in enumerate(_thinner_shapes(body, shape), 1):
+            _, attempt, _ = _solve(body, topology, thin, poses[trial], removable, gap_m)
+            if attempt.unsolved().any():
+                continue
+            attempt = _solve(body, topology, thin, poses, removable, gap_m)
+            if not attempt[1].unsolved().any():
+                (vertices, solution, removed), shape, thinned = attempt, thin, times
+                break
     scale = 1.0
     if reference_leg_length_m is not None:
         scale = leg_length_m(body, shape) / reference_leg_length_m
@@ -123,8 +127,8 @@ def make_body_sequence(
         gender=gender,
         poses=np.array(poses, dtype=np.float64),
         trans=path,
-        outcome=_outcome(deep.any(), thinned, bool(removed), collided.any()),
-        reason=_reason(solution, thinned),
+        outcome=_outcome(solution.unsolved().any(), thinned, bool(removed), collided.any()),
+        reason=_reason(solution),
         thinned=thinned,
         removed_segments=_joints_of(removed),
         fix_frame=solution.frame,
@@ -152,7 +156,7 @@ def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
     return "solved" if collided else "free"
 
 
-def _reason(solution: Solution, thinned: int) -> str:
+def _reason(solution: Solution) -> str:
     deep = np.where(solution.unsolved(), solution.depth_m, 0)
     if not deep.any():
         return ""
@@ -160,9 +164,36 @@ def _reason(solution: Solution, thinned: int) -> str:
     pair = PAIRS[index]
     return (
         f"{pair.first} and {pair.second} overlap by {1000 * deep.max():.0f} mm in frame {frame},"
-        f" at most {1000 * pair.limit_m:.0f} mm can be pressed apart"
-        + (f" (after thinning {thinned} times)" if thinned else "")
+        f" at most {1000 * pair.limit_m:.0f} mm can be pressed apart, and no thinner body helps"
     ).replace("_", " ")
+
+
+def _solve(
+    body: BodyModel,
+    topology: Topology,
+    shape: np.ndarray,
+    poses: np.ndarray,
+    removable: str,
+    gap_m: float,
+) -> tuple[np.ndarray, Solution, frozenset[str]]:
+    """Root-relative vertices, their corrections and the parts left out."""
+    vertices, _ = posed_vertices(body, shape, poses)
+    solution = solve_self_collisions(vertices, topology, gap_m=gap_m)
+    removed = _parts_to_remove(solution, removable)
+    if removed:
+        solution = solve_self_collisions(vertices, topology, gap_m=gap_m, ignored=removed)
+    return vertices, solution, removed
+
+
+def _thinner_shapes(body: BodyModel, shape: np.ndarray) -> Iterator[np.ndarray]:
+    """The same person with less and less corpulence, down to the thinnest in range."""
+    sign = _thinner_direction(body)
+    for step in range(1, MAX_THINNED + 1):
+        thin = shape.copy()
+        thin[1] += sign * step * THINNER_STEP
+        if abs(thin[1]) > THINNEST and thin[1] * sign > 0:
+            return
+        yield thin
 
 
 def _thinner_direction(body: BodyModel) -> float:
