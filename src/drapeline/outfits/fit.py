@@ -1,0 +1,137 @@
+"""Fitting garments to a body: resizing, leaving the body, and laying one garment over another."""
+
+import igl
+import numpy as np
+import scipy.sparse as sp
+from scipy.ndimage import gaussian_filter, maximum_filter
+from scipy.spatial import KDTree
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.frames import REST_POSE
+
+RESIZE_PASSES = 40  # Laplacian passes over the displacements at 1 cm edges
+_ANGLE_BINS = 72
+_HEIGHT_BIN_M = 0.01
+
+
+def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:
+    """Vertices (V, 3) float64 of a shape in rest pose, root-relative, Z up."""
+    vertices, _ = posed_vertices(body, shape, REST_POSE[None].copy())
+    return vertices[0].astype(np.float64)
+
+
+def tightness_shape(shape: np.ndarray, tightness: np.ndarray, gender: str) -> np.ndarray:
+    """Shape a garment is made for (CLOTH3D 3.2): two offsets, the first with the gender's sign.
+
+    Args:
+        shape: (10,) the wearer's.
+        tightness: (2,) gamma; positive is tighter.
+    """
+    signed = signed_tightness(tightness, gender)
+    target = np.array(shape, dtype=np.float64)
+    target[:2] += signed
+    return target
+
+
+def signed_tightness(tightness: np.ndarray, gender: str) -> np.ndarray:
+    """(2,) gamma with the sign (-1)^(g + 1) on the first term, g = 0 female, 1 male."""
+    return np.asarray(tightness, dtype=np.float64) * [-1.0 if gender == "female" else 1.0, 1.0]
+
+
+def resized(
+    vertices: np.ndarray,
+    average: sp.csr_matrix,
+    mean_body: np.ndarray,
+    target_body: np.ndarray,
+    passes: int,
+) -> np.ndarray:
+    """Garment (V, 3) moved as the body under it moves from one shape to another.
+
+    Every vertex takes the displacement of the nearest body vertex; Laplacian smoothing of the
+    displacements keeps the body's details off the cloth.
+    """
+    _, nearest = KDTree(mean_body).query(vertices, k=8)
+    displacement = (target_body - mean_body)[nearest].mean(axis=1)
+    for _ in range(passes):
+        displacement = (displacement + average @ displacement) / 2
+    return vertices + displacement
+
+
+def outside_distance(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray):
+    """Signed distance (P,) to a closed mesh, negative inside, and the unit way out (P, 3)."""
+    distance, face, nearest, normal = igl.signed_distance(
+        np.ascontiguousarray(points, dtype=np.float64),
+        np.ascontiguousarray(vertices, dtype=np.float64),
+        np.ascontiguousarray(faces, dtype=np.int64),
+        igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL,
+    )
+    away = (points - nearest) * np.sign(distance)[:, None]
+    length = np.linalg.norm(away, axis=1, keepdims=True)
+    return distance, np.where(length > 1e-5, away / np.maximum(length, 1e-12), normal)
+
+
+def left_body(
+    vertices: np.ndarray,
+    average: sp.csr_matrix,
+    body: np.ndarray,
+    faces: np.ndarray,
+    gap_m: float,
+) -> np.ndarray:
+    """Garment (V, 3) with every vertex at least `gap_m` outside the body (B, 3).
+
+    Pushes are spread over the neighbourhood so that the body does not emboss the cloth.
+    """
+    points = vertices.copy()
+    for round_ in range(8):
+        distance, out = outside_distance(points, body, faces)
+        lack = np.maximum(gap_m - distance, 0)
+        if lack.max() <= 1e-6:
+            break
+        push = lack[:, None] * out * 1.02
+        if round_ < 5:
+            spread = push
+            for _ in range(6):
+                mean = average @ spread
+                longer = (mean * mean).sum(1) > (spread * spread).sum(1)
+                spread = np.where(longer[:, None], mean, spread)
+            push = spread
+        points += push
+    return points
+
+
+def laid_over(
+    outer: np.ndarray, average: sp.csr_matrix, inner: np.ndarray, axis_y: float, gap_m: float
+) -> np.ndarray:
+    """Outer garment's vertices moved away from the body's axis until they clear the inner one.
+
+    Args:
+        outer, inner: (V, 3) vertices; the inner garment's outline is taken per height and angle.
+        axis_y: where the vertical axis stands.
+    """
+    base = min(inner[:, 2].min(), outer[:, 2].min())
+    rows = int((inner[:, 2].max() - base) / _HEIGHT_BIN_M) + 2
+
+    def bins(points: np.ndarray):
+        angle = np.arctan2(points[:, 0], points[:, 1] - axis_y) % (2 * np.pi)
+        radius = np.hypot(points[:, 0], points[:, 1] - axis_y)
+        return (points[:, 2] - base) / _HEIGHT_BIN_M, angle / (2 * np.pi) * _ANGLE_BINS, radius
+
+    height, angle, radius = bins(inner)
+    outline = np.zeros((rows, _ANGLE_BINS))
+    np.maximum.at(
+        outline, (np.round(height).astype(int), np.round(angle).astype(int) % _ANGLE_BINS), radius
+    )
+    outline = maximum_filter(outline, size=(5, 3), mode=("nearest", "wrap"))
+    outline = gaussian_filter(outline, 1.0, mode=("nearest", "wrap"))
+    height, angle, radius = bins(outer)
+    row, column = np.round(height).astype(int), np.round(angle).astype(int) % _ANGLE_BINS
+    under = row < rows
+    need = np.zeros(len(outer))
+    need[under] = outline[row[under], column[under]]
+    push = np.where(need > 0, np.maximum(need + gap_m - radius, 0), 0)
+    for _ in range(10):
+        push = np.maximum(push, average @ push)
+    spoke = (outer[:, :2] - [0, axis_y]) / np.maximum(radius, 1e-9)[:, None]
+    moved = outer.copy()
+    moved[:, :2] += push[:, None] * spoke
+    return moved

@@ -1,0 +1,293 @@
+"""Outfits: one or two garments made for one body, and their files."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.outfits.cutting import cut_garment
+from drapeline.outfits.fit import (
+    RESIZE_PASSES,
+    laid_over,
+    left_body,
+    resized,
+    rest_body,
+    signed_tightness,
+    tightness_shape,
+)
+from drapeline.outfits.panels import Pattern
+from drapeline.outfits.ranges import (
+    FABRICS,
+    UPPER_FABRICS,
+    OutfitRanges,
+    sample_skirt,
+    sample_trousers,
+    sample_upper,
+    uniform,
+)
+from drapeline.outfits.relax import averaging_matrix
+from drapeline.outfits.templates import Templates
+from drapeline.storage import load_npz, read_json, save_npz, write_json
+
+BODY_GAP_M = 0.005
+LAYER_GAP_M = 0.006
+GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
+KINDS = ("Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit", "Tshirt+Skirt", "Top+Trousers")
+_UPPER = ("Tshirt", "Top")
+_END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
+
+
+@dataclass(frozen=True)
+class Garment:
+    """A garment in rest pose on a body.
+
+    Attributes:
+        name: one of `GARMENTS`.
+        vertices: (V, 3) float32 metres, root-relative, Z up.
+        faces: (F, 4) int32.
+        uv, uv_faces: (T, 2) float32 in [0, 1] and (F, 4) int32.
+        pin: (V,) float32, 1 where the waistband is held.
+        elastic: (V,) float32, 1 on ends that are gathered.
+        about: what goes into the JSON file: fabric, elastic, texture, parameters.
+    """
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    uv_faces: np.ndarray
+    pin: np.ndarray
+    elastic: np.ndarray
+    about: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outfit:
+    """Garments from inner to outer, and whom they are made for.
+
+    Attributes:
+        garments: one or two.
+        shape: (10,) the wearer's shape.
+        tightness: (2,) gamma as drawn; `signed_tightness` with the gender's sign.
+        gender: "female" or "male".
+    """
+
+    garments: tuple[Garment, ...]
+    shape: np.ndarray
+    tightness: np.ndarray
+    signed_tightness: np.ndarray
+    gender: str
+
+    def save(self, npz_path: str | Path, json_path: str | Path) -> None:
+        """Write arrays under `{name}/...` and everything else as JSON."""
+        arrays = {}
+        for g in self.garments:
+            for key in ("vertices", "faces", "uv", "uv_faces", "pin", "elastic"):
+                arrays[f"{g.name}/{key}"] = getattr(g, key)
+        save_npz(npz_path, **arrays)
+        write_json(
+            json_path,
+            {
+                "garments": [{"name": g.name, **g.about} for g in self.garments],
+                "gender": self.gender,
+                "tightness": self.tightness.tolist(),
+                "signed_tightness": self.signed_tightness.tolist(),
+                "shape": self.shape.tolist(),
+            },
+        )
+
+
+def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
+    """Read what `Outfit.save` wrote.
+
+    Raises:
+        InputError: a file is missing or lacks a garment's arrays.
+    """
+    about = read_json(json_path)
+    keys = ("vertices", "faces", "uv", "uv_faces", "pin", "elastic")
+    names = [g["name"] for g in about["garments"]]
+    arrays = load_npz(npz_path, *(f"{name}/{key}" for name in names for key in keys))
+    garments = tuple(
+        Garment(
+            g["name"],
+            *(arrays[f"{g['name']}/{key}"] for key in keys),
+            about={k: v for k, v in g.items() if k != "name"},
+        )
+        for g in about["garments"]
+    )
+    return Outfit(
+        garments,
+        np.array(about["shape"]),
+        np.array(about["tightness"]),
+        np.array(about["signed_tightness"]),
+        about["gender"],
+    )
+
+
+def outfit_plan(count: int, genders: list[str], *, male_skirts: bool = False) -> list[str]:
+    """Outfit kind of every sample, in turns per gender, so that few samples show all types.
+
+    Args:
+        count: number of samples.
+        genders: gender of each.
+        male_skirts: whether male bodies wear skirts and dresses.
+    """
+    plain = [k for k in KINDS if "Skirt" not in k and k != "Dress"]
+    turns = {"female": list(KINDS), "male": list(KINDS) if male_skirts else plain}
+    seen = {"female": 0, "male": 0}
+    kinds = []
+    for gender in genders[:count]:
+        kinds.append(turns[gender][seen[gender] % len(turns[gender])])
+        seen[gender] += 1
+    return kinds
+
+
+def sample_numbers(
+    rng: np.random.Generator, kind: str, ranges: OutfitRanges
+) -> list[tuple[str, dict[str, Any]]]:
+    """Every random number of an outfit: (garment name, description) from inner to outer."""
+    names = kind.split("+")
+    whole = names[0] in ("Jumpsuit", "Dress")
+    out = []
+    for name in names:
+        parts: dict[str, Any] = {}
+        if name in _UPPER or whole:
+            sleeves = name == "Tshirt" or (whole and rng.random() < 0.5)
+            parts["upper"] = sample_upper(rng, ranges, sleeves=sleeves, opens=not whole)
+        if name in ("Trousers", "Jumpsuit"):
+            parts["trousers"] = sample_trousers(rng, ranges)
+        if name in ("Skirt", "Dress"):
+            parts["skirt"] = sample_skirt(rng, ranges)
+        if whole:  # sewn at the waist proper
+            parts.get("trousers", parts.get("skirt"))["waist"] = float(rng.uniform(0.8, 1.0))
+        chance = {
+            "sleeves": "sleeve_length" in parts.get("upper", {}),
+            "legs": "trousers" in parts,
+            "waist": whole,
+        }
+        elastic = {
+            end: bool(rng.random() < ranges.elastic_chance)
+            for end, there in chance.items()
+            if there
+        }
+        fabrics = UPPER_FABRICS if name in _UPPER else FABRICS
+        out.append(
+            (
+                name,
+                {
+                    "fabric": str(rng.choice(fabrics)),
+                    "elastic": elastic,
+                    "texture": {"type": "color", "data": _colour(rng)},
+                    "parameters": parts,
+                },
+            )
+        )
+    # Lower garments are worn under upper ones.
+    return sorted(out, key=lambda item: item[0] in _UPPER)
+
+
+def _colour(rng: np.random.Generator) -> list[float]:
+    """A cloth-like colour: any hue, mostly muted."""
+    hue, saturation, value = rng.random(), rng.random() ** 1.3 * 0.75, rng.uniform(0.25, 0.9)
+    k = (np.array([5, 3, 1]) + hue * 6) % 6
+    rgb = value - value * saturation * np.clip(np.minimum(k, 4 - k), 0, 1)
+    return [float(c) for c in rgb]
+
+
+def sample_outfit(
+    rng: np.random.Generator,
+    templates: Templates,
+    body: BodyModel,
+    *,
+    gender: str,
+    shape: np.ndarray,
+    kind: str,
+    edge_length_m: float,
+    ranges: OutfitRanges | None = None,
+) -> Outfit:
+    """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
+
+    Args:
+        templates: of the body's gender.
+        shape: (10,) the wearer's shape coefficients.
+        kind: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
+        edge_length_m: mean edge length wanted.
+
+    Returns:
+        Garments in rest pose, outside the body of the wearer's shape plus tightness.
+    """
+    ranges = ranges or OutfitRanges()
+    numbers = sample_numbers(rng, kind, ranges)
+    tightness = np.array([uniform(rng, ranges.tightness), uniform(rng, ranges.tightness)])
+    return make_outfit(
+        numbers,
+        templates,
+        body,
+        gender=gender,
+        shape=shape,
+        tightness=tightness,
+        edge_length_m=edge_length_m,
+    )
+
+
+def make_outfit(
+    numbers: list[tuple[str, dict[str, Any]]],
+    templates: Templates,
+    body: BodyModel,
+    *,
+    gender: str,
+    shape: np.ndarray,
+    tightness: np.ndarray,
+    edge_length_m: float,
+) -> Outfit:
+    """Make an outfit from given numbers, as `sample_numbers` returns them."""
+    form = templates.form
+    mean_body = rest_body(body, np.zeros(10))
+    target = rest_body(body, tightness_shape(shape, tightness, gender))
+    garments: list[Garment] = []
+    for name, about in numbers:
+        pattern = cut_garment(form, edge_length_m, **about["parameters"])
+        faces = pattern.faces()
+        points = pattern.vertices
+        average = averaging_matrix(faces, len(points))
+        passes = round(RESIZE_PASSES * (0.01 / edge_length_m) ** 2) + 4
+        points = resized(points, average, mean_body, target, passes)
+        gap = max(BODY_GAP_M, 0.3 * edge_length_m)
+        points = left_body(points, average, target, body.faces, gap)
+        for inner in garments:
+            axis_y = form.torso.centre[0, 1]
+            points = laid_over(points, average, inner.vertices.astype(float), axis_y, LAYER_GAP_M)
+        uv, uv_faces = pattern.texture()
+        pin, elastic = _masks(pattern, name, about["elastic"])
+        garments.append(
+            Garment(name, points.astype(np.float32), faces, uv, uv_faces, pin, elastic, about)
+        )
+    return Outfit(
+        tuple(garments),
+        np.asarray(shape, dtype=np.float64),
+        np.asarray(tightness, dtype=np.float64),
+        signed_tightness(tightness, gender),
+        gender,
+    )
+
+
+def _masks(pattern: Pattern, name: str, elastic: dict[str, bool]):
+    """Held waistband and gathered ends, by distance from their ring at the mean shape."""
+    points = pattern.vertices
+    pin, gathered = np.zeros(len(points), np.float32), np.zeros(len(points), np.float32)
+    if name in ("Trousers", "Skirt"):
+        waist = points[pattern.marks["waist"], 2].mean()
+        pin[points[:, 2] > waist - _END_M] = 1
+    ends = {
+        "sleeves": ("left_cuff", "right_cuff"),
+        "legs": ("left_leg_cuff", "right_leg_cuff"),
+        "waist": ("waist",),
+    }
+    for end, on in elastic.items():
+        for mark in ends[end] if on else ():
+            ring = points[pattern.marks[mark]]
+            low, high = ring.min(axis=0) - _END_M, ring.max(axis=0) + _END_M
+            gathered[((points > low) & (points < high)).all(axis=1)] = 1
+    return pin, gathered

@@ -1,0 +1,50 @@
+"""Smoothing of garment meshes with parts held in place."""
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
+
+from drapeline.mesh import edges
+
+
+def averaging_matrix(faces: np.ndarray, count: int) -> sp.csr_matrix:
+    """(count, count) matrix that replaces each vertex by the mean of its edge neighbours."""
+    edge = edges(faces)
+    both = np.concatenate([edge, edge[:, ::-1]])
+    matrix = sp.csr_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count))
+    degree = np.maximum(np.asarray(matrix.sum(axis=1)).ravel(), 1)
+    return sp.diags(1 / degree).dot(matrix).tocsr()
+
+
+def stretched(vertices: np.ndarray, average: sp.csr_matrix, free: np.ndarray) -> np.ndarray:
+    """Free vertices put where every one is the mean of its neighbours (a taut net)."""
+    inner = average[free]
+    system = sp.identity(int(free.sum()), format="csc") - inner[:, free].tocsc()
+    out = vertices.copy()
+    out[free] = spsolve(system, inner[:, ~free] @ vertices[~free])
+    return out
+
+
+def smoothed(
+    vertices: np.ndarray,
+    average: sp.csr_matrix,
+    weight: np.ndarray,
+    passes: int,
+    keep_out: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> np.ndarray:
+    """Laplacian smoothing with a weight (V,) per vertex, 0 = held.
+
+    Args:
+        keep_out: applied to all positions after each pass, to leave a solid.
+    """
+    moved = weight > 0
+    rows = average[moved]
+    share = weight[moved, None]
+    out = vertices.copy()
+    for _ in range(passes):
+        out[moved] += share * (rows @ out - out[moved])
+        if keep_out is not None:
+            out[moved] = keep_out(out[moved])
+    return out
