@@ -27,6 +27,7 @@ _BEARING_M = 0.01  # sole points this near to the lowest one bear with it
 _NEIGHBOURHOOD_S = 0.5  # a support is nearly the lowest that the body gets within this time
 _NEIGHBOURHOOD_M = 0.06
 _SMOOTH_S = 0.1
+WRIST_RADIUS_M = 0.03
 _LEFT_SPHERES = (  # joint, centre in metres in the T-pose relative to the joint, radius
     ("ankle", (0.0, -0.079, -0.050), 0.0),
     ("foot", (-0.030, -0.029, 0.0), 0.0),
@@ -35,7 +36,7 @@ _LEFT_SPHERES = (  # joint, centre in metres in the T-pose relative to the joint
     ("knee", (0.0, 0.0, 0.0), 0.055),
     ("hip", (-0.02, -0.02, -0.06), 0.085),
     ("elbow", (0.0, 0.0, -0.005), 0.04),
-    ("wrist", (0.0, 0.0, 0.0), 0.03),
+    ("wrist", (0.0, 0.0, 0.0), WRIST_RADIUS_M),
     ("hand", (0.0, 0.0, 0.0), 0.02),
     ("hand", (0.085, 0.0, 0.0), 0.01),
     ("shoulder", (0.0, 0.0, 0.0), 0.06),
@@ -62,6 +63,8 @@ def _spheres() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 SPHERE_JOINTS, SPHERE_CENTRES, SPHERE_RADII = _spheres()
+# A body does not rest on its fingers: they are laid down or bend when a hand leans on the floor.
+_SUPPORTS = np.flatnonzero([not JOINT_NAMES[joint].endswith("hand") for joint in SPHERE_JOINTS])
 SOLES = np.flatnonzero(SPHERE_RADII == 0.0)
 _ON_THE_LEFT = np.array([JOINT_NAMES[joint].startswith("left") for joint in SPHERE_JOINTS[SOLES]])
 SOLES_BY_SIDE = (SOLES[_ON_THE_LEFT], SOLES[~_ON_THE_LEFT])
@@ -181,7 +184,7 @@ def rest_supports(motion: Motion) -> Motion:
 
     Between supports (flight) the correction is interpolated. A cyclic motion stays cyclic.
     """
-    points = _points(motion)
+    points = _points(motion)[:, _SUPPORTS]
     height = points[..., 2].min(1)
     supported = supported_frames(points, motion.fps)
     if not supported.any():

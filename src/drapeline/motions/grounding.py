@@ -2,6 +2,7 @@
 
 from drapeline.motions.floor import lift_out, rest_supports
 from drapeline.motions.foot_lock import lock_feet
+from drapeline.motions.hands import lay_hands
 from drapeline.motions.motion import Motion
 
 
@@ -9,8 +10,8 @@ def set_on_floor(motion: Motion, *, lock: bool = True) -> Motion:
     """Bring a motion to the floor z = 0 of the reference skeleton.
 
     The root is raised or lowered so that supports rest on the floor, then legs are bent so that
-    resting feet neither slide nor float, and what is still below the floor (hands, knees) is
-    lifted out. A cyclic motion stays cyclic.
+    resting feet neither slide nor float, wrists so that hands lie on the floor, and what is
+    still below it (knees, elbows) is lifted out. A cyclic motion stays cyclic.
 
     Args:
         motion: a motion on any floor.
@@ -18,4 +19,4 @@ def set_on_floor(motion: Motion, *, lock: bool = True) -> Motion:
             space already.
     """
     motion = rest_supports(motion)
-    return lift_out(lock_feet(motion) if lock else motion)
+    return lift_out(lay_hands(lock_feet(motion)) if lock else motion)
