@@ -181,6 +181,11 @@ class Sequence:
         path = self.folder / "health.npz"
         return load_npz(path) if path.is_file() else {}
 
+    @property
+    def has_body(self) -> bool:
+        """Whether body vertices can be had: they are stored, or a body model was given."""
+        return bool(self._bodies) or (self.folder / f"{BODY}.pc16").is_file()
+
     def mesh(self, garment: str) -> Mesh:
         """The garment in rest pose, root-relative and facing -Y: faces, triangles and UVs too.
 

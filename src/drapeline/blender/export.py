@@ -1,0 +1,162 @@
+"""Samples as files that other programs open: USD, glTF, Alembic, MDD, PC2 and OBJ sequences."""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from drapeline.blender.picture import add_mesh, new_scene
+from drapeline.bodies.model import BodyModel
+from drapeline.dataset.gltf import write_glb
+from drapeline.dataset.parts import Part, sample_parts, y_up
+from drapeline.dataset.point_cache import point_cache_writer
+from drapeline.dataset.reader import Sequence
+from drapeline.errors import InputError
+from drapeline.frames import FPS
+from drapeline.mesh import Mesh, save_obj
+from drapeline.storage import whole_folder
+
+
+def export_sample(
+    folder: str | Path,
+    output: str | Path,
+    file_format: str,
+    *,
+    bodies: Mapping[str, BodyModel] | None = None,
+) -> list[str]:
+    """Export body and garments of one sample, moving in the world frame at 30 frames per second.
+
+    - `usdc`: one file, Z up and metres as its header says, point positions per frame.
+    - `glb`: one file, Y up, one morph target per frame.
+    - `abc`: one file, Y up, point positions per frame.
+    - `pc2`, `mdd`: per mesh an OBJ in rest pose and a cache for it, both Y up.
+    - `obj`: per mesh a folder with an OBJ per frame, Y up.
+
+    Y up is what importers of the last four expect; they turn it to their own axes.
+
+    Args:
+        folder: a CLOTH3D sample, ours or an original one.
+        output: folder for the files; replaced as a whole.
+        file_format: one of `FORMATS`.
+        bodies: gender -> body model, for samples that store no body; such samples are exported
+            without one if this is None.
+
+    Returns:
+        The names of the files that were written, relative to `output`.
+
+    Raises:
+        InputError: an unknown format, or a sample that cannot be read.
+    """
+    if file_format not in FORMATS:
+        raise InputError(f"format '{file_format}' is unknown, expected one of {', '.join(FORMATS)}")
+    with Sequence(folder, bodies=bodies) as sequence, whole_folder(output) as scratch:
+        FORMATS[file_format](scratch, sequence.id, sample_parts(sequence))
+        return sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())
+
+
+def _export_usd(folder: Path, name: str, parts: list[Part]) -> None:
+    with tempfile.TemporaryDirectory() as scratch:
+        _scene_with_caches(parts, Path(scratch))
+        bpy.ops.wm.usd_export(
+            filepath=str(folder / f"{name}.usdc"),
+            export_animation=True,
+            evaluation_mode="RENDER",
+            export_lights=False,
+            export_cameras=False,
+            convert_world_material=False,
+        )
+
+
+def _export_alembic(folder: Path, name: str, parts: list[Part]) -> None:
+    with tempfile.TemporaryDirectory() as scratch:
+        _scene_with_caches(parts, Path(scratch))
+        bpy.ops.wm.alembic_export(
+            filepath=str(folder / f"{name}.abc"),
+            start=0,
+            end=parts[0].frame_count - 1,
+            evaluation_mode="RENDER",
+            face_sets=True,
+        )
+
+
+def _export_gltf(folder: Path, name: str, parts: list[Part]) -> None:
+    write_glb(folder / f"{name}.glb", parts)
+
+
+def _export_caches(suffix: str) -> Callable[[Path, str, list[Part]], None]:
+    def export(folder: Path, name: str, parts: list[Part]) -> None:
+        for part in parts:
+            save_obj(folder / f"{part.name}.obj", _moved(part.mesh, y_up(part.mesh.vertices)))
+            with point_cache_writer(
+                folder / f"{part.name}{suffix}",
+                len(part.mesh.vertices),
+                frame_count=part.frame_count,
+            ) as cache:
+                for points in part.frames():
+                    cache.append(y_up(points))
+
+    return export
+
+
+def _export_obj_sequence(folder: Path, name: str, parts: list[Part]) -> None:
+    for part in parts:
+        for frame, points in enumerate(part.frames()):
+            path = folder / part.name / f"{part.name}_{frame:04d}.obj"
+            save_obj(path, _moved(part.mesh, y_up(points)))
+
+
+FORMATS: dict[str, Callable[[Path, str, list[Part]], None]] = {
+    "usdc": _export_usd,
+    "glb": _export_gltf,
+    "abc": _export_alembic,
+    "mdd": _export_caches(".mdd"),
+    "pc2": _export_caches(".pc2"),
+    "obj": _export_obj_sequence,
+}
+
+
+def _moved(mesh: Mesh, points: np.ndarray) -> Mesh:
+    return Mesh(points, mesh.faces, mesh.uv, mesh.uv_faces)
+
+
+def _empty_scene(frame_count: int) -> None:
+    """Scene frame f is the sample's frame f."""
+    scene = new_scene()
+    scene.render.fps = FPS
+    scene.frame_start, scene.frame_end = 0, frame_count - 1
+    scene.unit_settings.system = "METRIC"
+    scene.frame_set(0)
+
+
+def _scene_with_caches(parts: list[Part], scratch: Path) -> None:
+    """Every part driven by a PC2 file, so that memory does not grow with frames."""
+    _empty_scene(parts[0].frame_count)
+    for part in parts:
+        path = scratch / f"{part.name}.pc2"
+        with point_cache_writer(path, len(part.mesh.vertices)) as cache:
+            for points in part.frames():
+                cache.append(points)
+        modifier = _add_part(part).modifiers.new("frames", "MESH_CACHE")
+        modifier.cache_format = "PC2"
+        modifier.filepath = str(path)
+        modifier.frame_start = 0
+        modifier.interpolation = "NONE"
+
+
+def _add_part(part: Part) -> bpy.types.Object:
+    """The part as it is in frame 0, with texture coordinates and a plain material."""
+    thing = add_mesh(part.name, part.read(0, 1)[0], part.mesh.faces, part.colour)
+    if part.mesh.uv is not None:
+        corners = part.mesh.uv[part.mesh.uv_faces].astype(np.float32)
+        thing.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", corners.ravel())
+    material = bpy.data.materials.new(part.name)
+    material.use_nodes = True
+    shader = material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (*part.colour, 1.0)
+    shader.inputs["Roughness"].default_value = 0.8
+    # Cloth is a single sheet, seen from both sides.
+    material.use_backface_culling = False
+    thing.data.materials.append(material)
+    return thing

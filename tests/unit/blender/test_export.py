@@ -1,0 +1,217 @@
+import json
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from drapeline.blender.export import FORMATS, export_sample
+from drapeline.dataset.parts import sample_parts, y_up
+from drapeline.dataset.point_cache import PointCache
+from drapeline.dataset.reader import Sequence
+from drapeline.errors import InputError
+from drapeline.mesh import load_obj, vertex_normals
+from tiny_sample import write_tiny_sample
+
+FRAMES = 5
+# Blender's own importers at their default settings, in a process of their own: its glTF module
+# never lets a process end.
+IMPORT = """
+import os, sys, traceback
+import bpy, numpy as np
+
+def vertices(thing):
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    points = np.zeros(len(mesh.vertices) * 3, dtype=np.float32)
+    mesh.vertices.foreach_get("co", points)
+    matrix = np.array(evaluated.matrix_world)
+    evaluated.to_mesh_clear()
+    return points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+def colour(thing):
+    tree = thing.data.materials[0].node_tree if thing.data.materials else None
+    return list(tree.nodes["Principled BSDF"].inputs[0].default_value)[:3] if tree else []
+
+def check(folder, frames, out):
+    importers = {
+        "usdc": bpy.ops.wm.usd_import, "abc": bpy.ops.wm.alembic_import,
+        "glb": bpy.ops.import_scene.gltf,
+    }
+    found = {}
+    for suffix, load in importers.items():
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.context.scene.render.fps = 30
+        load(filepath=f"{folder}/{suffix}/00001.{suffix}")
+        scene = bpy.context.scene
+        for thing in [t for t in bpy.data.objects if t.type == "MESH"]:
+            found[f"{suffix}/{thing.name}/colour"] = colour(thing)
+            found[f"{suffix}/{thing.name}/corners"] = [len(p.vertices) for p in thing.data.polygons]
+            found[f"{suffix}/{thing.name}/uv"] = len(thing.data.uv_layers)
+            for frame in range(frames):
+                scene.frame_set(frame)
+                found[f"{suffix}/{thing.name}/{frame}"] = vertices(thing)
+        found[f"{suffix}/range"] = [scene.frame_start, scene.frame_end]
+    np.savez(out, **found)
+
+try:
+    check(sys.argv[1], int(sys.argv[2]), sys.argv[3])
+except BaseException:
+    traceback.print_exc()
+    sys.stderr.flush()
+    os._exit(1)
+os._exit(0)
+"""
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory, toy_body):
+    return write_tiny_sample(tmp_path_factory.mktemp("stages"), toy_body, frames=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def exports(tiny, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("exports")
+    for file_format in FORMATS:
+        export_sample(tiny.folder, folder / file_format, file_format)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def imported(exports):
+    out = exports / "imported.npz"
+    command = [sys.executable, "-c", IMPORT, str(exports), str(FRAMES), str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    with np.load(out) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+@pytest.fixture(scope="module")
+def truth(tiny):
+    return {
+        part.name: np.stack(list(part.frames())) for part in sample_parts(Sequence(tiny.folder))
+    }
+
+
+@pytest.mark.parametrize("suffix", ["usdc", "abc"])
+def test_usd_and_alembic_come_back_vertex_by_vertex(imported, truth, suffix):
+    for name, frames in truth.items():
+        for frame in range(FRAMES):
+            points = imported[f"{suffix}/{name}/{frame}"]
+            np.testing.assert_allclose(points, frames[frame], atol=1e-6)
+    assert imported[f"{suffix}/range"].tolist() == [0, FRAMES - 1]
+
+
+def test_gltf_comes_back_as_the_same_points_with_seams_doubled(imported, truth):
+    for name, frames in truth.items():
+        for frame in range(FRAMES):
+            points = imported[f"glb/{name}/{frame}"]
+            assert len(points) >= len(frames[frame])
+            assert KDTree(frames[frame]).query(points)[0].max() < 1e-6
+            assert KDTree(points).query(frames[frame])[0].max() < 1e-6
+
+
+@pytest.mark.parametrize("suffix", ["usdc", "abc"])
+def test_garments_stay_quads_with_texture_coordinates(imported, suffix):
+    assert set(imported[f"{suffix}/Skirt/corners"].tolist()) == {4}
+    assert imported[f"{suffix}/Skirt/uv"] == 1
+
+
+@pytest.mark.parametrize("suffix", ["usdc", "glb"])
+def test_garments_keep_their_colours(imported, suffix):
+    np.testing.assert_allclose(imported[f"{suffix}/Skirt/colour"], [0.1, 0.5, 0.9], atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["pc2", "mdd"])
+def test_caches_fit_the_meshes_beside_them(exports, tiny, truth, suffix):
+    for name, frames in truth.items():
+        mesh = load_obj(exports / suffix / f"{name}.obj")
+        cache = PointCache(exports / suffix / f"{name}.{suffix}", len(mesh.vertices))
+        np.testing.assert_array_equal(cache.frames(), y_up(frames))
+    rest = load_obj(exports / suffix / "Skirt.obj")
+    np.testing.assert_allclose(rest.vertices, y_up(tiny.meshes["Skirt"].vertices), atol=1e-6)
+    np.testing.assert_array_equal(rest.uv_faces, tiny.meshes["Skirt"].uv_faces)
+
+
+def test_the_obj_sequence_has_a_file_per_mesh_and_frame(exports, truth):
+    for name, frames in truth.items():
+        paths = sorted((exports / "obj" / name).iterdir())
+        assert [path.name for path in paths] == [f"{name}_{f:04d}.obj" for f in range(FRAMES)]
+        for path, points in zip(paths, frames, strict=True):
+            np.testing.assert_allclose(load_obj(path).vertices, y_up(points), atol=1e-6)
+
+
+def read_glb(path):
+    data = path.read_bytes()
+    magic, version, length = struct.unpack_from("<4sII", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size, kind = struct.unpack_from("<I4s", data, 12)
+    assert kind == b"JSON"
+    document = json.loads(data[20 : 20 + size])
+    binary_size, kind = struct.unpack_from("<I4s", data, 20 + size)
+    assert (kind, 28 + size + binary_size) == (b"BIN\0", length)
+    assert document["buffers"] == [{"byteLength": binary_size}]
+    return document, data[28 + size :]
+
+
+def accessor_values(document, binary, index):
+    accessor = document["accessors"][index]
+    view = document["bufferViews"][accessor["bufferView"]]
+    assert view["byteOffset"] % 4 == 0
+    dtype = {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
+    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
+    values = np.frombuffer(binary, dtype, accessor["count"] * width, view["byteOffset"])
+    values = values.reshape(-1, width)
+    assert view["byteLength"] == values.nbytes
+    if "min" in accessor:
+        np.testing.assert_array_equal(values.min(axis=0), np.float32(accessor["min"]))
+        np.testing.assert_array_equal(values.max(axis=0), np.float32(accessor["max"]))
+    return values
+
+
+def test_gltf_holds_normals_and_times_of_every_frame(exports, truth, tiny):
+    document, binary = read_glb(exports / "glb" / "00001.glb")
+    for index in range(len(document["accessors"])):
+        accessor_values(document, binary, index)
+    mesh = next(mesh for mesh in document["meshes"] if mesh["name"] == "Skirt")
+    primitive = mesh["primitives"][0]
+    assert len(primitive["targets"]) == FRAMES - 1
+    base = accessor_values(document, binary, primitive["attributes"]["NORMAL"])
+    change = accessor_values(document, binary, primitive["targets"][2]["NORMAL"])
+    points = accessor_values(document, binary, primitive["attributes"]["POSITION"])
+    points = points + accessor_values(document, binary, primitive["targets"][2]["POSITION"])
+    expected = y_up(vertex_normals(truth["Skirt"][3], tiny.meshes["Skirt"].triangles))
+    nearest = KDTree(y_up(truth["Skirt"][3])).query(points)[1]
+    np.testing.assert_allclose(base + change, expected[nearest], atol=1e-5)
+    sampler = document["animations"][0]["samplers"][0]
+    times = accessor_values(document, binary, sampler["input"])
+    np.testing.assert_allclose(times[:, 0], np.arange(FRAMES) / 30, atol=1e-7)
+    weights = accessor_values(document, binary, sampler["output"]).reshape(FRAMES, FRAMES - 1)
+    np.testing.assert_array_equal(weights, np.eye(FRAMES)[:, 1:])
+
+
+def test_a_single_frame_is_a_still(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body, frames=1)
+    for file_format in FORMATS:
+        assert export_sample(tiny.folder, tmp_path / "out" / file_format, file_format)
+    document, _ = read_glb(tmp_path / "out" / "glb" / "00001.glb")
+    assert "animations" not in document
+
+
+def test_a_sample_without_a_body_is_exported_without_one(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body, frames=2)
+    (tiny.folder / "Body.pc16").unlink()
+    assert export_sample(tiny.folder, tmp_path / "out", "pc2") == (
+        ["Skirt.obj", "Skirt.pc2", "Tshirt.obj", "Tshirt.pc2"]
+    )
+    with_body = export_sample(tiny.folder, tmp_path / "out", "pc2", bodies={"female": toy_body})
+    assert "Body.pc2" in with_body
+
+
+def test_an_unknown_format_is_refused_with_the_known_ones(tmp_path, tiny):
+    with pytest.raises(InputError, match="'fbx' is unknown, expected one of usdc, glb, abc"):
+        export_sample(tiny.folder, tmp_path / "out", "fbx")
+    assert not (tmp_path / "out").exists()
