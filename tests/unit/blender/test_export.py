@@ -54,6 +54,18 @@ def check(folder, frames, out):
                 scene.frame_set(frame)
                 found[f"{suffix}/{thing.name}/{frame}"] = vertices(thing)
         found[f"{suffix}/range"] = [scene.frame_start, scene.frame_end]
+    for suffix in ("pc2", "mdd"):
+        for name in ("Body", "Skirt"):
+            bpy.ops.wm.read_factory_settings(use_empty=True)
+            bpy.ops.wm.obj_import(filepath=f"{folder}/{suffix}/{name}.obj")
+            thing = bpy.data.objects[name]
+            modifier = thing.modifiers.new("cache", "MESH_CACHE")
+            modifier.cache_format = suffix.upper()
+            modifier.filepath = f"{folder}/{suffix}/{name}.{suffix}"
+            modifier.frame_start = 0
+            for frame in range(frames):
+                bpy.context.scene.frame_set(frame)
+                found[f"{suffix}/{name}/{frame}"] = vertices(thing)
     np.savez(out, **found)
 
 try:
@@ -123,6 +135,14 @@ def test_garments_stay_quads_with_texture_coordinates(imported, suffix):
 @pytest.mark.parametrize("suffix", ["usdc", "glb"])
 def test_garments_keep_their_colours(imported, suffix):
     np.testing.assert_allclose(imported[f"{suffix}/Skirt/colour"], [0.1, 0.5, 0.9], atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["pc2", "mdd"])
+def test_caches_move_the_imported_meshes_as_simulated(imported, truth, suffix):
+    for name in ("Body", "Skirt"):
+        for frame in range(FRAMES):
+            points = imported[f"{suffix}/{name}/{frame}"]
+            np.testing.assert_allclose(points, truth[name][frame], atol=1e-5)
 
 
 @pytest.mark.parametrize("suffix", ["pc2", "mdd"])
