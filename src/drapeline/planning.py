@@ -35,6 +35,11 @@ class SamplePlan:
     kind: str
     partition: str
 
+    @property
+    def sub_sequence(self) -> str:
+        """CLOTH3D's name of the piece, such as ``walk_s0``."""
+        return f"{self.sequence}_s{self.part}"
+
 
 def sub_sequences(
     frames_of: Mapping[str, int], *, frames: int, frames_min: int

@@ -62,7 +62,7 @@ rule animate_body:
     params:
         seed=config["seed"],
         gender=plan("gender"),
-        kind=plan("kind"),
+        sub_sequence=plan("sub_sequence"),
         start=plan("start"),
         stop=plan("stop"),
         shape_range=lookup(dpath="body/shape_range", within=config),
