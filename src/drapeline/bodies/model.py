@@ -173,13 +173,13 @@ def posed_vertices(
     rest_joints = torch.from_numpy(joints - joints[0])
     weights = torch.from_numpy(np.ascontiguousarray(body.weights.T))
     directions = _pose_directions(body)
-    pose = torch.as_tensor(np.asarray(poses), dtype=torch.float32).reshape(-1, 24, 3)
+    pose = torch.tensor(np.asarray(poses), dtype=torch.float32).reshape(-1, 24, 3)
     out = np.zeros((len(pose), len(vertices), 3), dtype=np.float32)
     with torch.no_grad():
         rotations = axis_angle_to_matrix(pose)
         transforms, places = joint_transforms(rest_joints, rotations)
         if trans is not None:
-            shift = torch.as_tensor(np.asarray(trans), dtype=torch.float32)[:, None]
+            shift = torch.tensor(np.asarray(trans), dtype=torch.float32)[:, None]
             transforms[..., 3] += shift
             places = places + shift
         for start in range(0, len(pose), chunk):

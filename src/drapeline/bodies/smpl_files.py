@@ -28,8 +28,8 @@ def read_body_arrays(path: str | Path) -> dict[str, np.ndarray]:
 
     Returns:
         v_template (V, 3), shapedirs (V, 3, 10), posedirs (V, 3, 207), J_regressor (24, V) and
-        weights (V, 24) as float32, f (F, 3) and segmentation (V,) as int32, name, and where the
-        file has them vt (T, 2) float32 and ft (F, 3) int32.
+        weights (V, 24) as float32, kintree_table (2, 24) as int64, f (F, 3) and segmentation
+        (V,) as int32, name, and where the file has them vt (T, 2) float32 and ft (F, 3) int32.
 
     Raises:
         InputError: names the file and what in it is missing, forbidden or misshapen.
@@ -49,10 +49,15 @@ def read_body_arrays(path: str | Path) -> dict[str, np.ndarray]:
     return _tidy(path, arrays)
 
 
-def save_smpl_pickle(path: str | Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write a body as the kind of pickle that `smplx` and other SMPL tools expect."""
-    with whole_file(path) as scratch, open(scratch, "wb") as stream:
-        pickle.dump({key: np.asarray(value) for key, value in arrays.items()}, stream, protocol=2)
+def convert_to_pickle(source: str | Path, target: str | Path) -> None:
+    """Write a body file as the plain pickle that `smplx.SMPL` and other SMPL tools open.
+
+    Raises:
+        InputError: as `read_body_arrays`.
+    """
+    arrays = read_body_arrays(source)
+    with whole_file(target) as scratch, open(scratch, "wb") as stream:
+        pickle.dump(arrays, stream, protocol=2)
 
 
 def _read_npz(path: Path) -> dict[str, Any]:
@@ -226,6 +231,7 @@ def _tidy(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         for key in ("v_template", "posedirs", "J_regressor", "weights")
     }
     out["shapedirs"] = np.ascontiguousarray(arrays["shapedirs"][..., :COMPONENTS], np.float32)
+    out["kintree_table"] = arrays["kintree_table"].astype(np.int64)
     out["f"] = arrays["f"].astype(np.int32)
     if "vt" in arrays and "ft" in arrays:
         out["vt"], out["ft"] = arrays["vt"].astype(np.float32), arrays["ft"].astype(np.int32)

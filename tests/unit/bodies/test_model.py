@@ -1,0 +1,142 @@
+"""Posing by linear blend skinning."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import smplx
+import torch
+from scipy.spatial.transform import Rotation
+
+from drapeline.bodies import bake
+from drapeline.bodies.model import axis_angle_to_matrix, load_body, posed_vertices, shaped, skin
+from drapeline.bodies.smpl_files import convert_to_pickle
+from drapeline.frames import PARENTS, REST_POSE
+
+
+def slow_posed(body, shape, pose, trans):
+    """One frame by the textbook: a chain of 4x4 matrices, vertex by vertex."""
+    rest = body.v_template.astype(float) + body.shapedirs.astype(float) @ shape
+    joints = body.J_regressor.astype(float) @ rest
+    turns = Rotation.from_rotvec(pose.reshape(24, 3)).as_matrix()
+    rest = rest + body.posedirs.astype(float) @ (turns[1:] - np.eye(3)).ravel()
+    world = []
+    for joint, parent in enumerate(PARENTS):
+        local = np.eye(4)
+        local[:3, :3] = turns[joint]
+        local[:3, 3] = joints[joint] - (joints[parent] if joint else 0)
+        world.append(world[parent] @ local if joint else local)
+    out = []
+    for vertex, weights in zip(rest, body.weights.astype(float), strict=True):
+        place = np.zeros(3)
+        for joint in np.flatnonzero(weights):
+            frame = world[joint]
+            place += weights[joint] * (frame[:3, :3] @ (vertex - joints[joint]) + frame[:3, 3])
+        out.append(place - joints[0] + trans)
+    return np.array(out)
+
+
+@pytest.fixture(scope="module")
+def poses():
+    return np.random.default_rng(0).normal(0, 0.6, (5, 72))
+
+
+@pytest.fixture(scope="module")
+def blended_body(toy_body):
+    """The toy with pose blend shapes, so that they are tested too."""
+    noise = np.random.default_rng(1).normal(0, 0.002, toy_body.posedirs.shape)
+    return replace(toy_body, posedirs=noise.astype(np.float32))
+
+
+def test_axis_angle_equals_scipy_and_is_smooth_at_zero():
+    vectors = np.random.default_rng(0).normal(size=(50, 3))
+    expected = Rotation.from_rotvec(vectors).as_matrix()
+    np.testing.assert_allclose(axis_angle_to_matrix(torch.tensor(vectors)), expected, atol=1e-12)
+    zero = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    axis_angle_to_matrix(zero)[0, 1].backward()
+    np.testing.assert_allclose(zero.grad, [0, 0, -1])
+
+
+def test_posing_equals_its_slow_twin(blended_body, poses):
+    shape, trans = np.linspace(-2, 2, 10), np.arange(15.0).reshape(5, 3)
+    fast, _ = posed_vertices(blended_body, shape, poses, trans, chunk=2)
+    slow = [slow_posed(blended_body, shape, p, t) for p, t in zip(poses, trans, strict=True)]
+    np.testing.assert_allclose(fast, slow, atol=2e-5)
+
+
+def test_batch_equals_single_frames(blended_body, poses):
+    together, joints = posed_vertices(blended_body, np.ones(10), poses)
+    for frame in range(len(poses)):
+        alone, joint = posed_vertices(blended_body, np.ones(10), poses[frame : frame + 1])
+        np.testing.assert_allclose(together[frame], alone[0], atol=1e-6)
+        np.testing.assert_allclose(joints[frame], joint[0], atol=1e-6)
+
+
+def test_root_joint_is_where_trans_says(toy_body, poses):
+    trans = np.random.default_rng(2).normal(size=(5, 3))
+    _, joints = posed_vertices(toy_body, np.zeros(10), poses, trans)
+    np.testing.assert_allclose(joints[:, 0], trans, atol=1e-6)
+
+
+def test_rest_pose_stands_upright_facing_minus_y(toy_body):
+    vertices, joints = posed_vertices(toy_body, np.zeros(10), REST_POSE[None])
+    assert np.ptp(vertices[0, :, 2]) == pytest.approx(np.ptp(toy_body.v_template[:, 1]), rel=0.02)
+    left_hand, left_foot, left_ankle = joints[0, 22], joints[0, 10], joints[0, 7]
+    assert left_hand[0] > 0.5
+    assert left_foot[1] < left_ankle[1] - 0.05
+
+
+def test_turning_the_root_turns_everything(toy_body, poses):
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.9])
+    turned = poses.copy()
+    turned[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
+    before, _ = posed_vertices(toy_body, np.zeros(10), poses)
+    after, _ = posed_vertices(toy_body, np.zeros(10), turned)
+    np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
+
+
+def test_skin_agrees_with_posed_vertices(blended_body, poses):
+    rest, joints = shaped(blended_body, np.ones(10))
+    vertices, _ = skin(
+        *(torch.from_numpy(a) for a in (rest, joints, blended_body.weights)),
+        torch.tensor(poses, dtype=torch.float32),
+        torch.from_numpy(blended_body.posedirs),
+    )
+    expected, _ = posed_vertices(blended_body, np.ones(10), poses)
+    np.testing.assert_allclose(vertices.numpy() - joints[0], expected, atol=1e-5)
+
+
+def test_gradients_of_skinning():
+    rng = np.random.default_rng(0)
+
+    def tensor(*shape, scale=1.0):
+        return torch.tensor(rng.normal(0, scale, shape), requires_grad=True)
+
+    arguments = (
+        tensor(1, 3),
+        tensor(24, 3),
+        tensor(1, 24),
+        tensor(2, 72, scale=0.5),
+        tensor(1, 3, 207, scale=0.1),
+    )
+    assert torch.autograd.gradcheck(skin, arguments)
+
+
+def test_smplx_opens_the_baked_file_and_agrees(baked_bodies, tmp_path, poses):
+    for gender, body in baked_bodies.items():
+        bake.save_body(tmp_path / f"{gender}.npz", body)
+        convert_to_pickle(tmp_path / f"{gender}.npz", tmp_path / f"SMPL_{gender.upper()}.pkl")
+        assert load_body(tmp_path / f"{gender}.npz").name == body.name
+        theirs = smplx.SMPL(str(tmp_path), gender=gender, batch_size=len(poses))
+        shape, trans = np.linspace(-2, 2, 10), np.ones((5, 3))
+        ours, joints = posed_vertices(body, shape, poses, trans)
+        pose = torch.tensor(poses, dtype=torch.float32)
+        root = torch.from_numpy(shaped(body, shape)[1][0])
+        result = theirs(
+            betas=torch.tensor(shape, dtype=torch.float32).expand(5, -1),
+            global_orient=pose[:, :3],
+            body_pose=pose[:, 3:],
+            transl=torch.tensor(trans, dtype=torch.float32) - root,
+        )
+        np.testing.assert_allclose(ours, result.vertices.detach(), atol=1e-5)
+        np.testing.assert_allclose(joints, result.joints.detach()[:, :24], atol=1e-5)

@@ -1,0 +1,160 @@
+"""Pressing colliding body parts apart."""
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.parts import PAIRS, PART_NAMES, topology_of
+from drapeline.bodies.self_collision import segment_triangle_crossings, solve_self_collisions
+from drapeline.frames import JOINT_NAMES, REST_POSE
+
+GAP_M = 0.004
+
+
+def pose(**turns):
+    """Rest pose with some joints turned."""
+    out = REST_POSE.copy()
+    for name, turn in turns.items():
+        at = 3 * JOINT_NAMES.index(name)
+        out[at : at + 3] = turn
+    return out
+
+
+def arms_down(angle_rad):
+    return pose(left_shoulder=(0, 0, -angle_rad), right_shoulder=(0, 0, angle_rad))
+
+
+def corrected(vertices, solution):
+    out = vertices.copy()
+    out[solution.frame, solution.vertex] += solution.delta
+    return out
+
+
+def collisions(solution, frame):
+    return {
+        (PAIRS[i].first, PAIRS[i].second): solution.depth_m[frame, i]
+        for i in np.flatnonzero(solution.depth_m[frame])
+    }
+
+
+@pytest.fixture(scope="module")
+def topology(toy_body):
+    return topology_of(toy_body)
+
+
+def solve(body, topology, *poses, **options):
+    vertices, _ = posed_vertices(body, np.zeros(10), np.stack(poses))
+    return vertices, solve_self_collisions(vertices, topology, gap_m=GAP_M, **options)
+
+
+def test_segments_cross_triangles_where_geometry_says():
+    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    through = [[0.2, 0.3, -1], [0.2, 0.3, 3]]
+    beside = [[0.9, 0.9, -1], [0.9, 0.9, 1]]
+    short = [[0.2, 0.3, -1], [0.2, 0.3, -0.1]]
+    flat = [[0.1, 0.1, 0], [0.3, 0.3, 0]]
+    segments = np.array([through, beside, short, flat], dtype=float)
+    points = segment_triangle_crossings(segments, np.array([triangle] * 4, dtype=float))
+    np.testing.assert_allclose(points, [[0.2, 0.3, 0]])
+
+
+def test_open_pose_is_left_alone(toy_body, topology):
+    _, solution = solve(toy_body, topology, REST_POSE, arms_down(0.8))
+    assert len(solution.frame) == 0
+    assert not solution.depth_m.any()
+    assert not solution.unsolved().any()
+
+
+def test_arm_that_grazes_the_torso_is_pressed_away(toy_body, topology):
+    vertices, solution = solve(toy_body, topology, REST_POSE, arms_down(1.38))
+    found = collisions(solution, 1)
+    assert any("torso" in pair for pair in found)
+    assert collisions(solution, 0) == {}
+    assert set(solution.frame) == {1}
+    assert not solution.unsolved().any()
+    again = solve_self_collisions(corrected(vertices, solution), topology, gap_m=GAP_M)
+    assert again.depth_m.max() < 0.5 * solution.depth_m.max()
+    assert 0 < np.linalg.norm(solution.delta, axis=1).max() < 0.05
+
+
+def test_separated_parts_lie_a_gap_apart():
+    """Two cubes' worth of a body: left and right thigh overlap by 1 cm, nothing else is near."""
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 0.1, 11)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    shell = grid[(np.isclose(grid, 0) | np.isclose(grid, 0.1)).any(axis=1)]
+    body = two_blocks(shell)
+    vertices = body[0][None]
+    solution = solve_self_collisions(vertices, body[1], gap_m=GAP_M)
+    moved = corrected(vertices, solution)[0]
+    half = len(shell)
+    assert moved[half:, 0].min() - moved[:half, 0].max() == pytest.approx(GAP_M, abs=1e-4)
+    assert set(collisions(solution, 0)) == {("left_thigh", "right_thigh")}
+    # Each side gives way by half of the 10 mm overlap and of the gap.
+    assert solution.depth_m.max() == pytest.approx(0.005 + GAP_M / 2, abs=1e-3)
+
+
+def two_blocks(shell):
+    """Convex blocks as left and right thigh, the right one 90 mm along x and a little smaller."""
+    from types import SimpleNamespace
+
+    from scipy.spatial import ConvexHull
+
+    middle = shell.mean(axis=0)
+    round_shell = middle + (shell - middle) / np.linalg.norm(shell - middle, axis=1)[:, None] * 0.05
+    hull = ConvexHull(round_shell)
+    outward = np.einsum(
+        "fi,fi->f",
+        np.cross(
+            round_shell[hull.simplices[:, 1]] - round_shell[hull.simplices[:, 0]],
+            round_shell[hull.simplices[:, 2]] - round_shell[hull.simplices[:, 0]],
+        ),
+        hull.equations[:, :3],
+    )
+    faces = np.where(outward[:, None] > 0, hull.simplices, hull.simplices[:, ::-1])
+    vertices = np.concatenate([round_shell, round_shell + [0.09, 0, 0]])
+    hips = [JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")]
+    body = SimpleNamespace(
+        v_template=vertices,
+        faces=np.concatenate([faces, faces + len(shell)]).astype(np.int32),
+        segmentation=np.repeat(hips, len(shell)),
+    )
+    return vertices, topology_of(body)
+
+
+def test_arms_pressed_into_the_torso_are_too_deep(toy_body, topology):
+    _, solution = solve(toy_body, topology, arms_down(1.75))
+    unsolved = {PAIRS[i].first for i in np.flatnonzero(solution.unsolved()[0])}
+    assert unsolved & {"left_forearm", "left_upper_arm", "left_hand"}
+    assert unsolved & {"right_forearm", "right_upper_arm", "right_hand"}
+
+
+def test_ignored_parts_are_not_looked_at(toy_body, topology):
+    arms = {f"{s}_{p}" for s in ("left", "right") for p in ("hand", "forearm", "upper_arm")}
+    _, solution = solve(toy_body, topology, arms_down(1.75), ignored=frozenset(arms))
+    assert not any(set(pair) & arms for pair in collisions(solution, 0))
+
+
+def test_solution_moves_with_the_body(toy_body, topology):
+    vertices, solution = solve(toy_body, topology, arms_down(1.38))
+    turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=np.float32)
+    turned = solve_self_collisions(vertices @ turn.T + 3, topology, gap_m=GAP_M)
+    np.testing.assert_allclose(turned.depth_m.max(), solution.depth_m.max(), atol=1e-4)
+    assert len(turned.vertex) == pytest.approx(len(solution.vertex), abs=4)
+
+
+def test_parts_cover_the_body_and_pairs_are_unique(toy_body, topology):
+    owned = np.concatenate(topology.part_vertices)
+    np.testing.assert_array_equal(np.sort(owned), np.arange(len(toy_body.v_template)))
+    pairs = [frozenset((pair.first, pair.second)) for pair in PAIRS]
+    assert len(set(pairs)) == len(pairs)
+    assert set().union(*pairs) == set(PART_NAMES)
+
+
+def test_real_body_with_hanging_arms_is_solved(baked_bodies):
+    for body in baked_bodies.values():
+        topology = topology_of(body)
+        vertices, solution = solve(body, topology, arms_down(0.9), arms_down(1.42))
+        assert collisions(solution, 0) == {}
+        assert any("torso" in pair for pair in collisions(solution, 1))
+        assert not solution.unsolved().any()
+        again = solve_self_collisions(corrected(vertices, solution), topology, gap_m=GAP_M)
+        assert again.depth_m.max() < 0.005
