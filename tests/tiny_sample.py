@@ -6,10 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.sequence import BodySequence, save_body_sequence
 from drapeline.dataset.point_cache import write_point_cache
 from drapeline.dataset.writer import write_sample
-from drapeline.frames import REST_POSE
+from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh
+from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz, write_json
 
@@ -87,44 +89,52 @@ def write_stages(
         name: (mesh.vertices + rng.normal(0, 0.01, (frames, *mesh.vertices.shape))).astype("f4")
         for name, mesh in meshes.items()
     }
-    save_npz(
+    save_body_sequence(
         stages / "bodies" / f"{sample}.npz",
-        shape=shape,
-        gender=gender,
-        poses=poses,
-        trans=trans,
-        outcome="solved",
-        thinned=0,
-        removed_segments=np.array([22, 23]),
-        sequence=f"{Path(source).stem}_s0",
-        action="walk",
-        subject="01",
-        source=source,
-        start_frame=0,
+        BodySequence(
+            shape=shape,
+            gender=gender,
+            poses=poses,
+            trans=trans,
+            outcome="removed",
+            reason="",
+            thinned=0,
+            removed_segments=np.array([22, 23], dtype=np.int32),
+            fix_frame=np.zeros(0, dtype=np.int32),
+            fix_vertex=np.zeros(0, dtype=np.int32),
+            fix_delta=np.zeros((0, 3), dtype=np.float32),
+            collided_frames=1,
+            deepest_m=0.01,
+            penetration_m=0.002,
+            foot_sliding_m_s=0.05,
+            sequence=f"{Path(source).stem}_s0",
+            action="walk",
+            subject="01",
+            source=source,
+            start_frame=0,
+        ),
     )
-    arrays = {}
-    for name, mesh in meshes.items():
-        arrays |= {
-            f"{name}/vertices": mesh.vertices,
-            f"{name}/faces": mesh.faces,
-            f"{name}/uv": mesh.uv,
-            f"{name}/uv_faces": mesh.uv_faces,
-        }
-    save_npz(stages / "outfits" / f"{sample}.npz", **arrays)
-    garments = [
-        {
-            "name": name,
-            "fabric": fabric,
-            "elastic": {},
-            "texture": {"type": "color", "data": [0.1, 0.5, 0.9]},
-            "parameters": {"length": 0.5},
-        }
-        for name, fabric in zip(GARMENTS, ("cotton", "denim"), strict=True)
-    ]
-    write_json(
-        stages / "outfits" / f"{sample}.json",
-        {"garments": garments, "tightness": [-1.0, 0.25], "shape": shape.tolist()},
+    garments = tuple(
+        Garment(
+            name,
+            mesh.vertices,
+            mesh.faces,
+            mesh.uv,
+            mesh.uv_faces,
+            pin=np.zeros(len(mesh.vertices), dtype=np.float32),
+            elastic=np.zeros(len(mesh.vertices), dtype=np.float32),
+            about={
+                "fabric": fabric,
+                "elastic": {},
+                "texture": {"type": "color", "data": [0.1, 0.5, 0.9]},
+                "parameters": {"length": 0.5},
+            },
+        )
+        for (name, mesh), fabric in zip(meshes.items(), ("cotton", "denim"), strict=True)
     )
+    tightness = np.array([-1.0, 0.25])
+    outfit = Outfit(garments, shape, tightness, tightness, GENDERS[gender])
+    outfit.save(stages / "outfits" / f"{sample}.npz", stages / "outfits" / f"{sample}.json")
     simulation = stages / "simulation" / sample
     for name, values in vertices.items():
         write_point_cache(simulation / f"{name}.f32", values)

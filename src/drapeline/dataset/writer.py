@@ -9,12 +9,14 @@ import numpy as np
 
 from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.point_cache import PointCache, point_cache_writer
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.mesh import Mesh, edges, save_obj
+from drapeline.outfits.outfit import Garment, load_outfit
 from drapeline.storage import (
     link_or_copy,
     load_npz,
@@ -75,7 +77,7 @@ def write_sample(
         InputError: the inputs do not fit together, or simulated vertices are not finite.
     """
     folder, simulation = Path(folder), Path(simulation)
-    record = load_npz(body_record, "shape", "gender", "poses", "trans", "sequence")
+    record = load_body_sequence(body_record)
     description = read_json(Path(outfit).with_suffix(".json"))
     status = read_json(simulation / "status.json")
     meta = {
@@ -89,7 +91,7 @@ def write_sample(
         "body": {
             "model": body.name,
             "fingerprint": body_fingerprint(body),
-            "gender": GENDERS[int(record["gender"])],
+            "gender": GENDERS[record.gender],
             "vertices": len(body.v_template),
         },
         "motion": _motion(record),
@@ -100,12 +102,11 @@ def write_sample(
     }
     with whole_folder(folder) as scratch:
         if status["status"] == "accepted":
-            meshes = load_npz(outfit)
-            names = [garment["name"] for garment in description["garments"]]
+            garments = load_outfit(outfit, Path(outfit).with_suffix(".json")).garments
             write_info(scratch / "info.mat", _info(record, description, rng))
             meta["garments"] = {
-                name: _write_garment(scratch, name, meshes, simulation, len(record["poses"]))
-                for name in names
+                garment.name: _write_garment(scratch, garment, simulation, len(record.poses))
+                for garment in garments
             }
             _write_body(scratch, body, record)
             health = load_npz(simulation / "health.npz")
@@ -130,35 +131,39 @@ def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, fl
     return summary
 
 
-def _motion(record: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _motion(record: BodySequence) -> dict[str, Any]:
     return {
-        "sequence": str(record["sequence"]),
-        "source": str(record.get("source", "")),
-        "subject": str(record.get("subject", "")),
-        "action": str(record.get("action", "")),
-        "start_frame": int(record.get("start_frame", 0)),
-        "frames": len(record["poses"]),
+        "sequence": record.sequence,
+        "source": record.source,
+        "subject": record.subject,
+        "action": record.action,
+        "start_frame": record.start_frame,
+        "frames": len(record.poses),
+        "floor_penetration_m": record.penetration_m,
+        "foot_sliding_m_s": record.foot_sliding_m_s,
     }
 
 
-def _self_collision(record: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    removed = record.get("removed_segments", np.zeros(0, dtype=int))
+def _self_collision(record: BodySequence) -> dict[str, Any]:
     return {
-        "outcome": str(record.get("outcome", "none")),
-        "thinned": int(record.get("thinned", 0)),
-        "removed_segments": [JOINT_NAMES[int(segment)] for segment in removed],
+        "outcome": record.outcome,
+        "reason": record.reason,
+        "thinned": record.thinned,
+        "removed_segments": [JOINT_NAMES[int(segment)] for segment in record.removed_segments],
+        "collided_frames": record.collided_frames,
+        "deepest_m": record.deepest_m,
     }
 
 
 def _info(
-    record: Mapping[str, np.ndarray], description: Mapping[str, Any], rng: np.random.Generator
+    record: BodySequence, description: Mapping[str, Any], rng: np.random.Generator
 ) -> SampleInfo:
     camera, lights = sample_scene(rng)
     return SampleInfo(
-        poses=record["poses"],
-        trans=record["trans"],
-        shape=record["shape"],
-        gender=int(record["gender"]),
+        poses=record.poses,
+        trans=record.trans,
+        shape=record.shape,
+        gender=record.gender,
         outfit={
             garment["name"]: {"texture": garment["texture"], "fabric": garment["fabric"]}
             for garment in description["garments"]
@@ -170,14 +175,10 @@ def _info(
 
 
 def _write_garment(
-    folder: Path, name: str, meshes: Mapping[str, np.ndarray], simulation: Path, frame_count: int
+    folder: Path, garment: Garment, simulation: Path, frame_count: int
 ) -> dict[str, float]:
-    mesh = Mesh(
-        meshes[f"{name}/vertices"],
-        meshes[f"{name}/faces"],
-        meshes.get(f"{name}/uv"),
-        meshes.get(f"{name}/uv_faces"),
-    )
+    name = garment.name
+    mesh = Mesh(garment.vertices, garment.faces, garment.uv, garment.uv_faces)
     save_obj(folder / f"{name}.obj", mesh)
     source = simulation / f"{name}.f32"
     with PointCache(source, len(mesh.vertices)) as cache:
@@ -202,10 +203,10 @@ def _write_garment(
     }
 
 
-def _write_body(folder: Path, body: BodyModel, record: Mapping[str, np.ndarray]) -> None:
-    rest, _ = posed_vertices(body, record["shape"], REST_POSE[None].copy())
+def _write_body(folder: Path, body: BodyModel, record: BodySequence) -> None:
+    rest, _ = posed_vertices(body, record.shape, REST_POSE[None].copy())
     save_obj(folder / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
-    poses = record["poses"]
+    poses = record.poses
     with point_cache_writer(folder / f"{BODY}.pc16", len(body.v_template)) as writer:
         for start in range(0, len(poses), _CHUNK):
-            writer.append(posed_vertices(body, record["shape"], poses[start : start + _CHUNK])[0])
+            writer.append(posed_vertices(body, record.shape, poses[start : start + _CHUNK])[0])

@@ -6,9 +6,10 @@ import pytest
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.info_mat import read_info
 from drapeline.dataset.point_cache import PointCache, point_cache_writer
+from drapeline.dataset.record import body_fingerprint
 from drapeline.dataset.writer import summarise_health, write_sample
 from drapeline.errors import InputError
-from drapeline.frames import REST_POSE
+from drapeline.frames import PARENTS, REST_POSE
 from drapeline.mesh import load_obj
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz
@@ -158,10 +159,13 @@ def test_the_stored_body_is_that_of_a_saved_and_loaded_model(tmp_path, toy_body,
         posedirs=toy_body.posedirs,
         J_regressor=toy_body.J_regressor,
         weights=toy_body.weights,
+        kintree_table=np.stack([PARENTS, np.arange(24)]),
         f=toy_body.faces,
         segmentation=toy_body.segmentation,
     )
     record = load_npz(tiny.stages / "bodies/00001.npz")
-    points, _ = posed_vertices(load_body(tmp_path / "body.npz"), tiny.shape, record["poses"])
+    loaded = load_body(tmp_path / "body.npz")
+    assert body_fingerprint(loaded) == read_json(tiny.folder / "meta.json")["body"]["fingerprint"]
+    points, _ = posed_vertices(loaded, tiny.shape, record["poses"])
     stored = PointCache(tiny.folder / "Body.pc16").frames()
     assert np.abs(points - stored).max() < 5e-4
