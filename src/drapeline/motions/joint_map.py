@@ -1,7 +1,7 @@
 """Joint maps: which joint of a source skeleton drives each SMPL joint (YAML)."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import yaml
@@ -13,6 +13,8 @@ from drapeline.motions.skeleton import Take
 BUILT_IN = Path(__file__).parent / "joint_maps"
 _LIMB_PARTS = ("hip", "knee", "ankle", "shoulder", "elbow")
 REQUIRED = ("pelvis", *(f"{side}_{part}" for side in ("left", "right") for part in _LIMB_PARTS))
+_TWISTABLE = ("hip", "knee", "shoulder", "elbow")
+KEYS = ("joints", "up", "twist_deg")
 UP_AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 
 
@@ -24,11 +26,14 @@ class JointMap:
         name: file or built-in map it came from; named in errors.
         joints: SMPL joint name to source joint name; unlisted joints follow their neighbours.
         up: the file's vertical axis, one of X Y Z -X -Y -Z; None takes it from the rest pose.
+        twist_deg: SMPL limb joint to the angle about the limb's direction that its rest pose lacks
+            to be SMPL's. Bone directions cannot tell it; the axis of a hinge can.
     """
 
     name: str
     joints: dict[str, str]
     up: str | None = None
+    twist_deg: dict[str, float] = field(default_factory=dict)
 
     def indices(self, take: Take) -> dict[str, int]:
         """Joint index in the take for each mapped SMPL joint.
@@ -61,9 +66,9 @@ def load_joint_map(path: str | Path) -> JointMap:
         raise InputError(f"{path}: not readable as YAML ({line}), expected a joint map") from error
     if not isinstance(content, dict) or not isinstance(content.get("joints"), dict):
         raise InputError(f"{path}: expected a key 'joints' with SMPL joint: source joint lines")
-    strange = sorted(set(content) - {"joints", "up"})
+    strange = sorted(set(map(str, content)) - set(KEYS))
     if strange:
-        raise InputError(f"{path}: unknown key {_listed(strange)}, expected 'joints' and 'up'")
+        raise InputError(f"{path}: unknown key {_listed(strange)}, expected of {_listed(KEYS)}")
     joints = {str(key): str(value) for key, value in content["joints"].items()}
     unknown = sorted(set(joints) - set(JOINT_NAMES))
     if unknown:
@@ -76,7 +81,17 @@ def load_joint_map(path: str | Path) -> JointMap:
     up = content.get("up")
     if up is not None and up not in UP_AXES:
         raise InputError(f"{path}: 'up' is {up!r}, expected one of {_listed(UP_AXES)}")
-    return JointMap(str(path), joints, up)
+    return JointMap(str(path), joints, up, _twists(path, content.get("twist_deg", {})))
+
+
+def _twists(path: Path, content: object) -> dict[str, float]:
+    limbs = [joint for joint in REQUIRED if joint.split("_")[-1] in _TWISTABLE]
+    if not isinstance(content, dict) or not set(content) <= set(limbs):
+        raise InputError(f"{path}: 'twist_deg' is {content}, expected angles of {_listed(limbs)}")
+    for joint, angle in content.items():
+        if not isinstance(angle, int | float) or not -180 <= angle <= 180:
+            raise InputError(f"{path}: twist of {joint} is {angle}, expected -180 to 180 degrees")
+    return {joint: float(angle) for joint, angle in content.items()}
 
 
 def built_in_map(take: Take) -> JointMap:

@@ -55,7 +55,7 @@ def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
     rest = take.rest_positions()
     facing = body_frame(rest, source, take.source)
     world = _world_frame(facing, joint_map.up)
-    align = _alignment(rest @ facing.T, source)
+    align = _alignment(rest @ facing.T, source, joint_map.twist_deg)
     rotations = np.zeros((len(take.rotations), 24, 3, 3))
     for joint, index in source.items():
         turn = facing.T @ align[joint].T
@@ -104,7 +104,9 @@ def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.eye(3) + cross + cross @ cross / (1 + cosine)
 
 
-def _alignment(rest: np.ndarray, source: dict[str, int]) -> dict[str, np.ndarray]:
+def _alignment(
+    rest: np.ndarray, source: dict[str, int], twist_deg: dict[str, float]
+) -> dict[str, np.ndarray]:
     """Per mapped joint, the turn (3, 3) from the source's rest pose to the T-pose, SMPL axes."""
     align = {joint: np.eye(3) for joint in source}
     for start, end, direction in LIMBS:
@@ -122,6 +124,9 @@ def _alignment(rest: np.ndarray, source: dict[str, int]) -> dict[str, np.ndarray
         if f"{side}_hand" in source:
             align[f"{side}_hand"] = align[f"{side}_elbow"]
         _align_foot(align, rest, source, side)
+    for joint, _, direction in LIMBS:  # last, so that hands and feet do not take it on
+        axis_angle = np.radians(twist_deg.get(joint, 0.0)) * np.array(direction)
+        align[joint] = Rotation.from_rotvec(axis_angle).as_matrix() @ align[joint]
     return align
 
 

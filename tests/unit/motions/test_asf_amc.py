@@ -36,11 +36,11 @@ for side, sign in (("l", 1), ("r", -1)):
             f"{side}clavicle",
             (sign, 0, 0),
             5,
-            (180, 30 * sign, 90 * sign),
+            (180, -30 * sign, -90 * sign),
             "rx ry rz",
         ),
-        f"{side}radius": (f"{side}humerus", (sign, 0, 0), 3, (180, 30 * sign, 90 * sign), "rx"),
-        f"{side}wrist": (f"{side}radius", (sign, 0, 0), 1.5, (180, 30 * sign, 90 * sign), "ry"),
+        f"{side}radius": (f"{side}humerus", (sign, 0, 0), 3, (180, -30 * sign, -90 * sign), "rx"),
+        f"{side}wrist": (f"{side}radius", (sign, 0, 0), 1.5, (180, -30 * sign, -90 * sign), "ry"),
     }
 
 
@@ -121,9 +121,17 @@ def test_a_knee_bends_back_about_the_bones_own_axis(files):
     np.testing.assert_allclose(bone("right_knee", "right_ankle")[1], 0, atol=1e-5)
 
 
+@pytest.mark.parametrize(("side", "sign"), [("left", -1), ("right", 1)])
+def test_an_elbow_bends_about_smpls_own_hinge(files, side, sign):
+    take = read_asf_amc(*files({f"{side[0]}radius": [70]}))
+    poses, _ = retarget(take, built_in_map(take))
+    elbow = np.degrees(poses.reshape(24, 3)[JOINT_NAMES.index(f"{side}_elbow")])
+    np.testing.assert_allclose(elbow, [0, 70 * sign, 0], atol=1e-5)
+
+
 def test_axes_are_applied_in_the_order_written(files):
     # Own axes of the humerus: C = Rz Ry Rx; turning by rz then means C Rz(a) C^-1.
-    own = Rotation.from_euler("xyz", [180, 30, 90], degrees=True)
+    own = Rotation.from_euler("xyz", [180, -30, -90], degrees=True)
     turn = own * Rotation.from_euler("xyz", [20, -35, 50], degrees=True) * own.inv()
     bone = directions(*files({"lhumerus": [20, -35, 50]}))
     x, y, z = turn.apply([1, 0, 0])

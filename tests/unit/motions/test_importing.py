@@ -8,6 +8,7 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import frame_count, import_motion
+from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.motion import Cycle, Motion, save_motion
 from motion_files import SMPL_TO_CMU_BVH, smooth_turns, write_bvh
 
@@ -90,7 +91,8 @@ def test_a_joint_map_opens_any_skeleton(make, tmp_path):
     with pytest.raises(InputError, match="fit no built-in map"):
         import_motion(path)
     joints = {j: f"my{SMPL_TO_CMU_BVH[j]}" for j in JOINT_NAMES if "hand" not in j}
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joints": joints}))
+    twist = load_joint_map(BUILT_IN / "cmu_bvh.yaml").twist_deg
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joints": joints, "twist_deg": twist}))
     motion = import_motion(path, joint_map=tmp_path / "map.yaml")
     np.testing.assert_allclose(motion.poses, expected.poses, atol=1e-9)
 

@@ -58,6 +58,9 @@ def test_a_prefix_of_every_joint_is_ignored():
         (lines(tail="Tail"), "tail is no SMPL joint"),
         (lines() + "up: W\n", "'up' is 'W', expected one of X, Y, Z"),
         (lines() + "scale: 2\n", "unknown key scale"),
+        (lines() + "twist_deg: 3\n", "'twist_deg' is 3, expected angles of left_hip"),
+        (lines() + "twist_deg: {head: 3}\n", "expected angles of left_hip"),
+        (lines() + "twist_deg: {left_hip: x}\n", "twist of left_hip is x, expected -180 to 180"),
         ("joints: !!python/object/apply:os.system ['true']\n", "not readable as YAML"),
     ],
 )
