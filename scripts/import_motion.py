@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import import_motion
 from drapeline.motions.motion import save_motion
 from drapeline.rule_log import rule_log
@@ -18,3 +19,10 @@ with rule_log(snakemake.log[0]) as log:
     )
     save_motion(snakemake.output[0], motion)
     log.info("%s: %d frames of '%s'", motion.sequence, len(motion), motion.action)
+    floor = floor_report(motion)
+    log.info(
+        "resting feet slide %.1f mm per frame, supports float %.1f mm, deepest below floor %.1f mm",
+        floor.sliding_mm_per_frame,
+        floor.floating_mean_mm,
+        floor.penetration_max_mm,
+    )
