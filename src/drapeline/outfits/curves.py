@@ -41,6 +41,19 @@ def hung(tube: Tube, *, down: float, up: float, top_m: float) -> Tube:
     return Tube(tube.start_m, tube.centre, radius)
 
 
+def straightened(tube: Tube, slope: float) -> Tube:
+    """The outline of a sleeve or trouser leg, whose radius changes by no more than `slope`.
+
+    Bulges of muscles, elbows and knees are bridged on both sides.
+    """
+    radius = tube.radius.copy()
+    for row in range(1, len(radius)):
+        radius[row] = np.maximum(radius[row], radius[row - 1] - slope * STEP_M)
+    for row in range(len(radius) - 2, -1, -1):
+        radius[row] = np.maximum(radius[row], radius[row + 1] - slope * STEP_M)
+    return Tube(tube.start_m, tube.centre, radius)
+
+
 def ring(tube: Tube, height_m: float, extra_m: float, edges: int) -> np.ndarray:
     """Horizontal outline of a torso or skirt, (edges, 3).
 

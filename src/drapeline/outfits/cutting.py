@@ -4,13 +4,18 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
+from drapeline.mesh import boundary_loops
+from drapeline.outfits.curves import smoothstep
+from drapeline.outfits.drape import draped, fold_seeds
 from drapeline.outfits.forms import ANGLES, Form, Tube
 from drapeline.outfits.lower import (
     SkirtCut,
     TrousersCut,
     build_skirt,
     build_trousers,
+    legs_apart,
     skirt_half_ring,
     trousers_half_ring,
 )
@@ -19,6 +24,10 @@ from drapeline.outfits.upper import UpperCut, build_upper
 from drapeline.outfits.width import WidthLine
 
 Numbers = Mapping[str, Any]
+_FOLD_M = 0.0015
+_CALM_M = 0.04  # ends of a garment stay clean over this distance
+_DRAPE_GAP_M = 0.006
+_DRAPE_STEPS = 30
 _TORSO_M = 0.53  # the torso that distances in the ranges are meant for
 
 
@@ -61,6 +70,7 @@ def upper_cut(form: Form, values: Numbers, hem_m: float | None = None) -> UpperC
         hem=_mix(marks["waist"], marks["crotch"], values["hem"]) if hem_m is None else hem_m,
         ease=values["ease_m"],
         flare=values["flare"] if hem_m is None else 0.0,
+        shaping=values["shaping"],
         drop=values["drop_m"] * size,
         shoulder_x=shoulder_x,
         neck_x=values["neck_width_m"] * size,
@@ -137,3 +147,41 @@ def cut_garment(
         if upper is not None:
             del pattern.marks["hem"]
     return pattern
+
+
+def settled(
+    rng: np.random.Generator, form: Form, pattern: Pattern, edge_length_m: float, fullness: float
+) -> np.ndarray:
+    """Vertices of a garment after it has hung on the dress form for a moment.
+
+    Args:
+        rng: where folds begin.
+        fullness: excess of cloth around the body in shares.
+    """
+    points, faces = pattern.vertices, pattern.faces()
+    nudge = fold_seeds(rng, faces, len(points), edge_length_m, _FOLD_M * (0.2 + 60 * fullness))
+    ends = np.concatenate(boundary_loops(faces))
+    calm = smoothstep(KDTree(points[ends]).query(points)[0] / _CALM_M)
+    if "skirt_hem" in pattern.marks:
+        calm = np.maximum(calm, smoothstep((form.landmarks["hip"] - points[:, 2]) / _CALM_M))
+    held = np.zeros(len(points), dtype=bool)
+    if "hem" not in pattern.marks and "left_armhole" not in pattern.marks:
+        held[pattern.marks["waist"]] = True
+    high = points[:, 2] > form.landmarks["waist"]
+    apart = legs_apart(pattern)
+
+    def keep_out(p: np.ndarray) -> np.ndarray:
+        for part, field in ((high, form.upper), (~high, form.lower)):
+            if part.any():
+                p[part] = field.lifted(p[part], _DRAPE_GAP_M)
+        return apart(p)
+
+    return draped(
+        points,
+        faces,
+        held,
+        keep_out,
+        fullness=fullness * calm,
+        nudge=nudge * calm[:, None],
+        steps=_DRAPE_STEPS,
+    )

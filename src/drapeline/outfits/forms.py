@@ -189,12 +189,20 @@ def _landmarks(points, part, joint) -> dict[str, float]:
 
 
 def _outlines(along, plane, start, stop, axis=None) -> tuple[np.ndarray, np.ndarray]:
-    """Hull outlines of points by slices: centres (S, 2) and radii (S, ANGLES), gaps filled."""
+    """Hull outlines of points by slices: centres (S, 2) and radii (S, ANGLES), gaps filled.
+
+    Radii count from `axis`, or from the straight line through the slices' middles.
+    """
     knots = start + STEP_M * np.arange(int(round((stop - start) / STEP_M)) + 1)
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
     rays = np.stack([np.sin(angle), np.cos(angle)])
     centre = np.full((len(knots), 2), np.nan)
     radius = np.full((len(knots), ANGLES), np.nan)
+    if axis is None:
+        line = np.polynomial.polynomial.polyfit(*_middles(along, plane, knots), 1)
+        middle = np.polynomial.polynomial.polyval(knots, line).T
+    else:
+        middle = np.broadcast_to(axis, (len(knots), 2))
     order = np.argsort(along, kind="stable")
     along, plane = along[order], plane[order]
     for k, knot in enumerate(knots):
@@ -205,10 +213,7 @@ def _outlines(along, plane, start, stop, axis=None) -> tuple[np.ndarray, np.ndar
             hull = ConvexHull(plane[low:high])
         except QhullError:
             continue
-        corner = plane[low:high][hull.vertices]
-        centre[k] = (corner.min(axis=0) + corner.max(axis=0)) / 2
-        if axis is not None:
-            centre[k] = axis
+        centre[k] = middle[k]
         facing = hull.equations[:, :2] @ rays
         reach = -(hull.equations[:, :2] @ centre[k] + hull.equations[:, 2])[:, None]
         radius[k] = np.where(facing > 1e-9, reach / np.maximum(facing, 1e-9), np.inf).min(axis=0)
@@ -221,6 +226,13 @@ def _outlines(along, plane, start, stop, axis=None) -> tuple[np.ndarray, np.ndar
     centre = gaussian_filter1d(centre, BLUR_M / STEP_M, axis=0, mode="nearest")
     radius = gaussian_filter1d(radius, BLUR_M / STEP_M, axis=0, mode="nearest")
     return centre, gaussian_filter1d(radius, ANGLES / 40, axis=1, mode="wrap")
+
+
+def _middles(along, plane, knots) -> tuple[np.ndarray, np.ndarray]:
+    """Knots that have points, and the middle of their bounding box."""
+    slices = [(k, plane[np.abs(along - k) < _HALF_SLICE_M]) for k in knots]
+    found = [(k, (p.min(axis=0) + p.max(axis=0)) / 2) for k, p in slices if len(p)]
+    return np.array([k for k, _ in found]), np.array([m for _, m in found])
 
 
 def _torso(points, part, marks) -> Tube:

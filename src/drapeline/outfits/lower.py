@@ -1,11 +1,12 @@
 """Lower-body patterns: trousers and skirts."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from drapeline.frames import REST_POSE
-from drapeline.outfits.curves import curve_length, hung, limb_loop, ring, smoothstep
+from drapeline.outfits.curves import curve_length, hung, limb_loop, ring, smoothstep, straightened
 from drapeline.outfits.forms import ANGLES, Form, Tube
 from drapeline.outfits.panels import Pattern
 from drapeline.outfits.relax import averaging_matrix, smoothed
@@ -13,6 +14,7 @@ from drapeline.outfits.width import WidthLine
 
 GAP_M = 0.008
 _LEG_TILT = float(np.tan(REST_POSE[5]))
+_SEAM_M = 0.15  # over which a sewn waist evens out
 _BETWEEN_LEGS_M = 0.004  # half the least distance of the two trouser legs
 
 
@@ -92,16 +94,25 @@ def build_trousers(
     rows = max(2, round((cut.waist - fork) / e))
     heights = np.linspace(cut.waist, fork, rows + 1)
     rings = np.stack([ring(hips, z, GAP_M + cut.ease, 2 * half) for z in heights])
-    ids = np.full((rows + 1, 2 * half), -1)
-    skip = 0 if waist_ids is None else 1
-    if skip:
-        ids[0] = waist_ids
-    ids[skip:] = pattern.add(rings[skip:])
-    pattern.marks["waist"] = ids[0]
+    ids = _sewn(pattern, rings, waist_ids)
     bridge = _bridge(pattern, ids[-1], half, crotch, e)
     for side in ("left", "right"):
         _leg(pattern, form, cut, ids, bridge, side, e)
     _settle_legs(pattern, form, bridge, fork)
+
+
+def _sewn(pattern: Pattern, rings: np.ndarray, waist_ids: np.ndarray | None) -> np.ndarray:
+    """Ids (R, E) of rings (R, E, 3) from the waist down, the first merged with existing ones."""
+    if waist_ids is None:
+        ids = pattern.add(rings)
+    else:
+        # The lower part starts where the upper one ends and finds its own shape further down.
+        shift = pattern.vertices[waist_ids] - rings[0]
+        below = rings[0, 0, 2] - rings[1:, :1, 2:]
+        rings = rings[1:] + shift * (1 - smoothstep(below / _SEAM_M))
+        ids = np.concatenate([waist_ids[None], pattern.add(rings)])
+    pattern.marks["waist"] = ids[0]
+    return ids
 
 
 def _bridge(pattern: Pattern, fork_ring: np.ndarray, half: int, crotch: float, e: float):
@@ -132,14 +143,16 @@ def _leg(pattern, form: Form, cut: TrousersCut, hips, bridge, side: str, e: floa
         outer = np.concatenate([fork[half + quarter :], fork[: quarter + 1]])
         loop = np.concatenate([outer, bridge[::-1]])
     start = pattern.vertices[loop] * [sign, 1, 1]
+    limb = straightened(form.leg, 0.1)
     length = start[:, 2].mean() - cut.cuff
     rows = max(1, round(length / e))
     grid = [
-        _leg_row(form, cut, start, row / rows, quarter, 1 if sign > 0 else -1) * [sign, 1, 1]
+        _leg_row(form, limb, cut, start, row / rows, quarter, 1 if sign > 0 else -1) * [sign, 1, 1]
         for row in range(1, rows + 1)
     ]
     ids = np.concatenate([loop[None], pattern.add(np.stack(grid))])
     pattern.marks[f"{side}_leg_cuff"] = ids[-1]
+    pattern.marks[f"{side}_leg"] = ids[1:].ravel()
     # Columns from the inseam over the first half to the outer side, and on to the inseam.
     turned = np.roll(ids, inner, axis=1)
     turned = np.column_stack([turned, turned[:, :1]])
@@ -156,20 +169,19 @@ def _leg(pattern, form: Form, cut: TrousersCut, hips, bridge, side: str, e: floa
     pattern.panel(whole[:, middle:], 0)
 
 
-def _leg_row(form, cut, start: np.ndarray, share: float, quarter: int, turn: int) -> np.ndarray:
+def _leg_row(form, limb: Tube, cut, start: np.ndarray, share: float, quarter: int, turn: int) -> np.ndarray:
     """Row of a left leg between the fork (0) and the cuff (1); the cuff is square to the leg."""
-    axis_x = form.leg.centre_at(np.array(cut.cuff))[0]
+    axis_x = limb.centre_at(np.array(cut.cuff))[0]
     x = start[:, 0]
     for _ in range(3):
         cuff_z = cut.cuff + _LEG_TILT * (x - axis_x)
         z = start[:, 2] + (cuff_z - start[:, 2]) * share
         mean = float(z.mean())
-        own = form.leg.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
+        own = limb.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
         along = max(0.0, (form.landmarks["hip"] - mean) * np.hypot(1, _LEG_TILT))
         extra = max(GAP_M, cut.leg(along) / 2 - own)
         # The outline starts at the outer side; the row starts a quarter before it.
-        outline = limb_loop(form.leg, mean, extra, np.pi / 2, len(start), -turn)
-        outline = outline if turn > 0 else outline
+        outline = limb_loop(limb, mean, extra, np.pi / 2, len(start), -turn)
         plane = np.roll(outline, quarter, axis=0)
         blend = smoothstep((start[:, 2].mean() - mean) / 0.16)
         flat = start[:, :2] + blend * (plane - start[:, :2])
@@ -186,18 +198,29 @@ def _settle_legs(pattern: Pattern, form: Form, bridge: np.ndarray, fork: float) 
     if "hem" in pattern.marks:
         near[points[:, 2] >= points[pattern.marks["waist"], 2].min()] = 0
     moved = near > 0
-    on_middle = np.abs(points[moved, 0]) < 1e-6
-    side = np.sign(points[moved, 0])
-    leg = points[moved, 2] < fork - 1e-6
+    on_middle = np.isin(np.arange(len(points)), bridge)
+    on_middle |= np.abs(points[:, 0]) < 1e-6
+    apart = legs_apart(pattern)
 
     def lift(p: np.ndarray) -> np.ndarray:
-        p = form.lower.lifted(p, GAP_M)
-        p[on_middle, 0] = 0
-        apart = leg & ~on_middle
-        p[apart, 0] = side[apart] * np.maximum(side[apart] * p[apart, 0], _BETWEEN_LEGS_M)
-        return p
+        whole = points.copy()
+        whole[moved] = form.lower.lifted(p, GAP_M)
+        whole[on_middle, 0] = 0
+        return apart(whole)[moved]
 
     pattern.vertices = smoothed(points, average, 0.8 * near, 25, lift)
+
+
+def legs_apart(pattern: Pattern) -> Callable[[np.ndarray], np.ndarray]:
+    """Function that keeps the two legs of trousers on their own side."""
+
+    def apart(points: np.ndarray) -> np.ndarray:
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            if (leg := pattern.marks.get(f"{side}_leg")) is not None:
+                points[leg, 0] = sign * np.maximum(sign * points[leg, 0], _BETWEEN_LEGS_M)
+        return points
+
+    return apart
 
 
 def _skirt_extra(form: Form, cut: SkirtCut, share: float) -> float:
@@ -223,12 +246,8 @@ def build_skirt(
     hips = hung(form.skirt, down=0.02, up=0.45, top_m=cut.waist)
     rows = max(2, round((cut.waist - cut.hem) / edge_length_m))
     grid = [_skirt_ring(form, cut, hips, row / rows, 2 * half_ring) for row in range(rows + 1)]
-    ids = np.full((rows + 1, 2 * half_ring), -1)
-    skip = 0 if waist_ids is None else 1
-    if skip:
-        ids[0] = waist_ids
-    ids[skip:] = pattern.add(np.stack(grid[skip:]))
-    pattern.marks["waist"], pattern.marks["skirt_hem"] = ids[0], ids[-1]
+    ids = _sewn(pattern, np.stack(grid), waist_ids)
+    pattern.marks["skirt_hem"] = ids[-1]
     closed = np.column_stack([ids, ids[:, :1]])[::-1]
     pattern.panel(closed[:, : half_ring + 1], half_ring // 2)
     pattern.panel(closed[:, half_ring:], half_ring // 2)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
-from drapeline.outfits.cutting import cut_garment
+from drapeline.outfits.cutting import cut_garment, settled
 from drapeline.outfits.fit import (
     RESIZE_PASSES,
     laid_over,
@@ -29,12 +29,14 @@ from drapeline.outfits.ranges import (
 )
 from drapeline.outfits.relax import averaging_matrix
 from drapeline.outfits.templates import Templates
+from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz, write_json
 
 BODY_GAP_M = 0.005
 LAYER_GAP_M = 0.006
 GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
 KINDS = ("Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit", "Tshirt+Skirt", "Top+Trousers")
+_PARTS = ("upper", "trousers", "skirt")
 _UPPER = ("Tshirt", "Top")
 _END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
 
@@ -172,6 +174,8 @@ def sample_numbers(
             for end, there in chance.items()
             if there
         }
+        parts["fullness"] = uniform(rng, ranges.fullness)
+        parts["fold_seed"] = int(rng.integers(2**31))
         fabrics = UPPER_FABRICS if name in _UPPER else FABRICS
         out.append(
             (
@@ -248,9 +252,13 @@ def make_outfit(
     target = rest_body(body, tightness_shape(shape, tightness, gender))
     garments: list[Garment] = []
     for name, about in numbers:
-        pattern = cut_garment(form, edge_length_m, **about["parameters"])
+        numbers_of = about["parameters"]
+        pattern = cut_garment(
+            form, edge_length_m, **{k: v for k, v in numbers_of.items() if k in _PARTS}
+        )
         faces = pattern.faces()
-        points = pattern.vertices
+        folds = rng_for(numbers_of["fold_seed"], "folds")
+        points = settled(folds, form, pattern, edge_length_m, numbers_of["fullness"])
         average = averaging_matrix(faces, len(points))
         passes = round(RESIZE_PASSES * (0.01 / edge_length_m) ** 2) + 4
         points = resized(points, average, mean_body, target, passes)

@@ -23,6 +23,7 @@ class OutfitRanges:
             offset is a share of the sleeve.
         hem: waist (0) to crotch (1), of t-shirts and tops.
         ease_m, flare: room around the chest, and what the hem adds per metre.
+        shaping: how fast cloth comes back to the body below the chest, metres per metre.
         drop_m: underarm below the body's armpit, garments with sleeves.
         neck_width_m, neck_depth_crew_m, neck_depth_v_m, neck_depth_scoop_m, neck_depth_back_m:
             half width and depths of the neckline.
@@ -37,6 +38,7 @@ class OutfitRanges:
         skirt_length: hip (0) to ankle (1).
         skirt_alpha1: equation 1 along the body's axis; alpha2 is 0.
         skirt_flutes, skirt_fullness: folds per metre of hem, and their depth.
+        fullness: excess of cloth around the body in shares, which lies in soft folds.
         tightness: both terms of gamma.
         elastic_chance: for sleeves, for legs, and for the waist of full-body garments.
     """
@@ -49,17 +51,18 @@ class OutfitRanges:
     hem: Range = (0.1, 1.0)
     ease_m: Range = (0.004, 0.022)
     flare: Range = (0.0, 0.08)
+    shaping: Range = (0.04, 0.22)
     drop_m: Range = (0.02, 0.045)
-    neck_width_m: Range = (0.07, 0.088)
+    neck_width_m: Range = (0.078, 0.098)
     neck_depth_crew_m: Range = (0.06, 0.085)
     neck_depth_v_m: Range = (0.11, 0.19)
     neck_depth_scoop_m: Range = (0.1, 0.17)
-    neck_depth_back_m: Range = (0.015, 0.03)
+    neck_depth_back_m: Range = (0.015, 0.035)
     open_chance: float = 0.18
     polo_chance: float = 0.2
     placket_m: Range = (0.08, 0.16)
     strap_m: Range = (0.025, 0.055)
-    strap_neck_m: Range = (0.078, 0.1)
+    strap_neck_m: Range = (0.085, 0.105)
     top_drop_m: Range = (0.0, 0.035)
     scye_m: Range = (0.005, 0.03)
     waist: Range = (0.45, 1.0)
@@ -74,6 +77,7 @@ class OutfitRanges:
     skirt_alpha1: Range = (0.15, 0.9)
     skirt_flutes: Range = (5.0, 11.0)
     skirt_fullness: Range = (0.02, 0.06)
+    fullness: Range = (0.0, 0.014)
     tightness: Range = (-1.5, 0.5)
     elastic_chance: float = 0.5
 
@@ -96,6 +100,7 @@ def sample_upper(rng: np.random.Generator, ranges: OutfitRanges, *, sleeves: boo
         "hem": uniform(rng, r.hem),
         "ease_m": uniform(rng, r.ease_m),
         "flare": uniform(rng, r.flare),
+        "shaping": uniform(rng, r.shaping),
         "neckline": neckline,
         "neck_depth_m": uniform(rng, getattr(r, f"neck_depth_{neckline}_m")),
         "neck_depth_back_m": uniform(rng, r.neck_depth_back_m),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.outfits.curves import curve_length, hung, limb_loop, ring, smoothstep, spaced
+from drapeline.outfits.curves import curve_length, hung, limb_loop, ring, smoothstep, spaced, straightened
 from drapeline.outfits.forms import ANGLES, Form, Tube
 from drapeline.outfits.panels import Pattern
 from drapeline.outfits.relax import averaging_matrix, smoothed, stretched
@@ -21,6 +21,7 @@ class UpperCut:
         hem: height of the lower end.
         ease: distance added around the chest; `flare` more for each metre below it.
         flare: metres per metre.
+        shaping: how fast cloth comes back to the body below the chest, metres per metre.
         drop: the underarm's distance below the body's armpit.
         shoulder_x: outer end of the shoulder seam.
         neck_x: half width of the neckline at the shoulder seam.
@@ -37,6 +38,7 @@ class UpperCut:
     hem: float
     ease: float
     flare: float
+    shaping: float
     drop: float
     shoulder_x: float
     neck_x: float
@@ -76,7 +78,7 @@ def build_upper(
         half_ring: edges of half the chest ring, even; from the edge length if None.
     """
     underarm = form.landmarks["armpit"] - cut.drop
-    trunk = hung(form.torso, down=0.25, up=0.5, top_m=underarm)
+    trunk = hung(form.torso, down=cut.shaping, up=0.5, top_m=underarm)
     armholes = {name: _armhole(form, cut, underarm, trunk, y) for name, y in _FACES}
     necks = {name: _neckline(form, cut, y) for name, y in _FACES}
     counts = _count(form, cut, trunk, underarm, armholes, necks, edge_length_m, half_ring)
@@ -141,7 +143,7 @@ def _armhole(form: Form, cut: UpperCut, underarm: float, trunk: Tube, y: float) 
 
 
 def _neckline(form: Form, cut: UpperCut, y: float) -> np.ndarray:
-    """Neckline in front (y = -1) or behind (y = 1) from the left neck point to the right, (P, 3)."""
+    """Neckline in front (y = -1) or behind (y = 1), left neck point to right, (P, 3)."""
     high = _ridge(form, np.array([cut.neck_x]))[0]
     depth = cut.neck_depth if y < 0 else cut.neck_depth_back
     t = np.linspace(0, 1, 31)  # from the neck point to the middle
@@ -164,7 +166,6 @@ def _count(
     chest = ring(trunk, underarm - 0.03, GAP_M + cut.ease, 64)
     around = curve_length(np.concatenate([chest, chest[:1]]))
     half = half_ring or max(16, 2 * round(around / e / 4))
-    low, high = armholes["front"][0], armholes["front"][-1]
     length = (curve_length(armholes["front"]) + curve_length(armholes["back"])) / 2
     total = max(6, round(length / e))
     seam = _ridge(form, np.linspace(cut.neck_x, cut.shoulder_x, 8))
@@ -296,6 +297,7 @@ def _sleeve(pattern: Pattern, form: Form, cut: UpperCut, side: str, edge_length_
     loop = pattern.marks[f"{side}_armhole"]
     sign = 1.0 if side == "left" else -1.0
     start = pattern.vertices[loop] * [sign, 1, 1]
+    arm = straightened(form.arm, 0.07)
     length = cut.sleeve_x - start[:, 0].mean()
     rows = max(2, round(length / edge_length_m))
     shoulder_x = form.landmarks["shoulder_x"]
@@ -303,10 +305,10 @@ def _sleeve(pattern: Pattern, form: Form, cut: UpperCut, side: str, edge_length_
     for row in range(1, rows + 1):
         x = start[:, 0] + (cut.sleeve_x - start[:, 0]) * row / rows
         mean = x.mean()
-        own = form.arm.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
+        own = arm.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
         wide = cut.sleeve(max(0.0, mean - shoulder_x)) / 2
         extra = max(GAP_M, wide - own)
-        outline = limb_loop(form.arm, mean, extra, np.pi, len(loop), 1 if sign > 0 else -1)
+        outline = limb_loop(arm, mean, extra, np.pi, len(loop), 1 if sign > 0 else -1)
         # Cloth lies on top of the arm; what it is wider hangs below.
         outline[:, 1] -= 0.75 * (extra - GAP_M)
         blend = smoothstep((mean - start[:, 0].mean()) / 0.14)
