@@ -29,8 +29,9 @@ PART_JOINTS = {
 }
 PART_NAMES = tuple(PART_JOINTS)
 
-# Flesh beside a joint folds, and what overlaps there may be pressed apart by this much ...
-FOLD_LIMIT_M = 0.05
+# Flesh beside a joint folds, an arm lies against the chest: what overlaps there may be pressed
+# apart by this much ...
+FOLD_LIMIT_M = 0.06
 # ... while other parts that meet more deeply are two solids in one place.
 TOUCH_LIMIT_M = 0.03
 
@@ -55,12 +56,13 @@ def _pairs() -> tuple[Pair, ...]:
     for side, other in (("left", "right"), ("right", "left")):
         folds += [
             (f"{side}_upper_arm", "torso"),
+            (f"{side}_forearm", "torso"),
             (f"{side}_forearm", f"{side}_upper_arm"),
             (f"{side}_thigh", "torso"),
             (f"{side}_shin", f"{side}_thigh"),
         ]
         for limb in ("forearm", "hand"):
-            touches += [(f"{side}_{limb}", part) for part in ("torso", "head")]
+            touches.append((f"{side}_{limb}", "head"))
             touches += [
                 (f"{side}_{limb}", f"{leg}_{segment}")
                 for leg in ("left", "right")
@@ -68,6 +70,7 @@ def _pairs() -> tuple[Pair, ...]:
             ]
             touches.append((f"{side}_{limb}", f"{other}_upper_arm"))
         touches += [
+            (f"{side}_hand", "torso"),
             (f"{side}_hand", f"{other}_forearm"),
             (f"{side}_hand", f"{side}_upper_arm"),
             (f"{side}_upper_arm", "head"),

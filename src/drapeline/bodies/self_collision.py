@@ -16,6 +16,7 @@ from drapeline.bodies.parts import PAIRS, PART_NAMES, Topology
 
 NEAR_M = 0.06  # how deep inside a part a vertex is recognised as such
 SHALLOW_M = 0.015  # about an edge: so close to the surface the nearest vertex may lie beside
+MARGIN_M = 0.005  # around the box that two parts share
 LINK_M = 0.03  # crossings further apart than this belong to different contacts
 PASSES = 2
 
@@ -147,8 +148,8 @@ def _contact(
     vertices: np.ndarray, normals: np.ndarray, topology: Topology, first: int, second: int
 ) -> _Contact | None:
     ids = [topology.part_vertices[first], topology.part_vertices[second]]
-    low = np.maximum(*(vertices[i].min(axis=0) for i in ids))
-    high = np.minimum(*(vertices[i].max(axis=0) for i in ids))
+    low = np.maximum(*(vertices[i].min(axis=0) for i in ids)) - MARGIN_M
+    high = np.minimum(*(vertices[i].max(axis=0) for i in ids)) + MARGIN_M
     near = [i[_within(vertices[i], low, high)] for i in ids]
     if not len(near[0]) or not len(near[1]):
         return None
@@ -263,7 +264,9 @@ def _separate(vertices: np.ndarray, topology: Topology, contact: _Contact, gap_m
             collided = np.zeros(len(vertices), dtype=np.float32)
             collided[contact.inside[side]] = 1
             around = contact.near[side]
-            ids = around[(topology.neighbours[around] @ collided) > 0]
+            # Two rings more: what does not cross yet may be closer than the gap.
+            reached = topology.neighbours @ (topology.neighbours @ collided)
+            ids = around[reached[around] > 0]
             ids = ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]
             height = sign * ((vertices[ids] - centre) @ normal)
             lacking = np.maximum(gap_m / 2 - height, 0)

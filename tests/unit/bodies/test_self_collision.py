@@ -1,7 +1,10 @@
 """Pressing colliding body parts apart."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from trimesh.creation import icosphere
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.parts import PAIRS, PART_NAMES, topology_of
@@ -78,46 +81,28 @@ def test_arm_that_grazes_the_torso_is_pressed_away(toy_body, topology):
 
 
 def test_separated_parts_lie_a_gap_apart():
-    """Two cubes' worth of a body: left and right thigh overlap by 1 cm, nothing else is near."""
-    grid = np.stack(np.meshgrid(*[np.linspace(0, 0.1, 11)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    shell = grid[(np.isclose(grid, 0) | np.isclose(grid, 0.1)).any(axis=1)]
-    body = two_blocks(shell)
-    vertices = body[0][None]
-    solution = solve_self_collisions(vertices, body[1], gap_m=GAP_M)
-    moved = corrected(vertices, solution)[0]
-    half = len(shell)
+    """Two balls for a body, left and right thigh; they overlap by 10 mm."""
+    vertices, topology = two_balls(radius_m=0.05, apart_m=0.09)
+    solution = solve_self_collisions(vertices[None], topology, gap_m=GAP_M)
+    moved = corrected(vertices[None], solution)[0]
+    half = len(vertices) // 2
     assert moved[half:, 0].min() - moved[:half, 0].max() == pytest.approx(GAP_M, abs=1e-4)
     assert set(collisions(solution, 0)) == {("left_thigh", "right_thigh")}
     # Each side gives way by half of the 10 mm overlap and of the gap.
     assert solution.depth_m.max() == pytest.approx(0.005 + GAP_M / 2, abs=1e-3)
 
 
-def two_blocks(shell):
-    """Convex blocks as left and right thigh, the right one 90 mm along x and a little smaller."""
-    from types import SimpleNamespace
-
-    from scipy.spatial import ConvexHull
-
-    middle = shell.mean(axis=0)
-    round_shell = middle + (shell - middle) / np.linalg.norm(shell - middle, axis=1)[:, None] * 0.05
-    hull = ConvexHull(round_shell)
-    outward = np.einsum(
-        "fi,fi->f",
-        np.cross(
-            round_shell[hull.simplices[:, 1]] - round_shell[hull.simplices[:, 0]],
-            round_shell[hull.simplices[:, 2]] - round_shell[hull.simplices[:, 0]],
-        ),
-        hull.equations[:, :3],
-    )
-    faces = np.where(outward[:, None] > 0, hull.simplices, hull.simplices[:, ::-1])
-    vertices = np.concatenate([round_shell, round_shell + [0.09, 0, 0]])
+def two_balls(radius_m, apart_m):
+    """Vertices and topology of a left thigh at the origin and a right one along x."""
+    ball = icosphere(subdivisions=4, radius=radius_m)
+    count = len(ball.vertices)
     hips = [JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")]
     body = SimpleNamespace(
-        v_template=vertices,
-        faces=np.concatenate([faces, faces + len(shell)]).astype(np.int32),
-        segmentation=np.repeat(hips, len(shell)),
+        v_template=np.concatenate([ball.vertices, ball.vertices + np.array([apart_m, 0, 0])]),
+        faces=np.concatenate([ball.faces, ball.faces + count]).astype(np.int32),
+        segmentation=np.repeat(hips, count),
     )
-    return vertices, topology_of(body)
+    return body.v_template, topology_of(body)
 
 
 def test_arms_pressed_into_the_torso_are_too_deep(toy_body, topology):
