@@ -63,6 +63,9 @@ def _export_usd(folder: Path, name: str, parts: list[Part]) -> None:
             filepath=str(folder / f"{name}.usdc"),
             export_animation=True,
             evaluation_mode="RENDER",
+            # Normals would be stored per corner and frame, four times what the positions take;
+            # readers of USD make smooth ones.
+            export_normals=False,
             export_lights=False,
             export_cameras=False,
             convert_world_material=False,

@@ -86,6 +86,8 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
         "source": meta["motion"]["source"],
         "frames": meta["motion"]["frames"],
         "vertices": sum(garment["vertices"] for garment in meta["garments"].values()),
+        "floor_penetration_m": f"{meta['motion']['floor_penetration_m']:.4f}",
+        "foot_sliding_m_s": f"{meta['motion']['foot_sliding_m_s']:.4f}",
         "megabytes": f"{record.cloth3d_bytes / 1e6:.2f}",
         "megabytes_with_extras": f"{record.total_bytes / 1e6:.2f}",
     }
