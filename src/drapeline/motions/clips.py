@@ -9,6 +9,7 @@ import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.frames import FPS
+from drapeline.motions.arms import steady_upper_arms
 from drapeline.motions.deepmimic import read_deepmimic
 from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
@@ -60,6 +61,7 @@ def convert_clip(path: Path, clip: Clip) -> Motion:
     else:
         count = resampled_count(2, 1.0 / take.times_s[-1])
         poses, trans = interpolate(poses, trans, take.times_s, np.arange(count) / FPS)
+    poses = steady_upper_arms(poses, fps=FPS, cyclic=cyclic)
     motion = Motion(
         poses, trans, float(FPS), clip.action, "deepmimic", path.name, clip.name, cycle=cycle
     )
