@@ -117,12 +117,17 @@ def write_sample(
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
-    """Mean, smallest and largest value over the frames of each per-frame measure."""
+    """Mean, smallest and largest value of each measure over frames, and garments if per garment.
+
+    Args:
+        health: measure -> (N,) or (N, garments); values that are not finite count as unmeasured.
+    """
     summary = {}
     for name, values in health.items():
-        if values.ndim == 1 and values.size and values.dtype.kind in "biuf":
+        if values.ndim in (1, 2) and values.dtype.kind in "biuf":
             values = values.astype(np.float64)
-            if np.isfinite(values).all():
+            values = values[np.isfinite(values)]
+            if values.size:
                 summary[name] = {
                     "mean": float(values.mean()),
                     "min": float(values.min()),

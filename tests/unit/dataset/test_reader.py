@@ -1,3 +1,4 @@
+import pickle
 import shutil
 from dataclasses import replace
 
@@ -199,6 +200,14 @@ def test_wrong_names_and_ranges_are_told(tiny, toy_body):
         sequence.body_vertices(-1, 2)
     with pytest.raises(ValueError, match="expected 'world' or 'root'"):
         sequence.vertices("Skirt", frame="camera")
+
+
+def test_a_sequence_can_be_sent_to_another_process(tiny):
+    sequence = Sequence(tiny.folder)
+    before = sequence.vertices("Skirt", 0, 2)
+    np.testing.assert_array_equal(
+        pickle.loads(pickle.dumps(sequence)).vertices("Skirt", 0, 2), before
+    )
 
 
 def test_a_closed_sequence_opens_again(tiny):

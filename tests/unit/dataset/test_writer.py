@@ -138,17 +138,20 @@ def test_memory_does_not_grow_with_frames(tmp_path, toy_body):
     assert peaks[1] - peaks[0] < 448 * 72 * 8 * 4
 
 
-def test_health_is_summarised_per_measure_over_frames():
+def test_health_is_summarised_per_measure_over_frames_and_garments():
     summary = summarise_health(
         {
-            "inside_share": np.array([0.0, 0.2, 0.1]),
+            "inside_share": np.array([[0.0, 0.2], [0.1, 0.3]]),
             "self_hits": np.array([1, 2, 6], dtype=np.int32),
-            "per_garment": np.zeros((3, 2)),
-            "depth_m": np.array([0.0, np.nan, 0.0]),
+            "acceleration_m_s2": np.array([np.nan, 2.0, 4.0]),
+            "garments": np.array(["Tshirt", "Skirt"]),
+            "never_m": np.array([np.nan, np.nan]),
         }
     )
-    assert list(summary) == ["inside_share", "self_hits"]
+    assert list(summary) == ["inside_share", "self_hits", "acceleration_m_s2"]
     assert summary["self_hits"] == {"mean": 3.0, "min": 1.0, "max": 6.0}
+    assert summary["inside_share"] == pytest.approx({"mean": 0.15, "min": 0.0, "max": 0.3})
+    assert summary["acceleration_m_s2"]["mean"] == 3.0
 
 
 def test_the_stored_body_is_that_of_a_saved_and_loaded_model(tmp_path, toy_body, tiny):
