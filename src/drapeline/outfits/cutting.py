@@ -20,7 +20,7 @@ from drapeline.outfits.lower import (
     trousers_half_ring,
 )
 from drapeline.outfits.panels import Pattern
-from drapeline.outfits.upper import UpperCut, build_upper
+from drapeline.outfits.upper import UpperCut, build_upper, chest_half_ring
 from drapeline.outfits.width import WidthLine
 
 Numbers = Mapping[str, Any]
@@ -138,8 +138,11 @@ def cut_garment(
         count = trousers_half_ring if trousers else skirt_half_ring
         half = count(form, below, edge_length_m)
     if upper is not None:
-        hem_m = None if below is None else below.waist
-        build_upper(pattern, form, upper_cut(form, upper, hem_m), edge_length_m, half)
+        cut = upper_cut(form, upper, None if below is None else below.waist)
+        if half is not None:
+            # A wide skirt may have no more columns than the chest can take.
+            half = min(half, 2 * round(0.65 * chest_half_ring(form, cut, edge_length_m)))
+        build_upper(pattern, form, cut, edge_length_m, half)
         waist_ids = pattern.marks["hem"]
     if below is not None:
         build = build_trousers if trousers else build_skirt

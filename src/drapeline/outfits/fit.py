@@ -9,7 +9,8 @@ from scipy.spatial import KDTree
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import REST_POSE
 
-RESIZE_PASSES = 40  # Laplacian passes over the displacements at 1 cm edges
+RESIZE_PASSES = 40  # Laplacian passes over the displacements at edges of ...
+RESIZE_EDGE_M = 0.01  # ... this length; finer meshes take more for the same reach
 _ANGLE_BINS = 72
 _HEIGHT_BIN_M = 0.01
 
@@ -59,7 +60,7 @@ def resized(
 
 def outside_distance(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray):
     """Signed distance (P,) to a closed mesh, negative inside, and the unit way out (P, 3)."""
-    distance, face, nearest, normal = igl.signed_distance(
+    distance, _, nearest, normal = igl.signed_distance(
         np.ascontiguousarray(points, dtype=np.float64),
         np.ascontiguousarray(vertices, dtype=np.float64),
         np.ascontiguousarray(faces, dtype=np.int64),

@@ -10,8 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter, gaussian_filter1d
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import (
+    distance_transform_edt,
+    gaussian_filter,
+    gaussian_filter1d,
+    map_coordinates,
+)
 from scipy.spatial import ConvexHull, QhullError
 
 from drapeline.bodies.model import BodyModel, posed_vertices
@@ -193,7 +197,7 @@ def _outlines(along, plane, start, stop, axis=None) -> tuple[np.ndarray, np.ndar
 
     Radii count from `axis`, or from the straight line through the slices' middles.
     """
-    knots = start + STEP_M * np.arange(int(round((stop - start) / STEP_M)) + 1)
+    knots = start + STEP_M * np.arange(round((stop - start) / STEP_M) + 1)
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
     rays = np.stack([np.sin(angle), np.cos(angle)])
     centre = np.full((len(knots), 2), np.nan)

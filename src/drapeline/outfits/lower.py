@@ -169,7 +169,9 @@ def _leg(pattern, form: Form, cut: TrousersCut, hips, bridge, side: str, e: floa
     pattern.panel(whole[:, middle:], 0)
 
 
-def _leg_row(form, limb: Tube, cut, start: np.ndarray, share: float, quarter: int, turn: int) -> np.ndarray:
+def _leg_row(
+    form, limb: Tube, cut, start: np.ndarray, share: float, quarter: int, turn: int
+) -> np.ndarray:
     """Row of a left leg between the fork (0) and the cuff (1); the cuff is square to the leg."""
     axis_x = limb.centre_at(np.array(cut.cuff))[0]
     x = start[:, 0]

@@ -1,14 +1,17 @@
 """Outfits: one or two garments made for one body, and their files."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
+from drapeline.mesh import Mesh
 from drapeline.outfits.cutting import cut_garment, settled
 from drapeline.outfits.fit import (
+    RESIZE_EDGE_M,
     RESIZE_PASSES,
     laid_over,
     left_body,
@@ -17,6 +20,8 @@ from drapeline.outfits.fit import (
     signed_tightness,
     tightness_shape,
 )
+from drapeline.outfits.forms import Form
+from drapeline.outfits.own import mean_edge_m, own_garment, top_loop
 from drapeline.outfits.panels import Pattern
 from drapeline.outfits.ranges import (
     FABRICS,
@@ -38,6 +43,7 @@ GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
 KINDS = ("Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit", "Tshirt+Skirt", "Top+Trousers")
 _PARTS = ("upper", "trousers", "skirt")
 _UPPER = ("Tshirt", "Top")
+_HEM_OVER_SKIRT = 0.5
 _END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
 
 
@@ -162,6 +168,8 @@ def sample_numbers(
             parts["trousers"] = sample_trousers(rng, ranges)
         if name in ("Skirt", "Dress"):
             parts["skirt"] = sample_skirt(rng, ranges)
+        if "upper" in parts and "Skirt" in names:  # a long hem would be carried by the skirt
+            parts["upper"]["hem"] *= _HEM_OVER_SKIRT
         if whole:  # sewn at the waist proper
             parts.get("trousers", parts.get("skirt"))["waist"] = float(rng.uniform(0.8, 1.0))
         chance = {
@@ -210,6 +218,7 @@ def sample_outfit(
     kind: str,
     edge_length_m: float,
     ranges: OutfitRanges | None = None,
+    own: Mapping[str, str | Path] | None = None,
 ) -> Outfit:
     """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
 
@@ -218,6 +227,11 @@ def sample_outfit(
         shape: (10,) the wearer's shape coefficients.
         kind: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
         edge_length_m: mean edge length wanted.
+        ranges: what is drawn from; the defaults if None.
+        own: garment name -> OBJ file of the user's, in place of the template.
+
+    Raises:
+        InputError: a user's garment is unusable.
 
     Returns:
         Garments in rest pose, outside the body of the wearer's shape plus tightness.
@@ -233,6 +247,7 @@ def sample_outfit(
         shape=shape,
         tightness=tightness,
         edge_length_m=edge_length_m,
+        own=own,
     )
 
 
@@ -245,33 +260,32 @@ def make_outfit(
     shape: np.ndarray,
     tightness: np.ndarray,
     edge_length_m: float,
+    own: Mapping[str, str | Path] | None = None,
 ) -> Outfit:
-    """Make an outfit from given numbers, as `sample_numbers` returns them."""
-    form = templates.form
+    """Make an outfit from given numbers, as `sample_numbers` returns them.
+
+    Args:
+        tightness: (2,) gamma.
+        others: as for `sample_outfit`.
+    """
     mean_body = rest_body(body, np.zeros(10))
     target = rest_body(body, tightness_shape(shape, tightness, gender))
+    axis_y = float(templates.form.torso.centre[0, 1])
     garments: list[Garment] = []
     for name, about in numbers:
-        numbers_of = about["parameters"]
-        pattern = cut_garment(
-            form, edge_length_m, **{k: v for k, v in numbers_of.items() if k in _PARTS}
-        )
-        faces = pattern.faces()
-        folds = rng_for(numbers_of["fold_seed"], "folds")
-        points = settled(folds, form, pattern, edge_length_m, numbers_of["fullness"])
-        average = averaging_matrix(faces, len(points))
-        passes = round(RESIZE_PASSES * (0.01 / edge_length_m) ** 2) + 4
+        if own and name in own:
+            garment = _from_file(own[name], name, about, body)
+        else:
+            garment = _from_template(name, about, templates.form, edge_length_m)
+        points = garment.vertices
+        average = averaging_matrix(garment.faces, len(points))
+        edge_m = mean_edge_m(Mesh(points, garment.faces))
+        passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
         points = resized(points, average, mean_body, target, passes)
-        gap = max(BODY_GAP_M, 0.3 * edge_length_m)
-        points = left_body(points, average, target, body.faces, gap)
+        points = left_body(points, average, target, body.faces, max(BODY_GAP_M, 0.3 * edge_m))
         for inner in garments:
-            axis_y = form.torso.centre[0, 1]
             points = laid_over(points, average, inner.vertices.astype(float), axis_y, LAYER_GAP_M)
-        uv, uv_faces = pattern.texture()
-        pin, elastic = _masks(pattern, name, about["elastic"])
-        garments.append(
-            Garment(name, points.astype(np.float32), faces, uv, uv_faces, pin, elastic, about)
-        )
+        garments.append(replace(garment, vertices=points.astype(np.float32)))
     return Outfit(
         tuple(garments),
         np.asarray(shape, dtype=np.float64),
@@ -279,6 +293,30 @@ def make_outfit(
         signed_tightness(tightness, gender),
         gender,
     )
+
+
+def _from_template(name: str, about: dict[str, Any], form: Form, edge_length_m: float) -> Garment:
+    """A garment on the dress form, vertices (V, 3) float64."""
+    numbers = about["parameters"]
+    parts = {key: numbers[key] for key in _PARTS if key in numbers}
+    pattern = cut_garment(form, edge_length_m, **parts)
+    faces = pattern.faces()
+    folds = rng_for(numbers["fold_seed"], "folds")
+    points = settled(folds, form, pattern, edge_length_m, numbers["fullness"])
+    uv, uv_faces = pattern.texture()
+    pin, elastic = _masks(pattern, name, about["elastic"])
+    return Garment(name, points, faces, uv, uv_faces, pin, elastic, about)
+
+
+def _from_file(path: str | Path, name: str, about: dict[str, Any], body: BodyModel) -> Garment:
+    """A user's garment; the waistband is its topmost opening."""
+    mesh = own_garment(path, body)
+    pin, elastic = np.zeros((2, len(mesh.vertices)), dtype=np.float32)
+    if name in ("Trousers", "Skirt"):
+        pin[top_loop(mesh)] = 1
+    told = {**about, "elastic": {}, "parameters": {"own_garment": str(path)}}
+    points = mesh.vertices.astype(np.float64)
+    return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, told)
 
 
 def _masks(pattern: Pattern, name: str, elastic: dict[str, bool]):

@@ -88,7 +88,7 @@ def _flattened(points: np.ndarray, ids: np.ndarray, straight: int) -> np.ndarray
     along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
     along_ok = exists[1:] & exists[:-1]
     step = np.where(along_ok, along, 0).sum(axis=1) / np.maximum(along_ok.sum(axis=1), 1)
-    v = np.concatenate([[0.0], np.cumsum(np.maximum(step, 1e-4))])
+    v = np.cumsum([0.0, *np.maximum(step, 1e-4)])
     return np.stack([u, np.broadcast_to(v[:, None], u.shape)], axis=-1)
 
 

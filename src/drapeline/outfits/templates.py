@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from drapeline.bodies.model import BodyModel
 from drapeline.outfits.forms import Field, Form, Tube, build_form
 from drapeline.storage import load_npz, save_npz

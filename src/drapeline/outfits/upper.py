@@ -4,10 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.outfits.curves import curve_length, hung, limb_loop, ring, smoothstep, spaced, straightened
+from drapeline.outfits.curves import (
+    curve_length,
+    hung,
+    limb_loop,
+    ring,
+    smoothstep,
+    spaced,
+    straightened,
+)
 from drapeline.outfits.forms import ANGLES, Form, Tube
 from drapeline.outfits.panels import Pattern
-from drapeline.outfits.relax import averaging_matrix, smoothed, stretched
+from drapeline.outfits.relax import averaging_matrix, evened, smoothed, stretched
 from drapeline.outfits.width import WidthLine
 
 GAP_M = 0.012  # cloth to dress form
@@ -81,7 +89,7 @@ def build_upper(
     trunk = hung(form.torso, down=cut.shaping, up=0.5, top_m=underarm)
     armholes = {name: _armhole(form, cut, underarm, trunk, y) for name, y in _FACES}
     necks = {name: _neckline(form, cut, y) for name, y in _FACES}
-    counts = _count(form, cut, trunk, underarm, armholes, necks, edge_length_m, half_ring)
+    counts = _count(form, cut, underarm, armholes, necks, edge_length_m, half_ring)
     front, back = _torso(pattern, trunk, cut, underarm, counts)
     points = pattern.vertices
     free = np.zeros(len(points), dtype=bool)
@@ -96,8 +104,8 @@ def build_upper(
     average = averaging_matrix(pattern.faces(), len(points))
     lift = _lifter(form, cut, underarm)
     points = lift(stretched(points, average, free))
-    edge_weight = np.where(free, 1.0, 0.0)
-    pattern.vertices = smoothed(points, average, edge_weight, 40, lift)
+    points = smoothed(points, average, np.where(free, 1.0, 0.0), 20, lift)
+    pattern.vertices = evened(points, pattern.faces(), free, 30, lift)
     _mark_rings(pattern, front, back, counts)
     pattern.panels = pattern.panels[:-2]
     _front_panels(pattern, cut, front, counts, edge_length_m)
@@ -105,6 +113,12 @@ def build_upper(
     if cut.sleeve_x is not None:
         for side in ("left", "right"):
             _sleeve(pattern, form, cut, side, edge_length_m)
+
+
+def chest_half_ring(form: Form, cut: UpperCut, edge_length_m: float) -> int:
+    """Edges of half the chest ring (even) for a target edge length."""
+    chest = ring(form.torso, form.landmarks["armpit"] - 0.06, GAP_M + cut.ease, 64)
+    return max(16, 2 * round(curve_length(chest) / edge_length_m / 4))
 
 
 _FACES = (("front", -1.0), ("back", 1.0))
@@ -160,12 +174,10 @@ def _neckline(form: Form, cut: UpperCut, y: float) -> np.ndarray:
 
 
 def _count(
-    form, cut, trunk, underarm, armholes, necks, edge_length_m: float, half_ring: int | None
+    form, cut, underarm, armholes, necks, edge_length_m: float, half_ring: int | None
 ) -> _Counts:
     e = edge_length_m
-    chest = ring(trunk, underarm - 0.03, GAP_M + cut.ease, 64)
-    around = curve_length(np.concatenate([chest, chest[:1]]))
-    half = half_ring or max(16, 2 * round(around / e / 4))
+    half = half_ring or chest_half_ring(form, cut, e)
     length = (curve_length(armholes["front"]) + curve_length(armholes["back"])) / 2
     total = max(6, round(length / e))
     seam = _ridge(form, np.linspace(cut.neck_x, cut.shoulder_x, 8))
