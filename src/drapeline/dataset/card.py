@@ -71,7 +71,27 @@ def _splits(records: Sequence[SampleRecord]) -> str:
         motions = [r.meta["motion"] for r in records if r.meta["split"] == split]
         sources = sorted({motion["source"] for motion in motions})
         rows.append({"split": split, "sequences": len(motions), "clips": ", ".join(sources)})
-    return "No motion clip and no body is in more than one split.\n\n" + markdown_table(rows)
+    shared = _shared(records)
+    claim = (
+        f"Shared between splits, to be kept in mind: {_listed(shared)}."
+        if shared
+        else "No motion clip and no body is in more than one split."
+    )
+    return f"{claim}\n\n{markdown_table(rows)}"
+
+
+def _shared(records: Sequence[SampleRecord]) -> list[str]:
+    """Clips and bodies that more than one split has."""
+    splits_of: dict[str, set[str]] = {}
+    for record in records:
+        meta = record.meta
+        shape = ", ".join(f"{value:.3f}" for value in meta["outfit"]["shape"])
+        for thing in (
+            f"clip {meta['motion']['source']}",
+            f"{meta['body']['gender']} body of shape [{shape}]",
+        ):
+            splits_of.setdefault(thing, set()).add(meta["split"])
+    return [thing for thing, splits in splits_of.items() if len(splits) > 1]
 
 
 def _making(records: Sequence[SampleRecord]) -> str:

@@ -1,7 +1,7 @@
 """Tables 1 and 2 of the CLOTH3D paper, for our data."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -60,16 +60,11 @@ def _measures(records: Sequence[SampleRecord]) -> dict[str, str]:
     }
 
 
-def _mean_range(values: Iterable[float], form: str) -> str:
-    values = list(values)
+def _mean_range(values: Sequence[float], form: str) -> str:
     if not values:
         return "-"
-    return " ".join(
-        [
-            form.format(np.mean(values)),
-            f"({form.format(min(values))} to {form.format(max(values))})",
-        ]
-    )
+    mean, low, high = (form.format(value) for value in (np.mean(values), min(values), max(values)))
+    return mean if low == high else f"{mean} ({low} to {high})"
 
 
 def action_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:

@@ -116,6 +116,20 @@ def test_the_card_is_written_from_the_data(dataset):
         assert len({line.count("|") for line in table.splitlines()}) == 1
 
 
+def test_the_card_names_what_splits_share(tmp_path, dataset, toy_body):
+    assert "No motion clip and no body is in more than one split." in (
+        (dataset / "README.md").read_text()
+    )
+    folders = [
+        write_tiny_sample(tmp_path, toy_body, f"0000{i}", split, source="same.bvh").folder
+        for i, split in enumerate(("train", "test"))
+    ]
+    collect_dataset(folders, tmp_path / "dataset")
+    assert "Shared between splits, to be kept in mind: clip same.bvh." in (
+        (tmp_path / "dataset" / "README.md").read_text()
+    )
+
+
 def test_collecting_again_replaces_the_dataset(tmp_path, toy_body):
     folders = [write_tiny_sample(tmp_path, toy_body, f"0000{i}").folder for i in (1, 2)]
     collect_dataset(folders, tmp_path / "dataset")

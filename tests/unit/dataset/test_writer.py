@@ -1,3 +1,4 @@
+import errno
 import tracemalloc
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.info_mat import read_info
-from drapeline.dataset.point_cache import PointCache, point_cache_writer
+from drapeline.dataset.point_cache import PointCache, PointCacheWriter, point_cache_writer
 from drapeline.dataset.record import body_fingerprint
 from drapeline.dataset.writer import summarise_health, write_sample
 from drapeline.errors import InputError
@@ -124,6 +125,22 @@ def test_a_cache_of_another_length_is_named(tmp_path, toy_body):
         cache.append(tiny.vertices["Skirt"][:4])
     with pytest.raises(InputError, match="4 frames of 80 vertices, expected 6"):
         write(tiny, toy_body)
+
+
+def test_a_full_disk_leaves_nothing_that_looks_finished(tmp_path, toy_body, monkeypatch):
+    tiny = write_stages(tmp_path, "00001")
+    append = PointCacheWriter.append
+
+    def append_until_full(self, frames):
+        append(self, frames)
+        if "Skirt" in str(self._path):
+            raise OSError(errno.ENOSPC, "No space left on device", str(self._path))
+
+    monkeypatch.setattr(PointCacheWriter, "append", append_until_full)
+    with pytest.raises(InputError, match="No space left on device"):
+        write(tiny, toy_body)
+    assert not tiny.folder.exists()
+    assert list(tiny.folder.parent.iterdir()) == []
 
 
 def test_memory_does_not_grow_with_frames(tmp_path, toy_body):
