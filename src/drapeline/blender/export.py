@@ -52,6 +52,11 @@ def export_sample(
     if file_format not in FORMATS:
         raise InputError(f"format '{file_format}' is unknown, expected one of {', '.join(FORMATS)}")
     with Sequence(folder, bodies=bodies) as sequence, whole_folder(output) as scratch:
+        if sequence.meta is not None and sequence.meta["status"] != "accepted":
+            raise InputError(
+                f"{folder}: the sample was {sequence.meta['status']}"
+                f" ({sequence.meta['reason']}), expected an accepted one to export"
+            )
         FORMATS[file_format](scratch, sequence.id, sample_parts(sequence))
         return sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())
 

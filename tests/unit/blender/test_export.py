@@ -235,3 +235,12 @@ def test_an_unknown_format_is_refused_with_the_known_ones(tmp_path, tiny):
     with pytest.raises(InputError, match="'fbx' is unknown, expected one of usdc, glb, abc"):
         export_sample(tiny.folder, tmp_path / "out", "fbx")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_rejected_sample_is_not_exported_and_its_reason_is_told(tmp_path, toy_body):
+    tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
+    with pytest.raises(
+        InputError, match=r"was rejected \(1.20 % of the vertices inside the body\)"
+    ):
+        export_sample(tiny.folder, tmp_path / "out", "usdc")
+    assert not (tmp_path / "out").exists()
