@@ -105,7 +105,7 @@ def build_upper(
     lift = _lifter(form, cut, underarm)
     points = lift(stretched(points, average, free))
     points = smoothed(points, average, np.where(free, 1.0, 0.0), 20, lift)
-    pattern.vertices = evened(points, pattern.faces(), free, 30, lift)
+    pattern.vertices = evened(points, pattern.faces(), free, 10, lift)
     _mark_rings(pattern, front, back, counts)
     pattern.panels = pattern.panels[:-2]
     _front_panels(pattern, cut, front, counts, edge_length_m)
@@ -182,8 +182,8 @@ def _count(
     total = max(6, round(length / e))
     seam = _ridge(form, np.linspace(cut.neck_x, cut.shoulder_x, 8))
     shoulder = max(2, round(curve_length(seam) / e))
-    # Narrow straps leave more columns to the bottom of the armhole and to the neck.
-    bottom = int(np.clip(round(total * 0.3), 1, half // 2 - shoulder - 2))
+    # Narrow straps leave few columns between the armholes: the others end at their lower edge.
+    bottom = int(np.clip(round(0.3 * total), 1, half // 2 - shoulder - 2))
     side = max(4, total - bottom)
     neck = half - 2 * bottom - 2 * shoulder
     notches = [
@@ -294,7 +294,7 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
     copies = pattern.add(points[column[parted]])
     points = pattern.vertices
     depth = np.arange(1, len(parted) + 1) / len(parted)
-    gap = 0.002 + 0.006 * depth if cut.front == "polo" else 0.006 + 0 * depth
+    gap = 0.002 + 0.006 * depth if cut.front == "polo" else 0.012 + 0 * depth
     points[copies, 0] += gap / 2
     points[column[parted], 0] -= gap / 2
     pattern.vertices = points
