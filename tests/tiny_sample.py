@@ -1,5 +1,6 @@
 """A sample in the layout that the earlier stages leave behind, made up in milliseconds."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
@@ -89,29 +90,27 @@ def write_stages(
         name: (mesh.vertices + rng.normal(0, 0.01, (frames, *mesh.vertices.shape))).astype("f4")
         for name, mesh in meshes.items()
     }
+    unmeasured = {f.name: f.type() for f in fields(BodySequence) if f.type in (int, float, str)}
     save_body_sequence(
         stages / "bodies" / f"{sample}.npz",
         BodySequence(
-            shape=shape,
-            gender=gender,
-            poses=poses,
-            trans=trans,
-            outcome="removed",
-            reason="",
-            thinned=0,
-            removed_segments=np.array([22, 23], dtype=np.int32),
-            fix_frame=np.zeros(0, dtype=np.int32),
-            fix_vertex=np.zeros(0, dtype=np.int32),
-            fix_delta=np.zeros((0, 3), dtype=np.float32),
-            collided_frames=1,
-            deepest_m=0.01,
-            penetration_m=0.002,
-            foot_sliding_m_s=0.05,
-            sequence=f"{Path(source).stem}_s0",
-            action="walk",
-            subject="01",
-            source=source,
-            start_frame=0,
+            **{
+                **unmeasured,
+                "shape": shape,
+                "gender": gender,
+                "poses": poses,
+                "trans": trans,
+                "outcome": "removed",
+                "removed_segments": np.array([22, 23], dtype=np.int32),
+                "fix_frame": np.zeros(0, dtype=np.int32),
+                "fix_vertex": np.zeros(0, dtype=np.int32),
+                "fix_delta": np.zeros((0, 3), dtype=np.float32),
+                "deepest_m": 0.01,
+                "sequence": f"{Path(source).stem}_s0",
+                "action": "walk",
+                "subject": "01",
+                "source": source,
+            }
         ),
     )
     garments = tuple(
