@@ -18,7 +18,7 @@ NEAR_M = 0.06  # how deep inside a part a vertex is recognised as such
 SHALLOW_M = 0.015  # about an edge: so close to the surface the nearest vertex may lie beside
 MARGIN_M = 0.005  # around the box that two parts share
 LINK_M = 0.03  # crossings further apart than this belong to different contacts
-PASSES = 2
+PASSES = 4
 
 
 @dataclass(frozen=True)

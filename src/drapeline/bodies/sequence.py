@@ -43,6 +43,7 @@ class BodySequence:
         fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
         fix_delta: (m, 3) float32 metres, world axes.
         collided_frames: frames in which parts were pressed apart.
+        leftover_frames: frames in which parts still cross somewhere after that.
         deepest_m: greatest distance that a vertex was moved.
         penetration_m, foot_sliding_m_s: see `placement.GroundContact`.
         sequence, action, subject, source: the motion's labels.
@@ -61,6 +62,7 @@ class BodySequence:
     fix_vertex: np.ndarray
     fix_delta: np.ndarray
     collided_frames: int
+    leftover_frames: int
     deepest_m: float
     penetration_m: float
     foot_sliding_m_s: float
@@ -135,6 +137,7 @@ def make_body_sequence(
         fix_vertex=solution.vertex,
         fix_delta=solution.delta,
         collided_frames=int(collided.sum()),
+        leftover_frames=int(solution.leftover.any(axis=1).sum()),
         deepest_m=float(solution.depth_m.max(initial=0)),
         penetration_m=ground.penetration_m,
         foot_sliding_m_s=ground.foot_sliding_m_s,
