@@ -25,6 +25,7 @@ with rule_log(snakemake.log[0]) as log:
         motion.trans[wanted.start : wanted.stop],
         gender=GENDERS.index(wanted.gender),
         reference_leg_length_m=motion.reference_leg_length_m,
+        removable=wanted.removable,
         gap_m=wanted.segment_gap_m,
         sequence=wanted.sub_sequence,
         action=motion.action,

@@ -40,6 +40,11 @@ class SamplePlan:
         """CLOTH3D's name of the piece, such as ``walk_s0``."""
         return f"{self.sequence}_s{self.part}"
 
+    @property
+    def removable(self) -> str:
+        """Which parts of the body the outfit surely leaves bare, for self-collisions (3.1)."""
+        return "arms" if self.kind.startswith("Top") else "hands"
+
 
 def sub_sequences(
     frames_of: Mapping[str, int], *, frames: int, frames_min: int

@@ -96,3 +96,9 @@ def test_a_length_no_clip_reaches_is_named():
 def test_nothing_to_wear_is_named():
     with pytest.raises(InputError, match="nothing for male bodies to wear"):
         plan(kinds=["Dress", "Top+Skirt"])
+
+
+def test_sub_sequences_are_named_as_in_cloth3d_and_tops_leave_the_arms_bare():
+    for sample in plan().values():
+        assert sample.sub_sequence == f"{sample.sequence}_s{sample.start // 60}"
+        assert (sample.removable == "arms") == ("Top" in sample.kind)

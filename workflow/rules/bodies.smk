@@ -66,6 +66,7 @@ rule animate_body:
         start=plan("start"),
         stop=plan("stop"),
         shape_range=lookup(dpath="body/shape_range", within=config),
+        removable=plan("removable"),
         segment_gap_m=lookup(dpath="body/segment_gap_m", within=config),
         code=source_hash("animate_body"),
     script:

@@ -1,0 +1,51 @@
+"""Run a rule's script file exactly as Snakemake would, with a stand-in job object."""
+
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+class Named(list):
+    """Files of a job: by position and by name, as Snakemake's own."""
+
+    def __init__(self, *files, **named):
+        super().__init__([*map(str, files), *(str(path) for path in named.values())])
+        self._named = {name: str(path) for name, path in named.items()}
+
+    def __getattr__(self, name):
+        try:
+            return self._named[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def __getitem__(self, key):
+        return self._named[key] if isinstance(key, str) else super().__getitem__(key)
+
+    def get(self, name, default=None):
+        return self._named.get(name, default)
+
+
+@pytest.fixture
+def run_rule(tmp_path):
+    """run_rule("make_outfit", input=..., output=..., params=..., wildcards=...)"""
+
+    def run(rule, *, input=(), output=(), params=None, wildcards=None, threads=1):
+        def files(given):
+            return Named(**given) if isinstance(given, dict) else Named(*given)
+
+        job = SimpleNamespace(
+            input=files(input),
+            output=files(output),
+            params=SimpleNamespace(**(params or {})),
+            wildcards=SimpleNamespace(**(wildcards or {})),
+            log=[str(tmp_path / "log" / f"{rule}.log")],
+            threads=threads,
+        )
+        runpy.run_path(str(SCRIPTS / f"{rule}.py"), {"snakemake": job}, "__main__")
+        return job
+
+    return run

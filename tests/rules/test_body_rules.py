@@ -1,0 +1,101 @@
+"""The rules that make bodies move."""
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.bake import save_body
+from drapeline.bodies.sequence import load_body_sequence
+from drapeline.frames import REST_POSE
+from drapeline.motions.motion import Motion, load_motion, save_motion
+
+
+def swing(frames=24):
+    """Both arms down and swinging, the root walking along -Y."""
+    poses = np.repeat(REST_POSE[None], frames, 0)
+    phase = np.linspace(0, 2 * np.pi, frames)
+    poses[:, 3 * 16 + 2] = -1.1
+    poses[:, 3 * 17 + 2] = 1.1
+    poses[:, 3 * 1] = 0.3 * np.sin(phase)
+    trans = np.stack([0 * phase, -phase / 6, 0.95 + 0 * phase], 1)
+    return Motion(poses, trans, 30.0, "swing", "nobody", "made", "swing")
+
+
+@pytest.fixture
+def motion_file(tmp_path):
+    path = tmp_path / "swing.npz"
+    save_motion(path, swing())
+    return path
+
+
+def test_import_motion_reads_a_clip_and_labels_it(run_rule, motion_file, tmp_path):
+    output = tmp_path / "out.npz"
+    run_rule(
+        "import_motion",
+        input={"motion": motion_file},
+        output=[output],
+        params={"motion": {"frames": None, "action": "dance", "subject": "", "sequence": "mine"}},
+    )
+    motion = load_motion(output)
+    assert (motion.action, motion.subject, motion.sequence) == ("dance", "nobody", "mine")
+    assert len(motion) == 24
+
+
+def test_import_motion_refuses_nan_in_one_sentence_and_writes_nothing(
+    run_rule, motion_file, tmp_path
+):
+    with np.load(motion_file) as archive:
+        arrays = dict(archive)
+    arrays["poses"][7, 3 * 18] = np.nan
+    np.savez(tmp_path / "nan.npz", **arrays)
+    output = tmp_path / "out.npz"
+    with pytest.raises(SystemExit, match=r"drapeline: .*nan.npz.*frame 7.*left_elbow"):
+        run_rule(
+            "import_motion",
+            input={"motion": tmp_path / "nan.npz"},
+            output=[output],
+            params={"motion": {"frames": None, "action": "", "subject": "", "sequence": ""}},
+        )
+    assert not output.exists()
+
+
+def animate(run_rule, toy_body, motion_file, tmp_path, **changes):
+    body = tmp_path / "body.npz"
+    save_body(body, toy_body)
+    output = tmp_path / "animation.npz"
+    params = {
+        "seed": 3,
+        "gender": "male",
+        "sub_sequence": "swing_s1",
+        "start": 6,
+        "stop": 18,
+        "shape_range": 1.0,
+        "segment_gap_m": 0.004,
+        "removable": "hands",
+    }
+    run_rule(
+        "animate_body",
+        input={"body": body, "motion": motion_file},
+        output=[output],
+        params={**params, **changes},
+        wildcards={"sample": "00001"},
+    )
+    return load_body_sequence(output)
+
+
+def test_animate_body_cuts_the_clip_and_draws_a_shape(run_rule, toy_body, motion_file, tmp_path):
+    record = animate(run_rule, toy_body, motion_file, tmp_path)
+    np.testing.assert_allclose(record.poses, swing().poses[6:18])
+    assert record.gender == 1
+    assert record.sequence == "swing_s1"
+    assert record.start_frame == 6
+    assert np.abs(record.shape).max() <= 1
+    assert np.ptp(record.shape) > 0.3
+
+
+def test_animate_body_gives_each_seed_its_own_shape(run_rule, toy_body, motion_file, tmp_path):
+    first = animate(run_rule, toy_body, motion_file, tmp_path)
+    again = animate(run_rule, toy_body, motion_file, tmp_path)
+    other = animate(run_rule, toy_body, motion_file, tmp_path, seed=4)
+    np.testing.assert_array_equal(first.shape, again.shape)
+    np.testing.assert_array_equal(first.trans, again.trans)
+    assert np.abs(first.shape - other.shape).max() > 0.1
