@@ -156,6 +156,7 @@ def _self_collision(record: BodySequence) -> dict[str, Any]:
         "thinned": record.thinned,
         "removed_segments": [JOINT_NAMES[int(segment)] for segment in record.removed_segments],
         "collided_frames": record.collided_frames,
+        "leftover_frames": record.leftover_frames,
         "deepest_m": record.deepest_m,
     }
 
