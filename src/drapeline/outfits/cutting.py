@@ -141,7 +141,7 @@ def cut_garment(
         cut = upper_cut(form, upper, None if below is None else below.waist)
         if half is not None:
             # A wide skirt may have no more columns than the chest can take.
-            half = min(half, 2 * round(0.65 * chest_half_ring(form, cut, edge_length_m)))
+            half = min(half, 2 * round(0.8 * chest_half_ring(form, cut, edge_length_m)))
         build_upper(pattern, form, cut, edge_length_m, half)
         waist_ids = pattern.marks["hem"]
     if below is not None:

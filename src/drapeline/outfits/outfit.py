@@ -1,6 +1,6 @@
 """Outfits: one or two garments made for one body, and their files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -134,19 +134,18 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
     )
 
 
-def outfit_plan(count: int, genders: list[str], *, male_skirts: bool = False) -> list[str]:
+def outfit_plan(genders: Sequence[str], *, male_skirts: bool = False) -> list[str]:
     """Outfit kind of every sample, in turns per gender, so that few samples show all types.
 
     Args:
-        count: number of samples.
-        genders: gender of each.
+        genders: gender of each sample.
         male_skirts: whether male bodies wear skirts and dresses.
     """
     plain = [k for k in KINDS if "Skirt" not in k and k != "Dress"]
     turns = {"female": list(KINDS), "male": list(KINDS) if male_skirts else plain}
     seen = {"female": 0, "male": 0}
     kinds = []
-    for gender in genders[:count]:
+    for gender in genders:
         kinds.append(turns[gender][seen[gender] % len(turns[gender])])
         seen[gender] += 1
     return kinds

@@ -74,7 +74,7 @@ class OutfitRanges:
     rise_m: Range = (0.015, 0.05)
     hip_ease_m: Range = (0.0, 0.015)
     skirt_length: Range = (0.3, 0.95)
-    skirt_alpha1: Range = (0.15, 0.9)
+    skirt_alpha1: Range = (0.15, 0.75)
     skirt_flutes: Range = (5.0, 11.0)
     skirt_fullness: Range = (0.02, 0.06)
     fullness: Range = (0.0, 0.014)

@@ -1,0 +1,81 @@
+"""Dress forms and outfits on the toy body."""
+
+import numpy as np
+import pytest
+
+from drapeline.outfits import KINDS, build_templates, sample_outfit
+from drapeline.seeding import rng_for
+
+EDGE_M = 0.025
+
+
+@pytest.fixture(scope="session")
+def templates(toy_body):
+    return build_templates(toy_body)
+
+
+@pytest.fixture(scope="session")
+def outfits(toy_body, templates):
+    """One outfit of every kind."""
+    shapes = rng_for(5, "shape").uniform(-1, 1, (len(KINDS), 10))
+    return {
+        kind: sample_outfit(
+            rng_for(5, kind),
+            templates,
+            toy_body,
+            gender="female",
+            shape=shape,
+            kind=kind,
+            edge_length_m=EDGE_M,
+        )
+        for kind, shape in zip(KINDS, shapes, strict=True)
+    }
+
+
+@pytest.fixture(scope="session")
+def upper_numbers():
+    """A symmetric long-sleeved t-shirt, all numbers in the middle of their ranges."""
+    return {
+        "hem": 0.6,
+        "ease_m": 0.01,
+        "flare": 0.03,
+        "shaping": 0.1,
+        "neckline": "crew",
+        "neck_depth_m": 0.07,
+        "neck_depth_back_m": 0.02,
+        "neck_width_m": 0.085,
+        "drop_m": 0.03,
+        "sleeve_length": 0.6,
+        "sleeve_alpha1": -0.1,
+        "sleeve_alpha2": 0.2,
+        "sleeve_offset": 0.5,
+        "sleeve_w0": 1.5,
+        "front": "closed",
+    }
+
+
+@pytest.fixture(scope="session")
+def trousers_numbers():
+    return {
+        "waist": 0.9,
+        "leg_length": 0.7,
+        "leg_alpha1": -0.1,
+        "leg_alpha2": 0.2,
+        "leg_offset": 0.6,
+        "leg_w0": 1.2,
+        "rise_m": 0.03,
+        "hip_ease_m": 0.01,
+    }
+
+
+@pytest.fixture(scope="session")
+def skirt_numbers():
+    return {
+        "waist": 0.9,
+        "skirt_length": 0.6,
+        "skirt_alpha1": 0.5,
+        "skirt_flutes": 6.0,
+        "skirt_fullness": 0.03,
+        "skirt_phase": 0.4,
+        **{f"skirt_wander{k}": float(w) for k, w in enumerate(np.linspace(0.1, 0.9, 4))},
+    }

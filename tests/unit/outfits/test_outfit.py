@@ -1,0 +1,202 @@
+"""Whole outfits on a body: fit, layers, files, what is drawn."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.mesh import edges
+from drapeline.outfits import (
+    GARMENTS,
+    KINDS,
+    OutfitRanges,
+    load_outfit,
+    load_templates,
+    outfit_plan,
+    sample_outfit,
+)
+from drapeline.outfits.fit import outside_distance, rest_body, tightness_shape
+from drapeline.outfits.outfit import sample_numbers
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz
+
+ARRAYS = ("vertices", "faces", "uv", "uv_faces", "pin", "elastic")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_garment_starts_inside_the_body(outfits, toy_body, kind):
+    outfit = outfits[kind]
+    body = rest_body(toy_body, tightness_shape(outfit.shape, outfit.tightness, outfit.gender))
+    for garment in outfit.garments:
+        distance, _ = outside_distance(garment.vertices.astype(float), body, toy_body.faces)
+        assert distance.min() > 0.0045
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if "+" in kind])
+def test_the_upper_garment_lies_over_the_lower_one(outfits, kind):
+    inner, outer = outfits[kind].garments
+    assert inner.name in ("Trousers", "Skirt")
+    assert outer.name in ("Tshirt", "Top")
+    distance, _ = outside_distance(
+        outer.vertices.astype(float),
+        inner.vertices.astype(float),
+        np.concatenate([inner.faces[:, [0, 1, 2]], inner.faces[:, [0, 2, 3]]]),
+    )
+    overlap = outer.vertices[:, 2] < inner.vertices[:, 2].max() - 0.01
+    assert (distance[overlap] > 0.002).all()
+
+
+def test_same_seed_same_outfit(outfits, toy_body, templates):
+    first = outfits["Tshirt+Trousers"]
+    again = sample_outfit(
+        rng_for(5, "Tshirt+Trousers"),
+        templates,
+        toy_body,
+        gender="female",
+        shape=first.shape,
+        kind="Tshirt+Trousers",
+        edge_length_m=0.025,
+    )
+    for a, b in zip(first.garments, again.garments, strict=True):
+        assert a.about == b.about
+        for key in ARRAYS:
+            np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
+
+
+def test_files_give_back_the_outfit(outfits, tmp_path):
+    for outfit in outfits.values():
+        outfit.save(tmp_path / "o.npz", tmp_path / "o.json")
+        back = load_outfit(tmp_path / "o.npz", tmp_path / "o.json")
+        np.testing.assert_array_equal(back.shape, outfit.shape)
+        np.testing.assert_array_equal(back.tightness, outfit.tightness)
+        assert [g.name for g in back.garments] == [g.name for g in outfit.garments]
+        for a, b in zip(back.garments, outfit.garments, strict=True):
+            assert a.about == b.about
+            for key in ARRAYS:
+                np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
+                assert getattr(a, key).dtype == getattr(b, key).dtype
+
+
+def test_an_outfit_file_without_a_garment_is_refused(outfits, tmp_path):
+    outfits["Dress"].save(tmp_path / "o.npz", tmp_path / "o.json")
+    save_npz(tmp_path / "o.npz", other=np.zeros(3))
+    with pytest.raises(InputError, match="Dress/vertices"):
+        load_outfit(tmp_path / "o.npz", tmp_path / "o.json")
+
+
+def test_templates_survive_their_file(templates, tmp_path):
+    templates.save(tmp_path / "t.npz")
+    back = load_templates(tmp_path / "t.npz")
+    assert back.body_name == templates.body_name
+    assert back.form.landmarks == templates.form.landmarks
+    np.testing.assert_array_equal(back.form.torso.radius, templates.form.torso.radius)
+    np.testing.assert_array_equal(back.form.upper.distance, templates.form.upper.distance)
+
+
+def test_waistbands_are_held_and_only_they(outfits):
+    for outfit in outfits.values():
+        for garment in outfit.garments:
+            if garment.name in ("Trousers", "Skirt"):
+                held = garment.vertices[garment.pin > 0, 2]
+                assert len(held) > 10
+                assert held.min() > garment.vertices[:, 2].max() - 0.06
+            else:
+                assert not garment.pin.any()
+
+
+def test_elastic_marks_are_on_the_ends_that_have_it(outfits):
+    seen = set()
+    for outfit in outfits.values():
+        for garment in outfit.garments:
+            ends = garment.about["elastic"]
+            assert bool(garment.elastic.any()) == any(ends.values())
+            seen |= {end for end, on in ends.items() if on}
+            if ends == {"sleeves": True}:
+                gathered = np.abs(garment.vertices[garment.elastic > 0, 0])
+                assert gathered.min() > np.abs(garment.vertices[:, 0]).max() - 0.08
+    assert seen
+
+
+def numbers_of(index, kind, ranges=None):
+    return sample_numbers(rng_for(3, index), kind, ranges or OutfitRanges())
+
+
+def test_ten_thousand_outfits_are_all_different():
+    seen = {json.dumps(numbers_of(k, KINDS[k % len(KINDS)])) for k in range(10_000)}
+    assert len(seen) == 10_000
+
+
+def test_upper_garments_are_cotton_or_silk_and_the_others_anything():
+    upper, other = set(), set()
+    for k in range(300):
+        for name, about in numbers_of(k, KINDS[k % len(KINDS)]):
+            (upper if name in ("Tshirt", "Top") else other).add(about["fabric"])
+    assert upper == {"cotton", "silk"}
+    assert other == {"cotton", "silk", "denim", "leather"}
+
+
+@pytest.mark.parametrize("chance", [0.0, 0.5, 1.0])
+def test_elastics_have_the_chance_they_are_given(chance):
+    ranges = replace(OutfitRanges(), elastic_chance=chance)
+    drawn = [
+        on
+        for k in range(400)
+        for _, about in numbers_of(k, "Jumpsuit", ranges)
+        for on in about["elastic"].values()
+    ]
+    assert abs(np.mean(drawn) - chance) < 0.06
+
+
+def test_numbers_stay_in_their_ranges():
+    ranges = OutfitRanges()
+    for k in range(200):
+        for name, about in numbers_of(k, KINDS[k % len(KINDS)]):
+            parts = about["parameters"]
+            if "trousers" in parts:
+                for key, value in parts["trousers"].items():
+                    low, high = getattr(ranges, key)
+                    assert low <= value <= high
+                assert parts["trousers"]["leg_alpha1"] < 0 < parts["trousers"]["leg_alpha2"]
+            if "skirt" in parts:
+                assert parts["skirt"]["skirt_alpha1"] > 0
+            assert 0 <= min(about["texture"]["data"]) <= max(about["texture"]["data"]) <= 1
+            assert name in GARMENTS
+
+
+def test_few_samples_show_all_six_garments():
+    kinds = outfit_plan(["female"] * 6)
+    assert {name for kind in kinds for name in kind.split("+")} == set(GARMENTS)
+
+
+def test_males_wear_no_skirts_unless_wanted():
+    genders = [GENDERS[k % 2] for k in range(40)]
+    plan = outfit_plan(genders)
+    males = [kind for kind, gender in zip(plan, genders, strict=True) if gender == "male"]
+    assert not any("Skirt" in kind or kind == "Dress" for kind in males)
+    free = outfit_plan(genders, male_skirts=True)
+    assert "Dress" in [kind for kind, g in zip(free, genders, strict=True) if g == "male"]
+
+
+def test_positive_tightness_makes_smaller_garments(toy_body, templates):
+    size = {}
+    for gamma in (-1.5, 0.5):
+        ranges = replace(OutfitRanges(), tightness=(gamma, gamma))
+        outfit = sample_outfit(
+            rng_for(1, "t"),
+            templates,
+            toy_body,
+            gender="female",
+            shape=np.zeros(10),
+            kind="Tshirt+Trousers",
+            edge_length_m=0.03,
+            ranges=ranges,
+        )
+        garment = outfit.garments[1]
+        pairs = edges(garment.faces)
+        size[gamma] = np.linalg.norm(
+            garment.vertices[pairs[:, 0]] - garment.vertices[pairs[:, 1]], axis=1
+        ).sum()
+    assert size[0.5] < size[-1.5]
