@@ -102,7 +102,7 @@ def _packed(flats: list[np.ndarray]) -> np.ndarray:
     for flat, (width, tall) in zip(flats, sizes, strict=True):
         if x > 0 and x + width > shelf_width:
             x, y, height = 0.0, y + height, 0.0
-        placed.append([*flat, x + _UV_MARGIN_M / 2, y + _UV_MARGIN_M / 2])
+        placed.append(flat + np.array([x, y]) + _UV_MARGIN_M / 2)
         x += width
         height = max(height, tall)
     uv = np.concatenate(placed)
