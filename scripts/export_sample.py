@@ -1,4 +1,4 @@
-"""Rule `export_sample`: one sample for other programs."""
+"""Rule `export_sample`: one sample as files that other programs open."""
 
 from typing import TYPE_CHECKING
 
@@ -9,5 +9,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    names = export_sample(snakemake.input[0], snakemake.output[0], snakemake.wildcards.format)
-    log.info("%d files, %s first", len(names), names[0])
+    names = export_sample(
+        snakemake.input[0], snakemake.output[0], snakemake.wildcards.format
+    )
+    log.info("wrote %s", ", ".join(names))
