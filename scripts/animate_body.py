@@ -18,9 +18,7 @@ with rule_log(snakemake.log[0]) as log:
     motion = load_motion(snakemake.input.motion)
     record = make_body_sequence(
         load_body(snakemake.input.body),
-        sample_shape(
-            rng_for(wanted.seed, "shape", snakemake.wildcards.sample), wanted.shape_range
-        ),
+        sample_shape(rng_for(wanted.seed, "shape", snakemake.wildcards.sample), wanted.shape_range),
         motion.poses[wanted.start : wanted.stop],
         motion.trans[wanted.start : wanted.stop],
         gender=GENDERS.index(wanted.gender),

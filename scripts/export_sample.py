@@ -9,7 +9,5 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    names = export_sample(
-        snakemake.input[0], snakemake.output[0], snakemake.wildcards.format
-    )
+    names = export_sample(snakemake.input[0], snakemake.output[0], snakemake.wildcards.format)
     log.info("wrote %s", ", ".join(names))

@@ -63,7 +63,8 @@ def motion_table(
 
     Args:
         path: columns `name` and `file` (relative to the table's folder), and optionally `action`,
-            `subject`, `loop` (yes: the clip is one round of a cycle), `joint_map`, `asf`, `amc_fps`.
+            `subject`, `loop` (yes: the clip is one round of a cycle), `joint_map`, `asf` and
+            `amc_fps`.
         names: which rows, in this order; all rows if empty.
         loop_frames: length in frames that cyclic clips are repeated to.
 
