@@ -15,11 +15,11 @@ from drapeline.outfits.lower import (
     TrousersCut,
     build_skirt,
     build_trousers,
-    legs_apart,
     skirt_half_ring,
     trousers_half_ring,
 )
 from drapeline.outfits.panels import Pattern
+from drapeline.outfits.parting import kept_apart
 from drapeline.outfits.upper import UpperCut, build_upper, chest_half_ring
 from drapeline.outfits.width import WidthLine
 
@@ -171,7 +171,7 @@ def settled(
     if "hem" not in pattern.marks and "left_armhole" not in pattern.marks:
         held[pattern.marks["waist"]] = True
     high = points[:, 2] > form.landmarks["waist"]
-    apart = legs_apart(pattern)
+    apart = kept_apart(pattern)
 
     def keep_out(p: np.ndarray) -> np.ndarray:
         for part, field in ((high, form.upper), (~high, form.lower)):

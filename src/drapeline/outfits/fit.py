@@ -1,5 +1,7 @@
 """Fitting garments to a body: resizing, leaving the body, and laying one garment over another."""
 
+from collections.abc import Callable
+
 import igl
 import numpy as np
 import scipy.sparse as sp
@@ -77,10 +79,15 @@ def left_body(
     body: np.ndarray,
     faces: np.ndarray,
     gap_m: float,
+    keep: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Garment (V, 3) with every vertex at least `gap_m` outside the body (B, 3).
 
     Pushes are spread over the neighbourhood so that the body does not emboss the cloth.
+
+    Args:
+        keep: applied last in every round; keeps apart what lies side by side, and wins over the
+            gap where a body leaves no room, as between thighs that touch.
     """
     points = vertices.copy()
     for round_ in range(8):
@@ -97,6 +104,8 @@ def left_body(
                 spread = np.where(longer[:, None], mean, spread)
             push = spread
         points += push
+        if keep is not None:
+            points = keep(points)
     return points
 
 

@@ -1,6 +1,5 @@
 """Lower-body patterns: trousers and skirts."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +8,13 @@ from drapeline.frames import REST_POSE
 from drapeline.outfits.curves import curve_length, hung, limb_loop, ring, smoothstep, straightened
 from drapeline.outfits.forms import ANGLES, Form, Tube
 from drapeline.outfits.panels import Pattern
+from drapeline.outfits.parting import BETWEEN_LEGS_M, kept_apart
 from drapeline.outfits.relax import averaging_matrix, smoothed
 from drapeline.outfits.width import WidthLine
 
 GAP_M = 0.008
 _LEG_TILT = float(np.tan(REST_POSE[5]))
 _SEAM_M = 0.15  # over which a sewn waist evens out
-_BETWEEN_LEGS_M = 0.004  # half the least distance of the two trouser legs
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,7 @@ def _leg_row(
         blend = smoothstep((start[:, 2].mean() - mean) / 0.16)
         flat = start[:, :2] + blend * (plane - start[:, :2])
         x = flat[:, 0]
-    return np.column_stack([np.maximum(flat[:, 0], _BETWEEN_LEGS_M), flat[:, 1], z])
+    return np.column_stack([np.maximum(flat[:, 0], BETWEEN_LEGS_M), flat[:, 1], z])
 
 
 def _settle_legs(pattern: Pattern, form: Form, bridge: np.ndarray, fork: float) -> None:
@@ -202,7 +201,7 @@ def _settle_legs(pattern: Pattern, form: Form, bridge: np.ndarray, fork: float) 
     moved = near > 0
     on_middle = np.isin(np.arange(len(points)), bridge)
     on_middle |= np.abs(points[:, 0]) < 1e-6
-    apart = legs_apart(pattern)
+    apart = kept_apart(pattern)
 
     def lift(p: np.ndarray) -> np.ndarray:
         whole = points.copy()
@@ -211,18 +210,6 @@ def _settle_legs(pattern: Pattern, form: Form, bridge: np.ndarray, fork: float) 
         return apart(whole)[moved]
 
     pattern.vertices = smoothed(points, average, 0.8 * near, 25, lift)
-
-
-def legs_apart(pattern: Pattern) -> Callable[[np.ndarray], np.ndarray]:
-    """Function that keeps the two legs of trousers on their own side."""
-
-    def apart(points: np.ndarray) -> np.ndarray:
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            if (leg := pattern.marks.get(f"{side}_leg")) is not None:
-                points[leg, 0] = sign * np.maximum(sign * points[leg, 0], _BETWEEN_LEGS_M)
-        return points
-
-    return apart
 
 
 def _skirt_extra(form: Form, cut: SkirtCut, share: float) -> float:

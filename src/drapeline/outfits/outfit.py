@@ -23,6 +23,7 @@ from drapeline.outfits.fit import (
 from drapeline.outfits.forms import Form
 from drapeline.outfits.own import mean_edge_m, own_garment, top_loop
 from drapeline.outfits.panels import Pattern
+from drapeline.outfits.parting import Keeper, kept_apart
 from drapeline.outfits.ranges import (
     FABRICS,
     UPPER_FABRICS,
@@ -44,6 +45,7 @@ KINDS = ("Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit", "Tshirt+Skirt", "T
 _PARTS = ("upper", "trousers", "skirt")
 _UPPER = ("Tshirt", "Top")
 _HEM_OVER_SKIRT = 0.5
+_TIGHT_LEGS_M = 0.0015
 _END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
 
 
@@ -273,15 +275,15 @@ def make_outfit(
     garments: list[Garment] = []
     for name, about in numbers:
         if own and name in own:
-            garment = _from_file(own[name], name, about, body)
+            garment, keep = _from_file(own[name], name, about, body), None
         else:
-            garment = _from_template(name, about, templates.form, edge_length_m)
+            garment, keep = _from_template(name, about, templates.form, edge_length_m)
         points = garment.vertices
         average = averaging_matrix(garment.faces, len(points))
         edge_m = mean_edge_m(Mesh(points, garment.faces))
         passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
         points = resized(points, average, mean_body, target, passes)
-        points = left_body(points, average, target, body.faces, max(BODY_GAP_M, 0.3 * edge_m))
+        points = left_body(points, average, target, body.faces, max(BODY_GAP_M, 0.3 * edge_m), keep)
         for inner in garments:
             points = laid_over(points, average, inner.vertices.astype(float), axis_y, LAYER_GAP_M)
         garments.append(replace(garment, vertices=points.astype(np.float32)))
@@ -294,8 +296,10 @@ def make_outfit(
     )
 
 
-def _from_template(name: str, about: dict[str, Any], form: Form, edge_length_m: float) -> Garment:
-    """A garment on the dress form, vertices (V, 3) float64."""
+def _from_template(
+    name: str, about: dict[str, Any], form: Form, edge_length_m: float
+) -> tuple[Garment, Keeper]:
+    """A garment on the dress form, vertices (V, 3) float64, and what keeps its parts apart."""
     numbers = about["parameters"]
     parts = {key: numbers[key] for key in _PARTS if key in numbers}
     pattern = cut_garment(form, edge_length_m, **parts)
@@ -304,7 +308,8 @@ def _from_template(name: str, about: dict[str, Any], form: Form, edge_length_m: 
     points = settled(folds, form, pattern, edge_length_m, numbers["fullness"])
     uv, uv_faces = pattern.texture()
     pin, elastic = _masks(pattern, name, about["elastic"])
-    return Garment(name, points, faces, uv, uv_faces, pin, elastic, about)
+    garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, about)
+    return garment, kept_apart(pattern, _TIGHT_LEGS_M)
 
 
 def _from_file(path: str | Path, name: str, about: dict[str, Any], body: BodyModel) -> Garment:

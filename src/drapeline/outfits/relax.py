@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import spsolve
 
 from drapeline.mesh import edges
 
@@ -16,15 +15,6 @@ def averaging_matrix(faces: np.ndarray, count: int) -> sp.csr_matrix:
     matrix = sp.csr_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count))
     degree = np.maximum(np.asarray(matrix.sum(axis=1)).ravel(), 1)
     return sp.diags(1 / degree).dot(matrix).tocsr()
-
-
-def stretched(vertices: np.ndarray, average: sp.csr_matrix, free: np.ndarray) -> np.ndarray:
-    """Free vertices put where every one is the mean of its neighbours (a taut net)."""
-    inner = average[free]
-    system = sp.identity(int(free.sum()), format="csc") - inner[:, free].tocsc()
-    out = vertices.copy()
-    out[free] = spsolve(system, inner[:, ~free] @ vertices[~free])
-    return out
 
 
 def smoothed(

@@ -15,7 +15,7 @@ from drapeline.outfits.curves import (
 )
 from drapeline.outfits.forms import ANGLES, Form, Tube
 from drapeline.outfits.panels import Pattern
-from drapeline.outfits.relax import averaging_matrix, evened, smoothed, stretched
+from drapeline.outfits.relax import averaging_matrix, evened, smoothed
 from drapeline.outfits.width import WidthLine
 
 GAP_M = 0.012  # cloth to dress form
@@ -103,9 +103,11 @@ def build_upper(
         pattern.panel(ids, counts.half // 2)
     average = averaging_matrix(pattern.faces(), len(points))
     lift = _lifter(form, cut, underarm)
-    points = lift(stretched(points, average, free))
-    points = smoothed(points, average, np.where(free, 1.0, 0.0), 20, lift)
-    pattern.vertices = evened(points, pattern.faces(), free, 10, lift)
+    for ids in (front, back):
+        _fill_columns(points, ids, free)
+    points = lift(points)
+    points = smoothed(points, average, np.where(free, 1.0, 0.0), 12, lift)
+    pattern.vertices = evened(points, pattern.faces(), free, 8, lift)
     _mark_rings(pattern, front, back, counts)
     pattern.panels = pattern.panels[:-2]
     _front_panels(pattern, cut, front, counts, edge_length_m)
@@ -220,6 +222,18 @@ def _torso(pattern: Pattern, trunk: Tube, cut: UpperCut, underarm: float, n: _Co
                 hole[-1, n.half - c] = True
         grid[~hole] = pattern.add(np.zeros((int((~hole).sum()), 3)))
     return front, back
+
+
+def _fill_columns(points: np.ndarray, ids: np.ndarray, free: np.ndarray) -> None:
+    """Put every column's free vertices evenly between the held ones at its two ends."""
+    for column in ids.T:
+        line = column[column >= 0]
+        loose = np.flatnonzero(free[line])
+        if len(loose):
+            low, high = loose[0] - 1, loose[-1] + 1
+            share = np.linspace(0, 1, high - low + 1)[:, None]
+            ends = points[line[[low, high]]]
+            points[line[low : high + 1]] = ends[0] + share * (ends[1] - ends[0])
 
 
 def _borders(form, cut, ids: np.ndarray, n: _Counts, armhole, neck, name: str):
