@@ -51,7 +51,10 @@ def test_each_size_plans_every_step(config, tmp_path):
         ({"outfits": {"edge_length_m": 1.4}}, "edge_length_m is 1.4, expected a number from 0.005"),
         ({"seed": "one"}, "seed is 'one', expected an integer of at least 0"),
         ({"motions": {"sequences": ["wlak"]}}, "lists no 'wlak', expected one of walk, run"),
-        ({"motions": {"table": "none.tsv"}}, "none.tsv: no such file, expected a table of motions"),
+        (
+            {"motions": {"table": "none.tsv", "sequences": []}},
+            "none.tsv: no such file, expected a table of motions",
+        ),
         (
             {"motions": {"frames": 300, "frames_min": 300, "loop_frames": 60}},
             "frames_min is 300, but the longest clip has",
@@ -66,10 +69,10 @@ def test_a_wrong_setting_stops_before_any_job(tmp_path, settings, message):
 def test_a_missing_or_broken_motion_is_named_before_any_job(tmp_path):
     table = tmp_path / "clips.tsv"
     table.write_text("name\tfile\tloop\nmine\tmine.bvh\tno\n")
-    text = dry_run_error(tmp_path, motions={"table": str(table)})
+    text = dry_run_error(tmp_path, motions={"table": str(table), "sequences": []})
     assert "mine.bvh: no such file" in text
     (tmp_path / "mine.bvh").write_text("not a motion")
-    assert "mine.bvh" in dry_run_error(tmp_path, motions={"table": str(table)})
+    assert "mine.bvh" in dry_run_error(tmp_path, motions={"table": str(table), "sequences": []})
 
 
 def test_a_target_that_does_not_exist_is_refused(tmp_path):
