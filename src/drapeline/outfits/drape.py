@@ -12,6 +12,7 @@ _FALL_M = 7e-5
 _KEEP_SPEED = 0.6
 _PROJECTIONS = 2
 _SHEAR_STIFFNESS = 0.35
+_FOLD_WIDTH_M = 0.018
 
 
 def draped(
@@ -74,8 +75,8 @@ def fold_seeds(
     noise = rng.normal(size=(count, 3))
     along = averaging_matrix(faces[:, [1, 2, 2, 1]], count)
     around = averaging_matrix(faces[:, [0, 1, 1, 0]], count)
-    # Laplacian passes reach as far as the square root of their number.
-    for average, reach_m in ((along, 0.08), (around, 0.012)):
-        for _ in range(max(1, round((reach_m / edge_length_m) ** 2))):
-            noise = (noise + average @ noise) / 2
+    # Averaging passes reach as far as the square root of their number.
+    for average, reach_m in ((along, 0.08), (around, _FOLD_WIDTH_M)):
+        for _ in range(max(1, round((reach_m / edge_length_m) ** 2 / 2))):
+            noise = average @ noise
     return noise * (size_m / np.sqrt((noise**2).mean()))

@@ -77,7 +77,7 @@ class OutfitRanges:
     skirt_alpha1: Range = (0.15, 0.75)
     skirt_flutes: Range = (5.0, 11.0)
     skirt_fullness: Range = (0.02, 0.06)
-    fullness: Range = (0.0, 0.014)
+    fullness: Range = (0.0, 0.012)
     tightness: Range = (-1.5, 0.5)
     elastic_chance: float = 0.5
 

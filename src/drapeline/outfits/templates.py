@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from drapeline.bodies.model import BodyModel
+from drapeline.mesh import Mesh
+from drapeline.outfits.cutting import cut_garment
 from drapeline.outfits.forms import Field, Form, Tube, build_form
 from drapeline.storage import load_npz, save_npz
 
@@ -11,16 +14,68 @@ _TUBES = ("torso", "arm", "leg", "skirt")
 _FIELDS = ("upper", "lower")
 
 
+_MESH = ("vertices", "faces", "uv", "uv_faces")
+TEMPLATE_EDGE_M = 0.01
+# The four templates before anything is cut: long sleeves, long legs, a skirt to the ankles.
+_UPPER = {
+    "hem": 1.0,
+    "ease_m": 0.01,
+    "flare": 0.02,
+    "shaping": 0.12,
+    "neckline": "crew",
+    "neck_depth_m": 0.06,
+    "neck_depth_back_m": 0.015,
+    "front": "closed",
+}
+_SLEEVES = {
+    "neck_width_m": 0.08,
+    "drop_m": 0.025,
+    "sleeve_length": 1.0,
+    "sleeve_alpha1": -0.1,
+    "sleeve_alpha2": 0.0,
+    "sleeve_offset": 1.0,
+    "sleeve_w0": 1.5,
+}
+_STRAPS = {"neck_width_m": 0.085, "strap_m": 0.05, "drop_m": 0.005, "scye_m": 0.01}
+_LEGS = {
+    "waist": 1.0,
+    "leg_length": 1.0,
+    "leg_alpha1": -0.1,
+    "leg_alpha2": 0.0,
+    "leg_offset": 1.0,
+    "leg_w0": 1.2,
+    "rise_m": 0.02,
+    "hip_ease_m": 0.005,
+}
+_SKIRT = {
+    "waist": 1.0,
+    "skirt_length": 1.0,
+    "skirt_alpha1": 0.3,
+    "skirt_flutes": 6.0,
+    "skirt_fullness": 0.0,
+    "skirt_phase": 0.0,
+    **{f"skirt_wander{k}": 0.0 for k in range(4)},
+}
+TEMPLATE_NUMBERS = {
+    "Tshirt": {"upper": _UPPER | _SLEEVES},
+    "Top": {"upper": _UPPER | _STRAPS},
+    "Trousers": {"trousers": _LEGS},
+    "Skirt": {"skirt": _SKIRT},
+}
+
+
 @dataclass(frozen=True)
 class Templates:
-    """One gender's dress form and which body it was taken from.
+    """One gender's dress form, the uncut garments on it, and which body they were made for.
 
     Attributes:
         form: the dress form that garments are cut on.
+        garments: "Tshirt", "Top", "Trousers" and "Skirt" in full length, at 1 cm edges.
         body_name: name of the body model.
     """
 
     form: Form
+    garments: dict[str, Mesh]
     body_name: str
 
     def save(self, path: str | Path) -> None:
@@ -37,12 +92,24 @@ class Templates:
             part = getattr(self.form, name)
             arrays |= {f"{name}/origin": part.origin, f"{name}/distance": part.distance}
         arrays |= {f"landmarks/{k}": v for k, v in self.form.landmarks.items()}
+        for name, mesh in self.garments.items():
+            arrays |= {f"garments/{name}/{key}": getattr(mesh, key) for key in _MESH}
         save_npz(path, **arrays)
 
 
 def build_templates(body: BodyModel) -> Templates:
     """Make one gender's templates (a few seconds)."""
-    return Templates(build_form(body), body.name)
+    form = build_form(body)
+    return Templates(
+        form,
+        {name: _mesh(form, parts) for name, parts in TEMPLATE_NUMBERS.items()},
+        body.name,
+    )
+
+
+def _mesh(form: Form, parts: dict[str, dict[str, Any]]) -> Mesh:
+    pattern = cut_garment(form, TEMPLATE_EDGE_M, **parts)
+    return Mesh(pattern.vertices.astype("float32"), pattern.faces(), *pattern.texture())
 
 
 def load_templates(path: str | Path) -> Templates:
@@ -53,8 +120,10 @@ def load_templates(path: str | Path) -> Templates:
     """
     required = [f"{n}/{k}" for n in _TUBES for k in ("start_m", "centre", "radius")]
     required += [f"{n}/{k}" for n in _FIELDS for k in ("origin", "distance")]
+    required += [f"garments/{n}/{k}" for n in TEMPLATE_NUMBERS for k in _MESH]
     a = load_npz(path, "body_name", *required)
     tubes = {n: Tube(float(a[f"{n}/start_m"]), a[f"{n}/centre"], a[f"{n}/radius"]) for n in _TUBES}
     fields = {n: Field(a[f"{n}/origin"], a[f"{n}/distance"]) for n in _FIELDS}
     marks = {k.split("/")[1]: float(v) for k, v in a.items() if k.startswith("landmarks/")}
-    return Templates(Form(**tubes, **fields, landmarks=marks), str(a["body_name"]))
+    garments = {n: Mesh(*(a[f"garments/{n}/{k}"] for k in _MESH)) for n in TEMPLATE_NUMBERS}
+    return Templates(Form(**tubes, **fields, landmarks=marks), garments, str(a["body_name"]))

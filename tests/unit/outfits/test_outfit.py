@@ -8,7 +8,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.mesh import edges
+from drapeline.mesh import boundary_loops, edge_counts, edges
 from drapeline.outfits import (
     GARMENTS,
     KINDS,
@@ -20,6 +20,7 @@ from drapeline.outfits import (
 )
 from drapeline.outfits.fit import outside_distance, rest_body, tightness_shape
 from drapeline.outfits.outfit import sample_numbers
+from drapeline.outfits.own import mean_edge_m
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 
@@ -94,6 +95,22 @@ def test_templates_survive_their_file(templates, tmp_path):
     assert back.form.landmarks == templates.form.landmarks
     np.testing.assert_array_equal(back.form.torso.radius, templates.form.torso.radius)
     np.testing.assert_array_equal(back.form.upper.distance, templates.form.upper.distance)
+    for name, mesh in templates.garments.items():
+        np.testing.assert_array_equal(back.garments[name].vertices, mesh.vertices)
+
+
+def test_the_four_templates_are_full_length_quads(templates):
+    marks = templates.form.landmarks
+    assert list(templates.garments) == ["Tshirt", "Top", "Trousers", "Skirt"]
+    openings = {"Tshirt": 4, "Top": 4, "Trousers": 3, "Skirt": 2}
+    for name, mesh in templates.garments.items():
+        assert mesh.faces.shape[1] == mesh.uv_faces.shape[1] == 4
+        assert edge_counts(mesh.faces)[1].max() == 2
+        assert len(boundary_loops(mesh.faces)) == openings[name]
+        assert abs(mean_edge_m(mesh) - 0.01) < 0.003
+    assert templates.garments["Tshirt"].vertices[:, 0].max() > marks["wrist_x"] - 0.01
+    assert templates.garments["Trousers"].vertices[:, 2].min() < marks["ankle"] + 0.01
+    assert templates.garments["Skirt"].vertices[:, 2].min() < marks["ankle"] + 0.01
 
 
 def test_waistbands_are_held_and_only_they(outfits):
