@@ -1,0 +1,252 @@
+"""Is a simulated frame believable? Measures per frame and garment, and their bounds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.spatial import KDTree
+
+from drapeline.frames import FPS
+from drapeline.mesh import edges, triangulate, vertex_normals
+from drapeline.simulation.holding import Carrier
+
+_SELF_EVERY = 10  # frames between counts of self-intersections
+_LAYER_REACH_M = 0.03
+_FOLLOWED = 200
+_NEAR_M = 0.04
+
+
+@dataclass(frozen=True)
+class HealthBounds:
+    """What an accepted sample must hold; means are over frames, of the worst garment.
+
+    Attributes:
+        inside_share_mean, inside_share_max: share of garment vertices inside the body.
+        depth_m: deepest vertex inside the body, 95th percentile over frames.
+        stretch_low, stretch_high: mean 1st and 99th percentile of edge length over rest length.
+        slip_m: median way of the garment along the body since the first frame, at its largest.
+        layer_share_mean: share of outer garment vertices beneath the inner garment.
+        self_share_mean: share of edges that pass through the garment's own faces.
+    """
+
+    inside_share_mean: float = 0.01
+    inside_share_max: float = 0.05
+    depth_m: float = 0.03
+    stretch_low: float = 0.80
+    stretch_high: float = 1.30
+    slip_m: float = 0.25
+    layer_share_mean: float = 0.05
+    self_share_mean: float = 0.05
+
+
+@dataclass(frozen=True)
+class HealthGarment:
+    """A garment as health sees it.
+
+    Attributes:
+        name: of the garment.
+        faces: (F, 4) or (F, 3).
+        rest_lengths_m: (E,) of `mesh.edges(faces)`, as simulated (elastics shortened).
+    """
+
+    name: str
+    faces: np.ndarray
+    rest_lengths_m: np.ndarray
+
+
+class HealthMonitor:
+    """Measures frame after frame; keeps numbers only, and the last two frames."""
+
+    def __init__(self, garments: Sequence[HealthGarment], body_faces: np.ndarray) -> None:
+        """Watch garments, from inner to outer, on a body with these faces (F, 3)."""
+        self._garments = garments
+        self._faces = np.ascontiguousarray(body_faces, dtype=np.int64)
+        self._triangles = [triangulate(g.faces) for g in garments]
+        self._edges = [edges(g.faces) for g in garments]
+        self._rows: list[dict[str, list[float]]] = []
+        self._past: list[Sequence[np.ndarray]] = []
+        self._carried: list[tuple[np.ndarray, Carrier]] = []
+
+    @property
+    def frame_count(self) -> int:
+        """Frames measured so far."""
+        return len(self._rows)
+
+    def add(self, cloths: Sequence[np.ndarray], body: np.ndarray) -> dict[str, list[float]]:
+        """Measure one frame.
+
+        Args:
+            cloths: (V, 3) metres, root-relative, one per garment.
+            body: (B, 3) in the same frame.
+
+        Returns:
+            Measure -> one value per garment.
+        """
+        if not self._carried:
+            self._carried = [_followed(cloth, body) for cloth in cloths]
+        index = len(self._rows)
+        row: dict[str, list[float]] = {}
+        for g, cloth in enumerate(cloths):
+            values = body_contact(cloth, body, self._faces)
+            values |= stretch(cloth, self._edges[g], self._garments[g].rest_lengths_m)
+            chosen, carrier = self._carried[g]
+            way = np.linalg.norm(cloth[chosen] - carrier(body), axis=1)
+            values["slip_m"] = float(np.median(way)) if len(way) else 0.0
+            values["layer_share"] = max(
+                (beneath_share(cloth, cloths[inner], self._triangles[inner]) for inner in range(g)),
+                default=0.0,
+            )
+            values["self_share"] = (
+                crossing_edge_share(cloth, self._triangles[g])
+                if index % _SELF_EVERY == 0
+                else np.nan
+            )
+            values["acceleration_m_s2"] = np.nan
+            for name, value in values.items():
+                row.setdefault(name, []).append(value)
+        self._past = [*self._past[-2:], [c.astype(np.float64) for c in cloths]]
+        if len(self._past) == 3:
+            before, middle, after = self._past
+            self._rows[-1]["acceleration_m_s2"] = [
+                float(np.linalg.norm(a - 2 * m + b, axis=1).mean() * FPS**2)
+                for b, m, a in zip(before, middle, after, strict=True)
+            ]
+        self._rows.append(row)
+        return row
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Measure -> (frames, garments) float32; unmeasured entries are NaN."""
+        if not self._rows:
+            return {}
+        return {
+            name: np.array([row[name] for row in self._rows], dtype=np.float32)
+            for name in self._rows[0]
+        }
+
+
+def _followed(cloth: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, Carrier]:
+    """Some vertices that lie close to the body, and what moves them along with it."""
+    distance, _ = KDTree(body).query(cloth)
+    near = np.flatnonzero(distance < _NEAR_M)
+    chosen = near[:: max(1, len(near) // _FOLLOWED)]
+    return chosen, Carrier(cloth[chosen].astype(np.float64), body)
+
+
+def body_contact(cloth: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
+    """Where cloth vertices (V, 3) are with respect to a body (B, 3), by winding numbers.
+
+    Returns:
+        `inside_share`, deepest and mean depth of those inside, and 5th and 50th percentile of
+        the distance of those outside.
+    """
+    points = np.ascontiguousarray(cloth, dtype=np.float64)
+    vertices = np.ascontiguousarray(body, dtype=np.float64)
+    squared = igl.point_mesh_squared_distance(points, vertices, faces)[0]
+    distance = np.sqrt(squared)
+    inside = igl.fast_winding_number(vertices, faces, points) > 0.5
+    depth = distance[inside]
+    gap = distance[~inside]
+    low, middle = np.percentile(gap, [5, 50]) if len(gap) else (0.0, 0.0)
+    return {
+        "inside_share": float(inside.mean()),
+        "depth_max_m": float(depth.max(initial=0)),
+        "depth_mean_m": float(depth.mean()) if len(depth) else 0.0,
+        "gap_p05_m": float(low),
+        "gap_p50_m": float(middle),
+    }
+
+
+def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) -> dict[str, float]:
+    """1st, 50th and 99th percentile of edge lengths over rest lengths."""
+    lengths = np.linalg.norm(cloth[pairs[:, 0]] - cloth[pairs[:, 1]], axis=1)
+    low, middle, high = np.percentile(lengths / rest_lengths_m, [1, 50, 99])
+    return {
+        "stretch_p01": float(low),
+        "stretch_p50": float(middle),
+        "stretch_p99": float(high),
+    }
+
+
+def beneath_share(outer: np.ndarray, inner: np.ndarray, triangles: np.ndarray) -> float:
+    """Share of outer vertices (V, 3) that lie beneath the inner garment's outward faces."""
+    reach, _ = KDTree(inner).query(outer, distance_upper_bound=_LAYER_REACH_M)
+    near = outer[np.isfinite(reach)].astype(np.float64)
+    if not len(near):
+        return 0.0
+    vertices = inner.astype(np.float64)
+    _, face, closest = igl.point_mesh_squared_distance(
+        near, vertices, np.ascontiguousarray(triangles, dtype=np.int64)
+    )
+    normals = vertex_normals(vertices, triangles)
+    away = near - closest
+    # A vertex that is nearest to the inner garment's open edge is past it, not beneath it.
+    normal = normals[triangles[face]].mean(axis=1)
+    side = np.einsum("vi,vi->v", away, normal)
+    straight = np.abs(side) > 0.5 * np.linalg.norm(away, axis=1)
+    return float(((side < 0) & straight).sum() / len(outer))
+
+
+def crossing_edge_share(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Share of a triangle mesh's edges that pass through one of its other triangles."""
+    vertices = vertices.astype(np.float64)
+    pairs = edges(triangles)
+    a, b = vertices[pairs[:, 0]], vertices[pairs[:, 1]]
+    corners = vertices[triangles]  # (F, 3, 3)
+    centre = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+    half = np.linalg.norm(b - a, axis=1) / 2
+    # Nearly all edges are short: the few long ones would make everything a candidate.
+    radius = np.percentile(half, 99) + np.percentile(reach, 99)
+    near = KDTree((a + b) / 2).sparse_distance_matrix(
+        KDTree(centre), radius, output_type="coo_matrix"
+    )
+    edge, face = near.row, near.col
+    shared = (triangles[face][:, :, None] == pairs[edge][:, None, :]).any(axis=(1, 2))
+    edge, face = edge[~shared], face[~shared]
+    hit = _segment_hits(a[edge], b[edge], corners[face])
+    return float(len(np.unique(edge[hit])) / len(pairs))
+
+
+def _segment_hits(a: np.ndarray, b: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Whether segments a-b (P, 3) pass through triangles (P, 3, 3)."""
+    along = b - a
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    cross = np.cross(along, two)
+    determinant = np.einsum("pi,pi->p", one, cross)
+    flat = np.abs(determinant) < 1e-18
+    scale = 1 / np.where(flat, 1.0, determinant)
+    start = a - corners[:, 0]
+    u = np.einsum("pi,pi->p", start, cross) * scale
+    other = np.cross(start, one)
+    v = np.einsum("pi,pi->p", along, other) * scale
+    t = np.einsum("pi,pi->p", two, other) * scale
+    return ~flat & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)
+
+
+def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Numbers of a sample that `HealthBounds` judge, each of its worst garment."""
+    mean = {name: np.nanmean(values, axis=0) for name, values in arrays.items()}
+    return {
+        "inside_share_mean": float(mean["inside_share"].max()),
+        "inside_share_max": float(arrays["inside_share"].max()),
+        "depth_m": float(np.percentile(arrays["depth_max_m"], 95, axis=0).max()),
+        "stretch_low": float(mean["stretch_p01"].min()),
+        "stretch_high": float(mean["stretch_p99"].max()),
+        "slip_m": float(arrays["slip_m"].max()),
+        "layer_share_mean": float(mean["layer_share"].max()),
+        "self_share_mean": float(mean["self_share"].max()),
+        "acceleration_m_s2": float(mean["acceleration_m_s2"].max()),
+        "gap_p05_m": float(mean["gap_p05_m"].min()),
+    }
+
+
+def out_of_bounds(measures: Mapping[str, float], bounds: HealthBounds) -> list[str]:
+    """One phrase per measure that is outside its bound, with both values."""
+    found = []
+    for name in bounds.__dataclass_fields__:
+        value, bound = measures[name], getattr(bounds, name)
+        low = name == "stretch_low"
+        if not (value >= bound if low else value <= bound):
+            found.append(f"{name} {value:.3g}, expected at {'least' if low else 'most'} {bound:g}")
+    return found

@@ -1,0 +1,100 @@
+"""What the body does before and during a simulation: shape, then pose, then the sequence."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
+from drapeline.frames import REST_POSE
+
+_LEAD_FRAMES = 4.0
+_CHUNK = 32
+
+
+def transition_poses(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
+    """Poses (count, 72) from the rest pose towards a sequence's first frame (CLOTH3D 3.3).
+
+    Joints turn by quaternion interpolation, starting at rest. What they turn to runs into the
+    first frame at the sequence's own speed, so that the cloth is not kicked when it starts.
+
+    Args:
+        first, second: (72,) the first two poses of the sequence, axis-angle in radians.
+        count: frames; the rest pose is the frame before, `first` the frame after.
+    """
+    steps = np.arange(1, count + 1)
+    share = _smooth(steps / (count + 1))
+    lead = _lead(count + 1 - steps)
+    rest, start, follow = (
+        Rotation.from_rotvec(np.array(pose).reshape(24, 3)) for pose in (REST_POSE, first, second)
+    )
+    turn = (start.inv() * follow).as_rotvec()  # (24, 3) per frame
+    poses = np.zeros((count, 24, 3))
+    for row in range(count):
+        target = start * Rotation.from_rotvec(-lead[row] * turn)
+        way = (rest.inv() * target).as_rotvec()
+        poses[row] = (rest * Rotation.from_rotvec(share[row] * way)).as_rotvec()
+    return poses.reshape(count, 72)
+
+
+def transition_path(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
+    """Root positions (count, 3) that come to `first` (3,) at the sequence's speed."""
+    return first - _lead(count + 1 - np.arange(1, count + 1))[:, None] * (second - first)
+
+
+def _smooth(u: np.ndarray) -> np.ndarray:
+    return u * u * (3 - 2 * u)
+
+
+def _lead(frames_left: np.ndarray) -> np.ndarray:
+    """Frames of constant speed before the start, fading out after a few."""
+    return _LEAD_FRAMES * (1 - np.exp(-frames_left / _LEAD_FRAMES))
+
+
+def body_frames(
+    body: BodyModel,
+    record: BodySequence,
+    garment_shape: np.ndarray,
+    *,
+    shape_frames: int,
+    pose_frames: int,
+) -> Iterator[np.ndarray]:
+    """World vertices (V, 3) of every simulated frame, transitions first.
+
+    Frame 0 is the body that the garments were made for, in rest pose. Over `shape_frames` it
+    takes the wearer's shape, over `pose_frames` the sequence's first pose; the sequence follows.
+
+    Args:
+        garment_shape: (10,) shape plus tightness.
+    """
+    trans = np.asarray(record.trans, dtype=np.float64)
+    follow = min(1, len(trans) - 1)
+    path = transition_path(trans[0], trans[follow], pose_frames)
+    base = transition_path(trans[0], trans[follow], pose_frames + 1)[0]
+    rest = [
+        posed_vertices(body, shape, REST_POSE[None].copy())[0][0]
+        for shape in (garment_shape, record.shape)
+    ]
+    for step in range(shape_frames + 1):
+        share = float(_smooth(np.float64(step / shape_frames)))
+        yield ((1 - share) * rest[0] + share * rest[1] + base).astype(np.float32)
+    poses = transition_poses(record.poses[0], record.poses[follow], pose_frames)
+    moving = posed_vertices(body, record.shape, poses, path)[0]
+    # Self-collision corrections of the first frame come in gradually.
+    fixed = record.fix_frame == 0
+    share = _smooth(np.arange(1, pose_frames + 1) / (pose_frames + 1))
+    moving[:, record.fix_vertex[fixed]] += (
+        share[:, None, None] * record.fix_delta[fixed][None]
+    ).astype(np.float32)
+    yield from moving
+    for start in range(0, len(record.poses), _CHUNK):
+        part = slice(start, min(start + _CHUNK, len(record.poses)))
+        yield from body_sequence_vertices(body, record, world=True, frames=part)
+
+
+def start_position(record: BodySequence, pose_frames: int) -> np.ndarray:
+    """Where the root joint is in frame 0, world (3,) metres."""
+    trans = np.asarray(record.trans, dtype=np.float64)
+    follow = min(1, len(trans) - 1)
+    return transition_path(trans[0], trans[follow], pose_frames + 1)[0]
