@@ -1,1 +1,28 @@
+"""Rule `simulate_outfit`: cloth of one sample in motion, with its health."""
 
+from typing import TYPE_CHECKING
+
+from drapeline.blender.simulate import simulate_outfit
+from drapeline.bodies.model import load_body
+from drapeline.bodies.sequence import load_body_sequence
+from drapeline.outfits.outfit import load_outfit
+from drapeline.rule_log import rule_log
+from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import SimulationSettings
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    settings = dict(snakemake.params.settings)
+    bounds = HealthBounds(**settings.pop("bounds"))
+    status = simulate_outfit(
+        snakemake.output[0],
+        body=load_body(snakemake.input.body),
+        body_record=load_body_sequence(snakemake.input.animation),
+        outfit=load_outfit(snakemake.input.outfit, snakemake.input.parameters),
+        settings=SimulationSettings(**settings),
+        bounds=bounds,
+        threads=snakemake.threads,
+    )
+    log.info("%s %s", status["status"], status["reason"])
