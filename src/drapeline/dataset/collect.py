@@ -12,6 +12,8 @@ from drapeline.dataset.statistics import action_table, garment_table, overview_t
 from drapeline.errors import InputError
 from drapeline.storage import link_or_copy, whole_file, whole_folder
 
+_LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # measures whose smallest value is worst
+
 
 def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[SampleRecord]:
     """Link the accepted samples into `{output}/{split}/{id}` and write the tables and the card.
@@ -59,7 +61,7 @@ def status_row(record: SampleRecord) -> dict[str, Any]:
     return {
         "sample": meta["id"],
         "status": meta["status"],
-        "reason": meta["reason"],
+        "reason": "; ".join(filter(None, [meta["reason"], meta["self_collision"]["reason"]])),
         "attempts": len(meta["simulation"].get("attempts", [])),
         "split": meta["split"],
         "sequence": meta["motion"]["sequence"],
@@ -93,7 +95,8 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
     }
     for name, values in meta["health"].items():
         row[f"{name}_mean"] = f"{values['mean']:.6g}"
-        row[f"{name}_max"] = f"{values['max']:.6g}"
+        worst = "min" if name.endswith(_LOW_PERCENTILES) else "max"
+        row[f"{name}_{worst}"] = f"{values[worst]:.6g}"
     return row
 
 
