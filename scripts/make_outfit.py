@@ -26,6 +26,7 @@ with rule_log(snakemake.log[0]) as log:
             tightness=tuple(snakemake.params.tightness_range),
             elastic_chance=snakemake.params.elastic_probability,
         ),
+        own=snakemake.params.own_garments,
     )
     outfit.save(snakemake.output.arrays, snakemake.output.parameters)
     for garment in outfit.garments:

@@ -105,6 +105,7 @@ def build_upper(
     lift = _lifter(form, cut, underarm)
     for ids in (front, back):
         _fill_columns(points, ids, free)
+        _follow_armholes(points, ids, free, counts)
     points = lift(points)
     points = smoothed(points, average, np.where(free, 1.0, 0.0), 12, lift)
     pattern.vertices = evened(points, pattern.faces(), free, 8, lift)
@@ -234,6 +235,23 @@ def _fill_columns(points: np.ndarray, ids: np.ndarray, free: np.ndarray) -> None
             share = np.linspace(0, 1, high - low + 1)[:, None]
             ends = points[line[[low, high]]]
             points[line[low : high + 1]] = ends[0] + share * (ends[1] - ends[0])
+
+
+def _follow_armholes(points: np.ndarray, ids: np.ndarray, free: np.ndarray, n: _Counts) -> None:
+    """Bend the columns between the armholes as the armholes are bent, less towards the middle.
+
+    Straight columns would run across an armhole that is cut inwards.
+    """
+    low = n.rows - n.loose
+    share = np.linspace(0, 1, len(ids) - low)[:, None]
+    middle = n.half / 2
+    for edge, step in ((n.bottom, 1), (n.half - n.bottom, -1)):
+        line = points[ids[low:, edge]]
+        bend = line - (line[0] + share * (line[-1] - line[0]))
+        for offset in range(1, int(middle - n.bottom)):
+            column = ids[low:, edge + step * offset]
+            loose = (column >= 0) & free[column]
+            points[column[loose]] += bend[loose] * (1 - offset / (middle - n.bottom))
 
 
 def _borders(form, cut, ids: np.ndarray, n: _Counts, armhole, neck, name: str):
