@@ -1,0 +1,235 @@
+def benchmark_folders():
+    """Where the steps' times are: this experiment's, and those of the shared bodies."""
+    return [BENCHMARKS, "benchmarks"]
+
+
+def report_outputs():
+    """Every figure and page of the report but the gallery's."""
+    figures = "garments actions splits bodies vertices penetration stretch gap acceleration"
+    figures += " speed times"
+    pages = "health tables viewer times"
+    return [
+        *(f"{RESULTS}/report/{name}.svg" for name in figures.split()),
+        *(f"{RESULTS}/report/{name}.html" for name in pages.split()),
+        f"{RESULTS}/report/times.tsv",
+    ]
+
+
+rule plot_statistics:
+    input:
+        dataset=f"{RESULTS}/dataset",
+    output:
+        garments=report(
+            f"{RESULTS}/report/garments.svg",
+            caption="../report/garments.rst",
+            category="Dataset",
+            labels={"shows": "garments by type and fabric"},
+        ),
+        actions=report(
+            f"{RESULTS}/report/actions.svg",
+            caption="../report/actions.rst",
+            category="Dataset",
+            labels={"shows": "frames per action"},
+        ),
+        splits=report(
+            f"{RESULTS}/report/splits.svg",
+            caption="../report/splits.rst",
+            category="Dataset",
+            labels={"shows": "splits and genders"},
+        ),
+        bodies=report(
+            f"{RESULTS}/report/bodies.svg",
+            caption="../report/bodies.rst",
+            category="Dataset",
+            labels={"shows": "body shapes and tightness"},
+        ),
+        vertices=report(
+            f"{RESULTS}/report/vertices.svg",
+            caption="../report/vertices.rst",
+            category="Dataset",
+            labels={"shows": "vertices per garment"},
+        ),
+    log:
+        f"{LOGS}/plot_statistics.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_statistics.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("plot_statistics"),
+    script:
+        "../../scripts/plot_statistics.py"
+
+
+rule tabulate_dataset:
+    input:
+        dataset=f"{RESULTS}/dataset",
+    output:
+        report(
+            f"{RESULTS}/report/tables.html",
+            caption="../report/tables.rst",
+            category="Dataset",
+            labels={"shows": "tables 1 and 2 beside the paper's"},
+        ),
+    log:
+        f"{LOGS}/tabulate_dataset.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_dataset.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        rendered=lambda wildcards: bool(picture_files()),
+        code=source_hash("tabulate_dataset"),
+    script:
+        "../../scripts/tabulate_dataset.py"
+
+
+rule plot_health:
+    input:
+        dataset=f"{RESULTS}/dataset",
+    output:
+        page=report(
+            f"{RESULTS}/report/health.html",
+            caption="../report/health.rst",
+            category="Health",
+            labels={"shows": "all samples, with goals and reasons"},
+        ),
+        penetration=report(
+            f"{RESULTS}/report/penetration.svg",
+            caption="../report/penetration.rst",
+            category="Health",
+            labels={"shows": "vertices inside the body"},
+        ),
+        stretch=report(
+            f"{RESULTS}/report/stretch.svg",
+            caption="../report/stretch.rst",
+            category="Health",
+            labels={"shows": "edge stretch"},
+        ),
+        gap=report(
+            f"{RESULTS}/report/gap.svg",
+            caption="../report/gap.rst",
+            category="Health",
+            labels={"shows": "gap to the body"},
+        ),
+        acceleration=report(
+            f"{RESULTS}/report/acceleration.svg",
+            caption="../report/acceleration.rst",
+            category="Health",
+            labels={"shows": "acceleration"},
+        ),
+        speed=report(
+            f"{RESULTS}/report/speed.svg",
+            caption="../report/speed.rst",
+            category="Health",
+            labels={"shows": "simulation speed"},
+        ),
+    log:
+        f"{LOGS}/plot_health.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_health.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("plot_health"),
+    script:
+        "../../scripts/plot_health.py"
+
+
+rule view_sample:
+    input:
+        f"{RESULTS}/samples/{{sample}}",
+    output:
+        f"{RESULTS}/viewer/{{sample}}.html",
+    log:
+        f"{LOGS}/view_sample/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/view_sample/{{sample}}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        code=source_hash("view_sample"),
+    script:
+        "../../scripts/view_sample.py"
+
+
+rule view_example:
+    input:
+        dataset=f"{RESULTS}/dataset",
+    output:
+        report(
+            f"{RESULTS}/report/viewer.html",
+            caption="../report/viewer.rst",
+            category="Viewer",
+            labels={"shows": "a sample to turn and play"},
+        ),
+    log:
+        f"{LOGS}/view_example.log",
+    benchmark:
+        f"{BENCHMARKS}/view_example.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        code=source_hash("view_example"),
+    script:
+        "../../scripts/view_example.py"
+
+
+rule plot_time:
+    # Comes after all the rest, for what it reads are the benchmark files of the other rules.
+    input:
+        dataset_files(),
+        picture_files(),
+        rules.plot_statistics.output,
+        rules.tabulate_dataset.output,
+        rules.plot_health.output,
+        rules.view_example.output,
+    output:
+        figure=report(
+            f"{RESULTS}/report/times.svg",
+            caption="../report/times.rst",
+            category="Time",
+            labels={"shows": "time and memory of each step"},
+        ),
+        page=report(
+            f"{RESULTS}/report/times.html",
+            caption="../report/times.rst",
+            category="Time",
+            labels={"shows": "time and memory, table"},
+        ),
+        table=f"{RESULTS}/report/times.tsv",
+    log:
+        f"{LOGS}/plot_time.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_time.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        folders=benchmark_folders(),
+        code=source_hash("plot_time"),
+    script:
+        "../../scripts/plot_time.py"

@@ -1,0 +1,13 @@
+"""Rule `view_sample`: one sample as a page to turn and play."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.report.viewer import write_viewer
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    size = write_viewer(snakemake.output[0], snakemake.input[0])
+    log.info("%.2f MB", size / 1e6)

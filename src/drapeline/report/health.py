@@ -1,0 +1,293 @@
+"""Figures and the table of how sound the simulated samples are."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from drapeline.dataset.record import SampleRecord
+from drapeline.errors import InputError
+from drapeline.report.pages import Cell, html_table, write_page
+from drapeline.report.style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    SKY,
+    legend_above,
+    saved_figure,
+    say_nothing_to_show,
+)
+from drapeline.report.tables import read_table
+
+ACCEPTED_SHARE_MIN = 0.9
+_NAMED_SAMPLES = 48  # more rows than this cannot be read, so samples are ranked instead
+_ROW_IN = 0.24
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A quantity of a sample, and where it is found.
+
+    Attributes:
+        title: what it is.
+        unit: of the shown numbers.
+        keys: (measure, statistic) of the low end, the middle and the high end in the `health` of
+            a sample's `meta.json`; None where there is none.
+        factor: stored to shown.
+        digits: decimals shown.
+        bounds: shown numbers that the goal keeps between; None where there is no such goal.
+        about: what dot and line are.
+    """
+
+    title: str
+    unit: str
+    keys: tuple[tuple[str, str] | None, tuple[str, str] | None, tuple[str, str] | None]
+    factor: float = 1.0
+    digits: int = 2
+    bounds: tuple[float | None, float | None] = (None, None)
+    about: str = "dot: mean over the frames, line: smallest to largest"
+
+    @property
+    def label(self) -> str:
+        """Title with unit."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+    def values(self, record: SampleRecord) -> tuple[float, float, float]:
+        """Low end, middle and high end; NaN where unmeasured."""
+        health = record.meta.get("health", {})
+        low, middle, high = (
+            float("nan")
+            if key is None
+            else self.factor * health.get(key[0], {}).get(key[1], np.nan)
+            for key in self.keys
+        )
+        return low, middle, high
+
+    def holds(self, *values: float) -> bool:
+        """Whether measured values are within the bounds."""
+        lower, upper = self.bounds
+        measured = [value for value in values if np.isfinite(value)]
+        return all(
+            (lower is None or value >= lower) and (upper is None or value <= upper)
+            for value in measured
+        )
+
+
+def _over_frames(key: str) -> tuple[tuple[str, str], tuple[str, str], tuple[str, str]]:
+    return (key, "min"), (key, "mean"), (key, "max")
+
+
+MEASURES = {
+    "penetration": Measure(
+        "Garment vertices inside the body", "%", _over_frames("inside_share"), 100.0,
+        bounds=(None, 0.5),
+    ),
+    "stretch": Measure(
+        "Edge length to rest length", "", (("stretch_p01", "mean"), None, ("stretch_p99", "mean")),
+        bounds=(0.85, 1.20),
+        about="line: 1st to 99th percentile of the edges, mean over the frames",
+    ),
+    "gap": Measure("Gap between cloth and body", "mm", _over_frames("gap_m"), 1000.0, digits=1),
+    "acceleration": Measure("Mean acceleration", "m/s²", _over_frames("acceleration_m_s2"), 1.0),
+}  # fmt: skip
+
+
+def plot_measure(path: str | Path, records: Sequence[SampleRecord], measure: Measure) -> None:
+    """One line and dot per sample, and the band that the goal allows."""
+    values = np.array([measure.values(record) for record in records]).reshape(-1, 3)
+    names = [record.meta["id"] for record in records]
+    _plot_rows(path, names, values, measure)
+
+
+def plot_speed(path: str | Path, records: Sequence[SampleRecord]) -> None:
+    """Simulated frames per second of each sample, on one core.
+
+    Raises:
+        InputError: a sample does not say how fast it was simulated.
+    """
+    speeds = []
+    for record in records:
+        speed = record.meta["simulation"].get("frames_per_second")
+        if speed is None:
+            raise InputError(
+                f"{record.folder / 'meta.json'}: lacks simulation.frames_per_second,"
+                " expected a number"
+            )
+        speeds.append((np.nan, float(speed), np.nan))
+    measure = Measure(
+        "Simulation speed", "frames/s on one core", (None, None, None), about="retries not counted"
+    )
+    names = [record.meta["id"] for record in records]
+    _plot_rows(path, names, np.array(speeds).reshape(-1, 3), measure, from_zero=True)
+
+
+def _plot_rows(
+    path: str | Path,
+    names: Sequence[str],
+    values: np.ndarray,
+    measure: Measure,
+    from_zero: bool = False,
+) -> None:
+    """Horizontal low-middle-high rows, values (S, 3)."""
+    measured = np.isfinite(values).any(axis=1)
+    values, names = values[measured], [n for n, ok in zip(names, measured, strict=True) if ok]
+    ranked = len(names) > _NAMED_SAMPLES
+    height = 1.5 + _ROW_IN * min(max(len(names), 4), _NAMED_SAMPLES)
+    with saved_figure(path, height_in=height) as (_, (axes,)):
+        if not names:
+            say_nothing_to_show(axes, f"{measure.title}: no accepted sample has it")
+            return
+        if ranked:
+            values = values[np.argsort(np.nan_to_num(values[:, 1], nan=values[:, 2].max()))]
+        low, middle, high = values.T
+        places = np.arange(len(values))
+        _draw_band(axes, measure)
+        if np.isfinite(low + high).any():
+            axes.hlines(places, low, high, color=SKY, lw=1 if ranked else 3, label="_")
+        for ends in (low, high) if not np.isfinite(middle).any() else ():
+            axes.plot(ends, places, "|", color=BLUE, ms=9, mew=2)
+        axes.plot(middle, places, "o", color=BLUE, ms=3 if ranked else 6, markeredgewidth=0)
+        axes.set_yticks([] if ranked else places, [] if ranked else names, fontsize=9)
+        axes.set_ylabel("Samples, by value" if ranked else "Sample")
+        axes.set_ylim(len(values) - 0.4, -0.6)
+        if from_zero or (measure.bounds[0] is None and np.nanmin(values) >= 0):
+            axes.set_xlim(left=0)
+        axes.set_xlabel(f"{measure.label}\n{measure.about}")
+        axes.grid(True, axis="x")
+        axes.tick_params(axis="y", length=0)
+        legend_above(axes)
+
+
+def _draw_band(axes: Axes, measure: Measure) -> None:
+    lower, upper = measure.bounds
+    if upper is None and lower is None:
+        return
+    text = f"goal: {'' if lower is None else f'{lower:g} to '}{'at most ' if lower is None else ''}"
+    axes.axvspan(
+        lower if lower is not None else 0.0, upper, color=FAINT, lw=0, zorder=0,
+        label=f"{text}{upper:g} {measure.unit}".strip(),
+    )  # fmt: skip
+    for bound in (lower, upper):
+        if bound is not None:
+            axes.axvline(bound, color=GREEN, lw=1.2)
+
+
+def write_health_page(
+    path: str | Path, dataset: str | Path, records: Sequence[SampleRecord]
+) -> None:
+    """Write the page with the goals, what was reached, and every sample with its reason.
+
+    Args:
+        path: the HTML page.
+        dataset: folder of the collected dataset.
+        records: its accepted samples.
+
+    Raises:
+        InputError: `status.tsv` is missing or lacks a column.
+    """
+    columns = ("sample", "status", "reason", "attempts", "split", "sequence", "garments")
+    status = read_table(Path(dataset) / "status.tsv", columns)
+    write_page(
+        path,
+        "Health of the samples",
+        "<p>Goals and what was reached, over the accepted samples; then every sample, with the"
+        " reason where it was left out. Values outside of the goal are in red.</p>",
+        "<h2>Goals</h2>",
+        html_table(_goal_rows(status, records)),
+        "<h2>Samples</h2>",
+        html_table(_sample_rows(status, {record.meta["id"]: record for record in records})),
+    )
+
+
+def _goal_rows(
+    status: Sequence[Mapping[str, str]], records: Sequence[SampleRecord]
+) -> list[dict[str, str]]:
+    counts = Counter(row["status"] for row in status)
+    share = counts["accepted"] / max(len(status), 1)
+    rows = [
+        {
+            "Measure": "Samples accepted",
+            "Goal": Cell(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %", "number"),
+            "Reached": _verdict(
+                f"{counts['accepted']} of {len(status)} ({100 * share:.0f} %)",
+                share >= ACCEPTED_SHARE_MIN,
+            ),
+        }
+    ]
+    for measure in MEASURES.values():
+        values = np.array([measure.values(record) for record in records]).reshape(-1, 3)
+        values = values[:, [1]] if measure.keys[1] is not None else values[:, [0, 2]]
+        values = values[np.isfinite(values).all(axis=1)]
+        if not len(values):
+            continue
+        means = values.mean(axis=0)
+        rows.append(
+            {
+                "Measure": measure.label + ("" if len(means) == 1 else ", 1st to 99th percentile"),
+                "Goal": Cell(_goal(measure), "number"),
+                "Reached": _verdict(
+                    " to ".join(f"{mean:.{measure.digits}f}" for mean in means),
+                    measure.holds(*means),
+                    measure.bounds != (None, None),
+                ),
+            }
+        )
+    speeds = [record.meta["simulation"].get("frames_per_second") for record in records]
+    speeds = [speed for speed in speeds if speed is not None]
+    if speeds:
+        text = f"{np.mean(speeds):.2f} ({min(speeds):.2f} to {max(speeds):.2f})"
+        rows.append(
+            {
+                "Measure": "Simulation speed (frames/s on one core)",
+                "Goal": Cell("-", "number"),
+                "Reached": Cell(text, "number"),
+            }
+        )
+    return rows
+
+
+def _goal(measure: Measure) -> str:
+    lower, upper = measure.bounds
+    if lower is None:
+        return "-" if upper is None else f"at most {upper:g}"
+    return f"{lower:g} to {upper:g}"
+
+
+def _verdict(text: str, good: bool, judged: bool = True) -> Cell:
+    if not judged:
+        return Cell(text, "number")
+    return Cell(f"{'✓' if good else '✗'} {text}", "number", "good" if good else "bad")
+
+
+def _sample_rows(
+    status: Sequence[Mapping[str, str]], accepted: Mapping[str, SampleRecord]
+) -> list[dict[str, str]]:
+    rows = []
+    for row in status:
+        good = row["status"] == "accepted"
+        shown = {
+            "Sample": row["sample"],
+            "Status": Cell(row["status"], "good" if good else "bad"),
+            "Garments": row["garments"].replace("+", " + "),
+            "Motion": row["sequence"],
+            "Split": row["split"],
+            "Tries": Cell(row["attempts"], "number"),
+        }
+        for measure in MEASURES.values():
+            shown[measure.label] = _sample_cell(measure, accepted.get(row["sample"]))
+        rows.append({**shown, "Reason": row["reason"]})
+    return rows
+
+
+def _sample_cell(measure: Measure, record: SampleRecord | None) -> Cell:
+    if record is None:
+        return Cell("", "number")
+    low, middle, high = measure.values(record)
+    values = (low, high) if measure.keys[1] is None else (middle,)
+    if not np.isfinite(values).all():
+        return Cell("-", "number")
+    text = " to ".join(f"{value:.{measure.digits}f}" for value in values)
+    return Cell(text, "number") if measure.holds(*values) else Cell(text, "number", "bad")

@@ -1,0 +1,92 @@
+"""One look for all figures and pages: colours, letters, and how they are saved."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from drapeline.storage import whole_file
+
+# Okabe and Ito's palette: told apart by colour-blind readers.
+BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
+VERMILION, SKY = "#D55E00", "#56B4E9"
+INK, QUIET, FAINT = "#222222", "#6b6f76", "#e3e5e8"
+SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
+GENDER_COLOURS = {"female": PURPLE, "male": BLUE}
+FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
+SPLIT_COLOURS = {"train": BLUE, "val": ORANGE, "test": GREEN}
+
+_SETTINGS = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Arial", "Helvetica", "sans-serif"],
+    "font.size": 10.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.edgecolor": QUIET,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    # Text stays text: it can be searched and selected, and is drawn by the browser.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "drapeline",
+}
+
+
+@contextmanager
+def saved_figure(
+    path: str | Path, width_in: float = 7.0, height_in: float = 3.6, columns: int = 1
+) -> Iterator[tuple[Figure, Sequence[Axes]]]:
+    """Yield a figure and its axes; write it when the block ends. Equal figures are equal files.
+
+    Args:
+        path: `.svg` or `.png`.
+        width_in: width in inches (100 pixels each in a browser).
+        height_in: height in inches.
+        columns: axes beside one another.
+    """
+    with matplotlib.rc_context(_SETTINGS):
+        # Figure() and not pyplot: nothing global, no window system.
+        figure = Figure(figsize=(width_in, height_in), dpi=100, layout="constrained")
+        axes = figure.subplots(1, columns, squeeze=False)[0]
+        yield figure, axes
+        metadata = {"Date": None} if Path(path).suffix == ".svg" else None
+        with whole_file(path) as scratch:
+            figure.savefig(scratch, dpi=160, metadata=metadata)
+
+
+def say_nothing_to_show(axes: Axes, text: str) -> None:
+    """A sentence in place of an empty plot."""
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, text, ha="center", va="center", color=QUIET, transform=axes.transAxes)
+
+
+def legend_above(axes: Axes) -> None:
+    """The legend in one line over the plot, out of the way of the data."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles,
+            labels,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=min(len(handles), 5),
+            borderaxespad=0.2,
+            columnspacing=1.4,
+            handlelength=1.2,
+        )
