@@ -1,4 +1,4 @@
-"""Rule `simulate_outfit`: cloth of one sample in motion, with its health."""
+"""Rule `simulate_outfit`: drape one outfit on one moving body in Blender, and judge the result."""
 
 from typing import TYPE_CHECKING
 
@@ -14,15 +14,13 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    settings = dict(snakemake.params.settings)
-    bounds = HealthBounds(**settings.pop("bounds"))
     status = simulate_outfit(
         snakemake.output[0],
         body=load_body(snakemake.input.body),
         body_record=load_body_sequence(snakemake.input.animation),
         outfit=load_outfit(snakemake.input.outfit, snakemake.input.parameters),
-        settings=SimulationSettings(**settings),
-        bounds=bounds,
+        settings=SimulationSettings(**snakemake.params.settings),
+        bounds=HealthBounds(**snakemake.params.bounds),
         threads=snakemake.threads,
     )
     log.info("%s %s", status["status"], status["reason"])

@@ -17,8 +17,8 @@ rule simulate_outfit:
         mem_mb=3000,
         runtime=240,
     params:
-        seed=config["seed"],
-        settings=lookup(dpath="simulation", within=config),
+        settings=lookup(dpath="simulation/settings", within=config),
+        bounds=lookup(dpath="simulation/bounds", within=config),
         code=source_hash("simulate_outfit"),
     script:
         "../../scripts/simulate_outfit.py"

@@ -1,0 +1,44 @@
+"""The schema's defaults are the library's, and the shipped configs fit it."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+import yaml
+
+from drapeline.settings import checked_settings
+from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import SimulationSettings
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
+
+
+def objects(schema):
+    if schema.get("type") == "object":
+        yield schema
+        for part in schema["properties"].values():
+            yield from objects(part)
+
+
+def test_every_object_is_closed_and_every_key_described_or_an_object():
+    for schema in objects(SCHEMA):
+        assert schema["additionalProperties"] is False
+        for name, part in schema["properties"].items():
+            optional_file = "minLength" in part
+            assert "default" in part or optional_file, name
+            assert part["type"] == "object" or "description" in part or optional_file, name
+
+
+@pytest.mark.parametrize(
+    ("key", "settings"), [("settings", SimulationSettings()), ("bounds", HealthBounds())]
+)
+def test_defaults_agree_with_the_library(key, settings):
+    assert checked_settings({}, SCHEMA, "")["simulation"][key] == asdict(settings)
+
+
+@pytest.mark.parametrize(
+    "name", ["config.yaml", "tests/data/tiny.yaml", "workflow/config/paper.yaml"]
+)
+def test_shipped_configs_fit(name):
+    checked_settings(yaml.safe_load((ROOT / name).read_text()), SCHEMA, name)
