@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+import trimesh
+
+from drapeline.frames import FPS
+from drapeline.mesh import edges
+from drapeline.simulation.health import (
+    HealthBounds,
+    HealthGarment,
+    HealthMonitor,
+    beneath_share,
+    body_contact,
+    crossing_edge_share,
+    out_of_bounds,
+    stretch,
+    summary,
+)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces).astype(np.int64)
+
+
+def test_a_shell_outside_a_ball_keeps_its_gap(ball):
+    vertices, faces = ball
+    found = body_contact(1.02 * vertices, vertices, faces)
+    assert found["inside_share"] == 0
+    assert found["gap_p50_m"] == pytest.approx(0.02, abs=1e-3)
+    assert found["depth_max_m"] == 0
+
+
+def test_a_shell_inside_a_ball_is_all_inside_at_its_depth(ball):
+    vertices, faces = ball
+    found = body_contact(0.97 * vertices, vertices, faces)
+    assert found["inside_share"] == 1
+    assert found["depth_mean_m"] == pytest.approx(0.03, abs=2e-3)
+
+
+def test_half_a_shell_inside(ball):
+    vertices, faces = ball
+    scale = np.where(vertices[:, :1] > 0, 1.1, 0.9)
+    expected = (vertices[:, 0] <= 0).mean()
+    assert body_contact(scale * vertices, vertices, faces)["inside_share"] == expected
+
+
+def test_stretch_of_a_scaled_cloth(ball):
+    vertices, faces = ball
+    pairs = edges(faces)
+    rest = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    found = stretch(1.3 * vertices, pairs, rest)
+    assert list(found.values()) == pytest.approx([1.3, 1.3, 1.3])
+
+
+@pytest.mark.parametrize("radius, share", [(1.01, 0.0), (0.99, 1.0), (1.2, 0.0)])
+def test_outer_layer_beneath_inner(ball, radius, share):
+    vertices, faces = ball
+    assert beneath_share(radius * vertices, vertices, faces) == pytest.approx(share, abs=0.01)
+
+
+def slow_crossings(vertices, triangles):
+    """The plain double loop over edges and faces, solving for the point of intersection."""
+    pairs = edges(triangles)
+    crossing = 0
+    for i, j in pairs:
+        for face in triangles:
+            if {i, j} & set(face.tolist()):
+                continue
+            p, q, r = vertices[face]
+            system = np.stack([vertices[i] - vertices[j], q - p, r - p], axis=1)
+            if abs(np.linalg.det(system)) < 1e-12:
+                continue
+            t, u, v = np.linalg.solve(system, vertices[i] - p)
+            if 0 < t < 1 and u >= 0 and v >= 0 and u + v <= 1:
+                crossing += 1
+                break
+    return crossing / len(pairs)
+
+
+def test_crossings_agree_with_a_double_loop():
+    rng = np.random.default_rng(3)
+    vertices = rng.normal(size=(24, 3))
+    triangles = np.array([rng.choice(24, 3, replace=False) for _ in range(30)])
+    expected = slow_crossings(vertices, triangles)
+    assert expected > 0.1
+    assert crossing_edge_share(vertices, triangles) == pytest.approx(expected)
+
+
+def test_a_ball_does_not_cross_itself_and_two_do(ball):
+    vertices, faces = ball
+    assert crossing_edge_share(vertices, faces) == 0
+    both = np.concatenate([vertices, vertices + [0.5, 0.1, 0.03]])
+    assert crossing_edge_share(both, np.concatenate([faces, faces + len(vertices)])) > 0.01
+
+
+def watch(ball, cloths):
+    vertices, faces = ball
+    pairs = edges(faces)
+    rest = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    monitor = HealthMonitor([HealthGarment("Top", faces, rest)], faces)
+    for cloth in cloths:
+        monitor.add([cloth], vertices)
+    return monitor.arrays()
+
+
+def test_accelerating_cloth_is_measured(ball):
+    vertices, _ = ball
+    shift = np.array([0.3, 0, 0])
+    arrays = watch(ball, [1.02 * vertices + 0.5 * shift * (k / FPS) ** 2 for k in range(5)])
+    found = arrays["acceleration_m_s2"][:, 0]
+    assert np.isnan(found[[0, -1]]).all()
+    assert found[1:-1] == pytest.approx(np.full(3, 0.3), rel=1e-3)
+
+
+def test_slipping_cloth_is_measured(ball):
+    vertices, _ = ball
+    arrays = watch(ball, [1.02 * vertices + [0, 0, -0.05 * k] for k in range(3)])
+    assert arrays["slip_m"][:, 0] == pytest.approx([0, 0.05, 0.1], abs=1e-6)
+
+
+def test_only_what_is_out_of_bounds_is_named(ball):
+    vertices, _ = ball
+    good = summary(watch(ball, [1.02 * vertices] * 3))
+    assert out_of_bounds(good, HealthBounds()) == []
+    bad = summary(watch(ball, [0.98 * vertices] * 3))
+    (reason, *others) = out_of_bounds(bad, HealthBounds())
+    assert reason == "inside_share_mean 1, expected at most 0.01"
+    assert [o.split()[0] for o in others] == ["inside_share_max"]
+
+
+def test_a_value_that_is_not_a_number_is_out_of_bounds(ball):
+    measures = summary(watch(ball, [1.02 * ball[0]] * 3)) | {"slip_m": float("nan")}
+    assert len(out_of_bounds(measures, HealthBounds())) == 1
