@@ -5,7 +5,9 @@ def benchmark_folders():
 
 def report_outputs():
     """Every figure and page of the report but the gallery's."""
-    figures = "garments actions splits bodies vertices penetration stretch gap acceleration"
+    figures = (
+        "garments actions splits bodies vertices penetration stretch gap acceleration"
+    )
     figures += " speed times"
     pages = "health tables viewer times"
     return [
@@ -108,6 +110,12 @@ rule plot_health:
             category="Health",
             labels={"shows": "vertices inside the body"},
         ),
+        depth=report(
+            f"{RESULTS}/report/depth.svg",
+            caption="../report/depth.rst",
+            category="Health",
+            labels={"shows": "depth inside the body"},
+        ),
         stretch=report(
             f"{RESULTS}/report/stretch.svg",
             caption="../report/stretch.rst",
@@ -125,6 +133,24 @@ rule plot_health:
             caption="../report/acceleration.rst",
             category="Health",
             labels={"shows": "acceleration"},
+        ),
+        self_crossing=report(
+            f"{RESULTS}/report/self_crossing.svg",
+            caption="../report/self_crossing.rst",
+            category="Health",
+            labels={"shows": "cloth through itself"},
+        ),
+        layers=report(
+            f"{RESULTS}/report/layers.svg",
+            caption="../report/layers.rst",
+            category="Health",
+            labels={"shows": "layers that cross"},
+        ),
+        slip=report(
+            f"{RESULTS}/report/slip.svg",
+            caption="../report/slip.rst",
+            category="Health",
+            labels={"shows": "slipping"},
         ),
         speed=report(
             f"{RESULTS}/report/speed.svg",

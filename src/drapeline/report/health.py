@@ -39,6 +39,7 @@ class Measure:
         factor: stored to shown.
         digits: decimals shown.
         bounds: shown numbers that the goal keeps between; None where there is no such goal.
+        judged: which of low end (0), middle (1) and high end (2) tables show and goals bind.
         about: what dot and line are.
     """
 
@@ -48,6 +49,7 @@ class Measure:
     factor: float = 1.0
     digits: int = 2
     bounds: tuple[float | None, float | None] = (None, None)
+    judged: tuple[int, ...] = (1,)
     about: str = "dot: mean over the frames, line: smallest to largest"
 
     @property
@@ -85,13 +87,28 @@ MEASURES = {
         "Garment vertices inside the body", "%", _over_frames("inside_share"), 100.0,
         bounds=(None, 0.5),
     ),
-    "stretch": Measure(
-        "Edge length to rest length", "", (("stretch_p01", "mean"), None, ("stretch_p99", "mean")),
-        bounds=(0.85, 1.20),
-        about="line: 1st to 99th percentile of the edges, mean over the frames",
+    "depth": Measure(
+        "Deepest vertex inside the body", "mm", _over_frames("depth_max_m"), 1000.0, digits=1
     ),
-    "gap": Measure("Gap between cloth and body", "mm", _over_frames("gap_m"), 1000.0, digits=1),
-    "acceleration": Measure("Mean acceleration", "m/s²", _over_frames("acceleration_m_s2"), 1.0),
+    "stretch": Measure(
+        "Edge length to rest length", "",
+        (("stretch_p01", "mean"), ("stretch_p50", "mean"), ("stretch_p99", "mean")),
+        bounds=(0.85, 1.20), judged=(0, 2),
+        about="dot: median of the edges, line: 1st to 99th percentile, mean over the frames",
+    ),
+    "gap": Measure(
+        "Gap between cloth and body", "mm",
+        (("gap_p05_m", "mean"), ("gap_p50_m", "mean"), None), 1000.0, digits=1, judged=(0, 1),
+        about="dot: median of the vertices, line: from the 5th percentile, mean over the frames",
+    ),
+    "acceleration": Measure("Mean acceleration", "m/s²", _over_frames("acceleration_m_s2")),
+    "self_crossing": Measure(
+        "Edges through the garment's own faces", "%", _over_frames("self_share"), 100.0
+    ),
+    "layers": Measure(
+        "Outer vertices beneath the inner garment", "%", _over_frames("layer_share"), 100.0
+    ),
+    "slip": Measure("Way slipped along the body", "mm", _over_frames("slip_m"), 1000.0, digits=1),
 }  # fmt: skip
 
 
@@ -145,10 +162,8 @@ def _plot_rows(
         low, middle, high = values.T
         places = np.arange(len(values))
         _draw_band(axes, measure)
-        if np.isfinite(low + high).any():
-            axes.hlines(places, low, high, color=SKY, lw=1 if ranked else 3, label="_")
-        for ends in (low, high) if not np.isfinite(middle).any() else ():
-            axes.plot(ends, places, "|", color=BLUE, ms=9, mew=2)
+        far = np.where(np.isfinite(high), high, middle)
+        axes.hlines(places, low, far, color=SKY, lw=1 if ranked else 3, label="_")
         axes.plot(middle, places, "o", color=BLUE, ms=3 if ranked else 6, markeredgewidth=0)
         axes.set_yticks([] if ranked else places, [] if ranked else names, fontsize=9)
         axes.set_ylabel("Samples, by value" if ranked else "Sample")
@@ -219,14 +234,14 @@ def _goal_rows(
     ]
     for measure in MEASURES.values():
         values = np.array([measure.values(record) for record in records]).reshape(-1, 3)
-        values = values[:, [1]] if measure.keys[1] is not None else values[:, [0, 2]]
+        values = values[:, measure.judged]
         values = values[np.isfinite(values).all(axis=1)]
         if not len(values):
             continue
         means = values.mean(axis=0)
         rows.append(
             {
-                "Measure": measure.label + ("" if len(means) == 1 else ", 1st to 99th percentile"),
+                "Measure": measure.label,
                 "Goal": Cell(_goal(measure), "number"),
                 "Reached": _verdict(
                     " to ".join(f"{mean:.{measure.digits}f}" for mean in means),
@@ -285,8 +300,7 @@ def _sample_rows(
 def _sample_cell(measure: Measure, record: SampleRecord | None) -> Cell:
     if record is None:
         return Cell("", "number")
-    low, middle, high = measure.values(record)
-    values = (low, high) if measure.keys[1] is None else (middle,)
+    values = [measure.values(record)[which] for which in measure.judged]
     if not np.isfinite(values).all():
         return Cell("-", "number")
     text = " to ".join(f"{value:.{measure.digits}f}" for value in values)

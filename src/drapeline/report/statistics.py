@@ -17,6 +17,7 @@ from drapeline.report.style import (
     GENDER_COLOURS,
     QUIET,
     SERIES,
+    label_bar,
     legend_above,
     saved_figure,
     say_nothing_to_show,
@@ -53,8 +54,8 @@ def plot_actions(path: str | Path, dataset: str | Path) -> None:
         shares = [float(row["percent"]) for row in rows]
         axes.barh(range(len(rows)), shares, color=BLUE, height=0.68)
         for place, (row, share) in enumerate(zip(rows, shares, strict=True)):
-            text = f" {share:.1f} % ({int(row['frames']) / FPS:.0f} s)"
-            axes.text(share, place, text, va="center", fontsize=9)
+            text = f"{share:.1f} % ({int(row['frames']) / FPS:.0f} s)"
+            label_bar(axes, share, place, text)
         axes.set_yticks(range(len(rows)), [row["action"] for row in rows])
         axes.invert_yaxis()
         axes.set_xlim(0, 1.22 * max(shares))
@@ -154,7 +155,7 @@ def _stacked_bars(
             axes.barh(range(len(names)), widths, left=ends, color=colour, height=0.68, label=part)
             ends += widths
         for place, end in enumerate(ends):
-            axes.text(end, place, f" {int(end)}", va="center", fontsize=9)
+            label_bar(axes, end, place, str(int(end)))
         axes.set_yticks(range(len(names)), names)
         axes.invert_yaxis()
         axes.set_xlim(0, 1.1 * ends.max())

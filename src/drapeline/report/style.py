@@ -90,3 +90,10 @@ def legend_above(axes: Axes) -> None:
             columnspacing=1.4,
             handlelength=1.2,
         )
+
+
+def label_bar(axes: Axes, end: float, place: float, text: str) -> None:
+    """A value beside the end of a horizontal bar."""
+    axes.annotate(
+        text, (end, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=9
+    )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from drapeline.dataset.collect import write_table
 from drapeline.errors import InputError
 from drapeline.report.pages import Cell, html_table, write_page
-from drapeline.report.style import BLUE, GREEN, ORANGE, saved_figure, say_nothing_to_show
+from drapeline.report.style import BLUE, GREEN, ORANGE, label_bar, saved_figure, say_nothing_to_show
 from drapeline.report.tables import read_table
 
 
@@ -150,7 +150,7 @@ def _plot(path: str | Path, steps: Sequence[StepTime]) -> None:
         totals = [step.total_s for step in steps]
         total.barh(places, totals, color=BLUE, height=0.68)
         for place, value in zip(places, totals, strict=True):
-            total.text(value, place, f" {duration(value)}", va="center", fontsize=8.5)
+            label_bar(total, value, place, duration(value))
         total.set_xlim(0, 1.45 * max(totals))
         total.set_xlabel("All jobs (s)")
         for place, step in zip(places, steps, strict=True):
