@@ -164,7 +164,7 @@ def _neckline(form: Form, cut: UpperCut, y: float) -> np.ndarray:
     high = _ridge(form, np.array([cut.neck_x]))[0]
     depth = cut.neck_depth if y < 0 else cut.neck_depth_back
     t = np.linspace(0, 1, 31)  # from the neck point to the middle
-    power = {"crew": 2.0, "scoop": 2.6, "v": 1.12}[cut.neckline] if y < 0 else 2.4
+    power = {"crew": 2.0, "scoop": 2.6, "v": 1.25}[cut.neckline] if y < 0 else 2.4
     x = high[0] * (1 - t)
     z = high[2] - depth * (1 - (1 - t) ** power) ** (1 / power if cut.neckline != "v" else 1)
     surface = form.upper.landed(np.array([[0.0, 0.3 * y, high[2] - depth]]), GAP_M)[0, 1]
