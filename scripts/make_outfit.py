@@ -22,6 +22,7 @@ with rule_log(snakemake.log[0]) as log:
         shape=load_body_sequence(snakemake.input.animation).shape,
         kind=snakemake.params.kind,
         edge_length_m=snakemake.params.edge_length_m,
+        vertices_min=snakemake.params.vertices_min,
         ranges=OutfitRanges(
             tightness=tuple(snakemake.params.tightness_range),
             elastic_chance=snakemake.params.elastic_probability,

@@ -9,7 +9,8 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.seeding import rng_for
 
-MALE_KINDS_WITHOUT_SKIRTS = {"Tshirt+Trousers", "Top+Trousers", "Jumpsuit"}
+# Every combination of CLOTH3D's garments that makes an outfit.
+KINDS = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
 
 
 @dataclass(frozen=True)
@@ -134,10 +135,14 @@ def _genders(seed: int, total: int, female_share: float) -> list[str]:
     return [GENDERS[0] if steps[(i + offset) % total] else GENDERS[1] for i in range(total)]
 
 
+def _skirted(kind: str) -> bool:
+    return "Skirt" in kind or kind == "Dress"
+
+
 def _outfits(genders: Sequence[str], kinds: Sequence[str], male_skirts: bool) -> list[str]:
     allowed = {
         "female": list(kinds),
-        "male": [kind for kind in kinds if male_skirts or kind in MALE_KINDS_WITHOUT_SKIRTS],
+        "male": [kind for kind in kinds if male_skirts or not _skirted(kind)],
     }
     if "male" in genders and not allowed["male"]:
         raise InputError(

@@ -3,16 +3,8 @@ from collections import Counter
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.planning import plan_samples, sub_sequences
+from drapeline.planning import KINDS, plan_samples, sub_sequences
 
-KINDS = [
-    "Tshirt+Trousers",
-    "Tshirt+Skirt",
-    "Top+Trousers",
-    "Top+Skirt",
-    "Dress",
-    "Jumpsuit",
-]
 FRAMES = {"walk": 120, "run": 125, "jump": 60, "dance": 59, "crawl": 70, "spin": 130}
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from drapeline.planning import KINDS
 from drapeline.settings import checked_settings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.settings import SimulationSettings
@@ -42,3 +43,8 @@ def test_defaults_agree_with_the_library(key, settings):
 )
 def test_shipped_configs_fit(name):
     checked_settings(yaml.safe_load((ROOT / name).read_text()), SCHEMA, name)
+
+
+def test_every_outfit_can_be_asked_for():
+    kinds = SCHEMA["properties"]["outfits"]["properties"]["kinds"]
+    assert set(kinds["items"]["enum"]) == set(kinds["default"]) == set(KINDS)

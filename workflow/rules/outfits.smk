@@ -43,6 +43,7 @@ rule make_outfit:
         gender=plan("gender"),
         kind=plan("kind"),
         edge_length_m=lookup(dpath="outfits/edge_length_m", within=config),
+        vertices_min=lookup(dpath="outfits/vertices_min", within=config),
         tightness_range=lookup(dpath="outfits/tightness_range", within=config),
         elastic_probability=lookup(dpath="outfits/elastic_probability", within=config),
         own_garments=lookup(dpath="outfits/own_garments", within=config),

@@ -1,0 +1,31 @@
+rule render_gallery:
+    input:
+        f"{RESULTS}/samples/{{sample}}",
+    output:
+        # A report shows PNG in the page, animated ones too, but offers WebP and GIF as downloads.
+        still=report(
+            f"{RESULTS}/gallery/{{sample}}.png",
+            caption="../report/gallery.rst",
+            category="Gallery",
+            labels={"sample": "{sample}", "kind": "still"},
+        ),
+        moving=report(
+            f"{RESULTS}/gallery/{{sample}}_moving.png",
+            caption="../report/gallery.rst",
+            category="Gallery",
+            labels={"sample": "{sample}", "kind": "moving"},
+        ),
+    log:
+        f"{LOGS}/render_gallery/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/render_gallery/{{sample}}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("render_gallery"),
+    script:
+        "../../scripts/render_gallery.py"

@@ -1,6 +1,6 @@
 """Outfits: one or two garments made for one body, and their files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,6 @@ from drapeline.storage import load_npz, read_json, save_npz, write_json
 BODY_GAP_M = 0.005
 LAYER_GAP_M = 0.006
 GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
-KINDS = ("Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit", "Tshirt+Skirt", "Top+Trousers")
 _PARTS = ("upper", "trousers", "skirt")
 _UPPER = ("Tshirt", "Top")
 _HEM_OVER_SKIRT = 0.5
@@ -136,23 +135,6 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
     )
 
 
-def outfit_plan(genders: Sequence[str], *, male_skirts: bool = False) -> list[str]:
-    """Outfit kind of every sample, in turns per gender, so that few samples show all types.
-
-    Args:
-        genders: gender of each sample.
-        male_skirts: whether male bodies wear skirts and dresses.
-    """
-    plain = [k for k in KINDS if "Skirt" not in k and k != "Dress"]
-    turns = {"female": list(KINDS), "male": list(KINDS) if male_skirts else plain}
-    seen = {"female": 0, "male": 0}
-    kinds = []
-    for gender in genders:
-        kinds.append(turns[gender][seen[gender] % len(turns[gender])])
-        seen[gender] += 1
-    return kinds
-
-
 def sample_numbers(
     rng: np.random.Generator, kind: str, ranges: OutfitRanges
 ) -> list[tuple[str, dict[str, Any]]]:
@@ -218,6 +200,7 @@ def sample_outfit(
     shape: np.ndarray,
     kind: str,
     edge_length_m: float,
+    vertices_min: int = 0,
     ranges: OutfitRanges | None = None,
     own: Mapping[str, str | Path] | None = None,
 ) -> Outfit:
@@ -228,6 +211,7 @@ def sample_outfit(
         shape: (10,) the wearer's shape coefficients.
         kind: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
         edge_length_m: mean edge length wanted.
+        vertices_min: a garment that would have fewer vertices gets shorter edges.
         ranges: what is drawn from; the defaults if None.
         own: garment name -> OBJ file of the user's, in place of the template.
 
@@ -248,6 +232,7 @@ def sample_outfit(
         shape=shape,
         tightness=tightness,
         edge_length_m=edge_length_m,
+        vertices_min=vertices_min,
         own=own,
     )
 
@@ -261,6 +246,7 @@ def make_outfit(
     shape: np.ndarray,
     tightness: np.ndarray,
     edge_length_m: float,
+    vertices_min: int = 0,
     own: Mapping[str, str | Path] | None = None,
 ) -> Outfit:
     """Make an outfit from given numbers, as `sample_numbers` returns them.
@@ -277,7 +263,7 @@ def make_outfit(
         if own and name in own:
             garment, keep = _from_file(own[name], name, about, body), None
         else:
-            garment, keep = _from_template(name, about, templates.form, edge_length_m)
+            garment, keep = _from_template(name, about, templates.form, edge_length_m, vertices_min)
         points = garment.vertices
         average = averaging_matrix(garment.faces, len(points))
         edge_m = mean_edge_m(Mesh(points, garment.faces))
@@ -297,12 +283,15 @@ def make_outfit(
 
 
 def _from_template(
-    name: str, about: dict[str, Any], form: Form, edge_length_m: float
+    name: str, about: dict[str, Any], form: Form, edge_length_m: float, vertices_min: int
 ) -> tuple[Garment, Keeper]:
     """A garment on the dress form, vertices (V, 3) float64, and what keeps its parts apart."""
     numbers = about["parameters"]
     parts = {key: numbers[key] for key in _PARTS if key in numbers}
     pattern = cut_garment(form, edge_length_m, **parts)
+    while pattern.count < vertices_min:
+        edge_length_m *= 0.98 * (pattern.count / vertices_min) ** 0.5
+        pattern = cut_garment(form, edge_length_m, **parts)
     faces = pattern.faces()
     folds = rng_for(numbers["fold_seed"], "folds")
     points = settled(folds, form, pattern, edge_length_m, numbers["fullness"])

@@ -33,6 +33,7 @@ class Measure:
 
     Attributes:
         title: what it is.
+        short: the same in a word, for a column's heading.
         unit: of the shown numbers.
         keys: (measure, statistic) of the low end, the middle and the high end in the `health` of
             a sample's `meta.json`; None where there is none.
@@ -44,6 +45,7 @@ class Measure:
     """
 
     title: str
+    short: str
     unit: str
     keys: tuple[tuple[str, str] | None, tuple[str, str] | None, tuple[str, str] | None]
     factor: float = 1.0
@@ -84,31 +86,41 @@ def _over_frames(key: str) -> tuple[tuple[str, str], tuple[str, str], tuple[str,
 
 MEASURES = {
     "penetration": Measure(
-        "Garment vertices inside the body", "%", _over_frames("inside_share"), 100.0,
+        "Garment vertices inside the body", "Inside", "%",
+        _over_frames("inside_share"), 100.0,
         bounds=(None, 0.5),
     ),
     "depth": Measure(
-        "Deepest vertex inside the body", "mm", _over_frames("depth_max_m"), 1000.0, digits=1
+        "Deepest vertex inside the body", "Depth", "mm",
+        _over_frames("depth_max_m"), 1000.0, digits=1
     ),
     "stretch": Measure(
-        "Edge length to rest length", "",
+        "Edge length to rest length", "Stretch", "",
         (("stretch_p01", "mean"), ("stretch_p50", "mean"), ("stretch_p99", "mean")),
         bounds=(0.85, 1.20), judged=(0, 2),
         about="dot: median of the edges, line: 1st to 99th percentile, mean over the frames",
     ),
     "gap": Measure(
-        "Gap between cloth and body", "mm",
+        "Gap between cloth and body", "Gap", "mm",
         (("gap_p05_m", "mean"), ("gap_p50_m", "mean"), None), 1000.0, digits=1, judged=(0, 1),
         about="dot: median of the vertices, line: from the 5th percentile, mean over the frames",
     ),
-    "acceleration": Measure("Mean acceleration", "m/s²", _over_frames("acceleration_m_s2")),
+    "acceleration": Measure(
+        "Mean acceleration", "Acceleration", "m/s²",
+        _over_frames("acceleration_m_s2"),
+    ),
     "self_crossing": Measure(
-        "Edges through the garment's own faces", "%", _over_frames("self_share"), 100.0
+        "Edges through the garment's own faces", "Self-crossing", "%",
+        _over_frames("self_share"), 100.0
     ),
     "layers": Measure(
-        "Outer vertices beneath the inner garment", "%", _over_frames("layer_share"), 100.0
+        "Outer vertices beneath the inner garment", "Beneath", "%",
+        _over_frames("layer_share"), 100.0
     ),
-    "slip": Measure("Way slipped along the body", "mm", _over_frames("slip_m"), 1000.0, digits=1),
+    "slip": Measure(
+        "Way slipped along the body", "Slip", "mm",
+        _over_frames("slip_m"), 1000.0, digits=1,
+    ),
 }  # fmt: skip
 
 
@@ -135,7 +147,11 @@ def plot_speed(path: str | Path, records: Sequence[SampleRecord]) -> None:
             )
         speeds.append((np.nan, float(speed), np.nan))
     measure = Measure(
-        "Simulation speed", "frames/s on one core", (None, None, None), about="retries not counted"
+        "Simulation speed",
+        "Speed",
+        "frames/s on one core",
+        (None, None, None),
+        about="retries not counted",
     )
     names = [record.meta["id"] for record in records]
     _plot_rows(path, names, np.array(speeds).reshape(-1, 3), measure, from_zero=True)
@@ -292,7 +308,8 @@ def _sample_rows(
             "Tries": Cell(row["attempts"], "number"),
         }
         for measure in MEASURES.values():
-            shown[measure.label] = _sample_cell(measure, accepted.get(row["sample"]))
+            heading = measure.short + (f" ({measure.unit})" if measure.unit else "")
+            shown[heading] = _sample_cell(measure, accepted.get(row["sample"]))
         rows.append({**shown, "Reason": row["reason"]})
     return rows
 

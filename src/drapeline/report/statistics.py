@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from drapeline.dataset.record import SampleRecord
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
-from drapeline.frames import FPS
 from drapeline.report.style import (
     BLUE,
     FABRIC_COLOURS,
@@ -54,11 +53,11 @@ def plot_actions(path: str | Path, dataset: str | Path) -> None:
         shares = [float(row["percent"]) for row in rows]
         axes.barh(range(len(rows)), shares, color=BLUE, height=0.68)
         for place, (row, share) in enumerate(zip(rows, shares, strict=True)):
-            text = f"{share:.1f} % ({int(row['frames']) / FPS:.0f} s)"
+            text = f"{share:.1f} %, {row['frames']} frames"
             label_bar(axes, share, place, text)
         axes.set_yticks(range(len(rows)), [row["action"] for row in rows])
         axes.invert_yaxis()
-        axes.set_xlim(0, 1.22 * max(shares))
+        axes.set_xlim(0, 1.3 * max(shares))
         axes.set_xlabel("Share of the frames (%)")
         _quiet_rows(axes)
 
@@ -92,9 +91,10 @@ def plot_bodies(path: str | Path, records: Sequence[SampleRecord]) -> None:
                         if record.meta["body"]["gender"] == gender
                     ]
                 ).reshape(-1, 2)
-                each.scatter(*points.T, s=34, color=colour, alpha=0.8, linewidths=0, label=gender)
+                each.scatter(*points.T, s=46, color=colour, alpha=0.8, linewidths=0, label=gender)
             each.set(xlabel=x_label, ylabel=y_label)
             each.grid(True)
+            each.locator_params(nbins=5)
             each.set_title(title, pad=22)
         legend_above(axes[0])
 

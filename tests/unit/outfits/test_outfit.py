@@ -7,20 +7,13 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.mesh import boundary_loops, edge_counts, edges
-from drapeline.outfits import (
-    GARMENTS,
-    KINDS,
-    OutfitRanges,
-    load_outfit,
-    load_templates,
-    outfit_plan,
-    sample_outfit,
-)
 from drapeline.outfits.fit import outside_distance, rest_body, tightness_shape
-from drapeline.outfits.outfit import sample_numbers
+from drapeline.outfits.outfit import GARMENTS, load_outfit, sample_numbers, sample_outfit
 from drapeline.outfits.own import mean_edge_m
+from drapeline.outfits.ranges import OutfitRanges
+from drapeline.outfits.templates import load_templates
+from drapeline.planning import KINDS
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 
@@ -183,18 +176,22 @@ def test_numbers_stay_in_their_ranges():
             assert name in GARMENTS
 
 
-def test_few_samples_show_all_six_garments():
-    kinds = outfit_plan(["female"] * 6)
-    assert {name for kind in kinds for name in kind.split("+")} == set(GARMENTS)
-
-
-def test_males_wear_no_skirts_unless_wanted():
-    genders = [GENDERS[k % 2] for k in range(40)]
-    plan = outfit_plan(genders)
-    males = [kind for kind, gender in zip(plan, genders, strict=True) if gender == "male"]
-    assert not any("Skirt" in kind or kind == "Dress" for kind in males)
-    free = outfit_plan(genders, male_skirts=True)
-    assert "Dress" in [kind for kind, g in zip(free, genders, strict=True) if g == "male"]
+def test_small_garments_get_shorter_edges_where_a_vertex_count_is_asked_for(toy_body, templates):
+    counts = {}
+    for least in (0, 900):
+        outfit = sample_outfit(
+            rng_for(2, "least"),
+            templates,
+            toy_body,
+            gender="female",
+            shape=np.zeros(10),
+            kind="Top+Skirt",
+            edge_length_m=0.04,
+            vertices_min=least,
+        )
+        counts[least] = [len(garment.vertices) for garment in outfit.garments]
+    assert min(counts[0]) < 900
+    assert 900 <= min(counts[900]) < 1200
 
 
 def test_positive_tightness_makes_smaller_garments(toy_body, templates):

@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.mesh import Mesh, boundary_loops, save_obj
-from drapeline.outfits import sample_outfit
+from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.own import own_garment, top_loop
 from drapeline.seeding import rng_for
 
