@@ -302,6 +302,7 @@ def _sample_rows(
         shown = {
             "Sample": row["sample"],
             "Status": Cell(row["status"], "good" if good else "bad"),
+            "Reason": row["reason"],
             "Garments": row["garments"].replace("+", " + "),
             "Motion": row["sequence"],
             "Split": row["split"],
@@ -310,7 +311,7 @@ def _sample_rows(
         for measure in MEASURES.values():
             heading = measure.short + (f" ({measure.unit})" if measure.unit else "")
             shown[heading] = _sample_cell(measure, accepted.get(row["sample"]))
-        rows.append({**shown, "Reason": row["reason"]})
+        rows.append(shown)
     return rows
 
 

@@ -16,7 +16,7 @@ table { border-collapse: collapse; font-size: .87rem; font-variant-numeric: tabu
 th, td { padding: .32rem .8rem .32rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid #e3e5e8; }
 th { font-weight: 600; border-bottom: 2px solid #6b6f76; vertical-align: bottom; }
-td.number, th.number { text-align: right; white-space: nowrap; }
+td.number, th.number { text-align: right; } td.number { white-space: nowrap; }
 tr:hover td { background: #f4f7fa; }
 td.good { color: #00694d; } td.bad { color: #b03a00; font-weight: 600; }
 .theirs { background: #f6f3ea; } td.theirs, th.theirs { padding-left: .8rem; }

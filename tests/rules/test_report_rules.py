@@ -1,0 +1,54 @@
+"""The rules of the report, on a dataset with and without accepted samples."""
+
+import pytest
+
+from drapeline.dataset.collect import collect_dataset
+from drapeline.report.health import MEASURES
+from tiny_sample import write_tiny_sample
+
+
+@pytest.fixture(params=["accepted", "rejected"])
+def dataset(request, tmp_path, toy_body):
+    folder = write_tiny_sample(tmp_path, toy_body, status=request.param).folder
+    collect_dataset([folder], tmp_path / "dataset")
+    return tmp_path / "dataset"
+
+
+def files(folder, *names):
+    return {name.split(".")[0]: folder / "report" / name for name in names}
+
+
+def test_plot_statistics_draws_every_figure(run_rule, dataset, tmp_path):
+    names = ("garments.svg", "actions.svg", "splits.svg", "bodies.svg", "vertices.svg")
+    run_rule("plot_statistics", input={"dataset": dataset}, output=files(tmp_path, *names))
+    assert {path.name for path in (tmp_path / "report").iterdir()} == set(names)
+
+
+def test_plot_health_draws_every_measure_and_the_page(run_rule, dataset, tmp_path):
+    names = [*(f"{name}.svg" for name in (*MEASURES, "speed")), "page.html"]
+    run_rule("plot_health", input={"dataset": dataset}, output=files(tmp_path, *names))
+    assert {path.name for path in (tmp_path / "report").iterdir()} == set(names)
+
+
+def test_tables_and_viewer_are_pages(run_rule, dataset, tmp_path):
+    page = tmp_path / "tables.html"
+    run_rule(
+        "tabulate_dataset", input={"dataset": dataset}, output=[page], params={"rendered": False}
+    )
+    assert "CLOTH3D, as printed" in page.read_text()
+    run_rule("view_example", input={"dataset": dataset}, output=[tmp_path / "example.html"])
+    run_rule("view_sample", input=[tmp_path / "samples/00001"], output=[tmp_path / "sample.html"])
+    assert "<canvas" in (tmp_path / "sample.html").read_text()
+
+
+def test_plot_time_reads_the_benchmarks(run_rule, tmp_path):
+    benchmark = tmp_path / "benchmarks" / "make_outfit" / "00001.tsv"
+    benchmark.parent.mkdir(parents=True)
+    benchmark.write_text("s\tmax_rss\tcpu_time\n3.5\t200\t3\n")
+    output = {
+        "figure": tmp_path / "f.svg",
+        "page": tmp_path / "p.html",
+        "table": tmp_path / "t.tsv",
+    }
+    run_rule("plot_time", output=output, params={"folders": [tmp_path / "benchmarks"]})
+    assert "make_outfit\t1\t3.5" in output["table"].read_text()

@@ -1,0 +1,42 @@
+from types import SimpleNamespace
+
+import pytest
+
+from drapeline.dataset.collect import collect_dataset
+from drapeline.report.tables import accepted_records
+from tiny_sample import write_tiny_sample
+
+
+def made(stages, body, *plan):
+    """A collected dataset of (id, split, status, gender) with its accepted records."""
+    folders = [
+        write_tiny_sample(
+            stages, body, name, split, status=status, gender=gender, source=f"clip{name}.bvh"
+        ).folder
+        for name, split, status, gender in plan
+    ]
+    collect_dataset(folders, stages / "dataset")
+    return SimpleNamespace(
+        path=stages / "dataset",
+        records=accepted_records(stages / "dataset"),
+        samples=stages / "samples",
+    )
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory, toy_body):
+    """Three accepted samples and a rejected one; not to be changed."""
+    return made(
+        tmp_path_factory.mktemp("report"),
+        toy_body,
+        ("00001", "train", "accepted", 0),
+        ("00002", "train", "accepted", 1),
+        ("00003", "val", "rejected", 0),
+        ("00004", "test", "accepted", 0),
+    )
+
+
+@pytest.fixture(scope="session")
+def rejected(tmp_path_factory, toy_body):
+    """A dataset without any accepted sample."""
+    return made(tmp_path_factory.mktemp("report"), toy_body, ("00001", "train", "rejected", 0))

@@ -1,0 +1,84 @@
+import csv
+
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.report.times import duration, step_times, time_rows, write_times
+
+HEADER = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
+
+
+def write_benchmark(path, seconds, memory=100.0, cpu=None):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cpu = seconds if cpu is None else cpu
+    path.write_text(f"{HEADER}{seconds}\t0:00:00\t{memory}\t0\t0\t0\t0\t0\t50\t{cpu}\n")
+
+
+@pytest.fixture
+def folders(tmp_path):
+    write_benchmark(tmp_path / "a/simulate_outfit/00001.tsv", 20.5, 300, 19)
+    write_benchmark(tmp_path / "a/simulate_outfit/00002.tsv", 40.25, 500, 38)
+    write_benchmark(tmp_path / "a/collect_dataset.tsv", 0.5, "NA", "NA")
+    write_benchmark(tmp_path / "b/bake_body.tsv", 30, 1400, 12)
+    return [tmp_path / "a", tmp_path / "b", tmp_path / "not there"]
+
+
+def test_jobs_of_a_rule_add_up(folders):
+    steps = {step.rule: step for step in step_times(folders)}
+    assert list(steps) == ["simulate_outfit", "bake_body", "collect_dataset"]
+    assert steps["simulate_outfit"].total_s == pytest.approx(60.75)
+    assert steps["simulate_outfit"].memory_mb == 500
+    assert steps["collect_dataset"].memory_mb is None
+    assert steps["collect_dataset"].cpu_s == 0
+
+
+def test_the_last_row_is_the_sum_of_the_others(folders):
+    *rows, total = time_rows(step_times(folders))
+    for key in ("jobs", "total_s", "cpu_s"):
+        assert total[key] == pytest.approx(sum(row[key] for row in rows))
+    assert total["total_s"] == pytest.approx(20.5 + 40.25 + 0.5 + 30)
+    assert (total["longest_s"], total["peak_memory_mb"]) == (40.25, 1400)
+
+
+def test_figure_table_and_page_show_the_same(folders, tmp_path):
+    steps = step_times(folders)
+    paths = {name: tmp_path / name for name in ("figure.svg", "table.tsv", "page.html")}
+    write_times(
+        steps, figure=paths["figure.svg"], table=paths["table.tsv"], page=paths["page.html"]
+    )
+    with open(paths["table.tsv"], newline="") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    assert [row["rule"] for row in rows] == [*(step.rule for step in steps), "all"]
+    for name in ("figure.svg", "page.html"):
+        text = paths[name].read_text()
+        for word in ("simulate_outfit", "bake_body", "1 min 01 s"):
+            assert word in text
+
+
+def test_no_benchmark_gives_an_empty_table_and_a_figure_that_says_so(tmp_path):
+    paths = {name: tmp_path / name for name in ("figure", "table", "page")}
+    paths["figure"] = tmp_path / "figure.svg"
+    write_times(step_times([tmp_path / "none"]), **paths)
+    assert "No benchmark yet" in paths["figure"].read_text()
+    assert "There are none." in paths["page"].read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("s\tcpu_time\n1\t1\n", r"x.tsv: lacks column max_rss; it has s, cpu_time"),
+        (HEADER + "fast" + "\t0" * 9 + "\n", "x.tsv: s is 'fast', expected a number"),
+    ],
+)
+def test_unusable_benchmarks_are_named(tmp_path, text, message):
+    (tmp_path / "x.tsv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        step_times([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(3.24, "3.2 s"), (65, "1 min 05 s"), (119.7, "2 min 00 s"), (7380, "2 h 03 min")],
+)
+def test_durations_read_well(seconds, text):
+    assert duration(seconds) == text
