@@ -21,6 +21,6 @@ report: "workflow/report/workflow.rst"
 rule all:
     default_target: True
     input:
-        dataset_files(),
-        picture_files(),
-        report_files(),
+        f"{RESULTS}/dataset",
+        gallery_files(),
+        report_outputs(),

@@ -112,13 +112,7 @@ def own_garment_files(wildcards):
     return [own[name] for name in SAMPLES[wildcards.sample].kind.split("+") if name in own]
 
 
-def dataset_files():
-    return [f"{RESULTS}/dataset"]
-
-
-def picture_files():
-    return []
-
-
-def report_files():
-    return []
+def gallery_files():
+    return per_sample("{results}/gallery/{sample}.png") + per_sample(
+        "{results}/gallery/{sample}_moving.png"
+    )

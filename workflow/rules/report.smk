@@ -88,7 +88,7 @@ rule tabulate_dataset:
         mem_mb=500,
         runtime=10,
     params:
-        rendered=lambda wildcards: bool(picture_files()),
+        rendered=True,
         code=source_hash("tabulate_dataset"),
     script:
         "../../scripts/tabulate_dataset.py"
@@ -224,8 +224,8 @@ rule view_example:
 rule plot_time:
     # Comes after all the rest, for what it reads are the benchmark files of the other rules.
     input:
-        dataset_files(),
-        picture_files(),
+        rules.collect_dataset.output,
+        gallery_files(),
         rules.plot_statistics.output,
         rules.tabulate_dataset.output,
         rules.plot_health.output,
