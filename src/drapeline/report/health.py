@@ -168,7 +168,7 @@ def _plot_rows(
     measured = np.isfinite(values).any(axis=1)
     values, names = values[measured], [n for n, ok in zip(names, measured, strict=True) if ok]
     ranked = len(names) > _NAMED_SAMPLES
-    height = 1.5 + _ROW_IN * min(max(len(names), 4), _NAMED_SAMPLES)
+    height = 1.5 + _ROW_IN * (20 if ranked else max(len(names), 4))
     with saved_figure(path, height_in=height) as (_, (axes,)):
         if not names:
             say_nothing_to_show(axes, f"{measure.title}: no accepted sample has it")
