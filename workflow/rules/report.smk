@@ -102,7 +102,7 @@ rule plot_health:
             f"{RESULTS}/report/health.html",
             caption="../report/health.rst",
             category="Health",
-            labels={"shows": "all samples, with goals and reasons"},
+            labels={"shows": "all samples: goals, measures, reasons"},
         ),
         penetration=report(
             f"{RESULTS}/report/penetration.svg",
@@ -132,7 +132,7 @@ rule plot_health:
             f"{RESULTS}/report/acceleration.svg",
             caption="../report/acceleration.rst",
             category="Health",
-            labels={"shows": "acceleration"},
+            labels={"shows": "mean acceleration"},
         ),
         self_crossing=report(
             f"{RESULTS}/report/self_crossing.svg",
