@@ -224,8 +224,10 @@ def write_health_page(
     write_page(
         path,
         "Health of the samples",
-        "<p>Goals and what was reached, over the accepted samples; then every sample, with the"
-        " reason where it was left out. Values outside of the goal are in red.</p>",
+        "<p>Goals and what was reached: means over frames, garments and accepted samples; of"
+        " stretch the 1st and 99th percentile of the edges, of the gap the 5th and 50th of the"
+        " vertices. Then every sample, with the reason where it was left out. Values outside of"
+        " the goal are in red.</p>",
         "<h2>Goals</h2>",
         html_table(_goal_rows(status, records)),
         "<h2>Samples</h2>",
