@@ -3,23 +3,13 @@
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
 
-ROOT = Path(__file__).parents[2]
+from snakemake_run import ROOT, snakemake
+
 CONFIGS = ["tests/data/tiny.yaml", "config.yaml", "workflow/config/paper.yaml"]
-
-
-def snakemake(*arguments, cwd=ROOT):
-    return subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "1", "--nolock", *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
 
 
 def with_settings(tmp_path, **settings):
@@ -29,7 +19,7 @@ def with_settings(tmp_path, **settings):
 
 
 def dry_run_error(tmp_path, **settings):
-    run = snakemake(*with_settings(tmp_path, **settings))
+    run = snakemake("--nolock", *with_settings(tmp_path, **settings))
     assert run.returncode != 0
     assert not (tmp_path / "results").exists()
     return run.stderr + run.stdout
@@ -37,7 +27,7 @@ def dry_run_error(tmp_path, **settings):
 
 @pytest.mark.parametrize("config", CONFIGS[:2])
 def test_each_size_plans_every_step(config, tmp_path):
-    run = snakemake("--dry-run", "all", "--forceall", "--configfile", config)
+    run = snakemake("--nolock", "--dry-run", "all", "--forceall", "--configfile", config)
     assert run.returncode == 0, run.stderr
     steps = {line.split()[0] for line in (run.stdout + run.stderr).splitlines() if line.strip()}
     for rule in ("import_motion", "animate_body", "make_outfit", "simulate_outfit", "write_sample"):
@@ -77,7 +67,9 @@ def test_a_missing_or_broken_motion_is_named_before_any_job(tmp_path):
 
 def test_a_target_that_does_not_exist_is_refused(tmp_path):
     config = with_settings(tmp_path)[-1]
-    run = snakemake("--dry-run", str(tmp_path / "results/samples/99999"), "--configfile", config)
+    run = snakemake(
+        "--nolock", "--dry-run", str(tmp_path / "results/samples/99999"), "--configfile", config
+    )
     assert run.returncode != 0
     assert "MissingRuleException" in run.stderr + run.stdout
 

@@ -53,7 +53,7 @@ def test_stretch_of_a_scaled_cloth(ball):
     assert list(found.values()) == pytest.approx([1.3, 1.3, 1.3])
 
 
-@pytest.mark.parametrize("radius, share", [(1.01, 0.0), (0.99, 1.0), (1.2, 0.0)])
+@pytest.mark.parametrize(("radius", "share"), [(1.01, 0.0), (0.99, 1.0), (1.2, 0.0)])
 def test_outer_layer_beneath_inner(ball, radius, share):
     vertices, faces = ball
     assert beneath_share(radius * vertices, vertices, faces) == pytest.approx(share, abs=0.01)
