@@ -23,4 +23,4 @@ rule all:
     input:
         f"{RESULTS}/dataset",
         gallery_files(),
-        report_outputs(),
+        REPORT_FILES,

@@ -9,7 +9,9 @@ ROOT = Path(workflow.basedir)
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 os.environ.update(
-    PYTHONPATH=os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))
+    PYTHONPATH=os.pathsep.join(
+        filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")])
+    )
 )
 
 from drapeline.errors import InputError
@@ -109,7 +111,9 @@ def per_sample(pattern):
 def own_garment_files(wildcards):
     """The user's own OBJ files among the garments of this sample."""
     own = config["outfits"]["own_garments"]
-    return [own[name] for name in SAMPLES[wildcards.sample].kind.split("+") if name in own]
+    return [
+        own[name] for name in SAMPLES[wildcards.sample].kind.split("+") if name in own
+    ]
 
 
 def gallery_files():
