@@ -8,13 +8,13 @@ import bpy
 import numpy as np
 
 from drapeline.blender.picture import add_mesh, new_scene
+from drapeline.blender.threads import limited_threads
 from drapeline.frames import FPS
 from drapeline.simulation.fabrics import ClothParameters
 
 # Blender's cloth takes gravity times 0.001 as metres per squared frame, at any frame rate.
 _GRAVITY_FACTOR = 1000 / FPS**2
 _GRAVITY_M_S2 = 9.81
-_CACHE_STEP = 20  # the most Blender allows: keeps its own memory of past frames small
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def simulate_cloth(
     """Yield the vertices (V, 3) of every piece, frame after frame.
 
     Pieces go from inner to outer: each collides with the body and with all pieces before it, and
-    with itself. Nothing is kept of frames that were yielded.
+    with itself. Blender's point cache, which no setting turns off, remembers 36 bytes per vertex
+    and frame: 100 MB for 9,000 vertices and 300 frames.
 
     Args:
         body_vertices: (B, 3) metres in frame 0.
@@ -87,7 +88,6 @@ def simulate_cloth(
     """
     scene = new_scene()
     scene.render.fps, scene.render.fps_base = FPS, 1.0
-    scene.render.threads_mode, scene.render.threads = "FIXED", threads
     scene.gravity = (0, 0, -_GRAVITY_M_S2 * _GRAVITY_FACTOR)
     scene.frame_start, scene.frame_end = 1, frames
     body = add_mesh("body", body_vertices, body_faces)
@@ -105,11 +105,12 @@ def simulate_cloth(
             colliders = bpy.data.collections.new(f"under {len(cloths)}")
             for thing in inner:
                 colliders.objects.link(thing)
-    scene.frame_set(1)
-    for frame in range(1, frames + 1):
-        scene.frame_set(frame)
-        graph = bpy.context.evaluated_depsgraph_get()
-        yield [_vertices(cloth.evaluated_get(graph)) for cloth in cloths]
+    with limited_threads(threads):
+        scene.frame_set(1)
+        for frame in range(1, frames + 1):
+            scene.frame_set(frame)
+            graph = bpy.context.evaluated_depsgraph_get()
+            yield [_vertices(cloth.evaluated_get(graph)) for cloth in cloths]
 
 
 def _play(thing: bpy.types.Object, cache: Path) -> None:
@@ -157,7 +158,6 @@ def _add_cloth(
     collision.self_distance_min = solver.self_distance_m
     collision.self_friction = solver.friction
     cloth.point_cache.frame_start, cloth.point_cache.frame_end = 1, frames
-    cloth.point_cache.frame_step = _CACHE_STEP
     return thing
 
 

@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -128,11 +128,15 @@ def _attempt(
     steps = steps_per_frame(settings, [len(g.vertices) for g in outfit.garments], speed)
     # Blender keeps cloth at its own distance plus the collider's: each gets half of the gap.
     half = settings.gap_m / 2
-    solver = Solver(steps=steps, body_distance_m=half, layer_distance_m=half)
-    if number:
-        solver = replace(solver, steps=round(steps * (1 + 0.6 * number)), collision_steps=3)
+    solver = Solver(
+        steps=round(steps * (1 + 0.5 * number)),
+        body_distance_m=half,
+        layer_distance_m=half,
+    )
     return Attempt(
-        solver, settings.shape_frames * (1 + number), settings.pose_frames * (1 + number)
+        solver,
+        settings.shape_frames,
+        settings.pose_frames * (1 + number),
     )
 
 

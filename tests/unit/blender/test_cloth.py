@@ -1,11 +1,14 @@
-import bpy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
 from drapeline.blender.cloth import ClothPiece, Solver, simulate_cloth
 from drapeline.dataset.point_cache import write_point_cache
+from drapeline.mesh import triangulate
 from drapeline.simulation.fabrics import FABRICS, cloth_parameters
+from drapeline.simulation.health import beneath_share
 
 EDGE_M = 0.03
 GAP_M = 0.004
@@ -41,28 +44,29 @@ def run(tmp_path, pieces, frames, path=lambda frame: np.zeros(3), radius=0.1, **
 
 
 def test_cloth_falls_at_the_earths_pull(tmp_path):
-    still = sheet(5.0, parameters=cloth_parameters(FABRICS["leather"], EDGE_M))
-    (fall,) = run(tmp_path, [still], 12)
+    airless = cloth_parameters(replace(FABRICS["cotton"], air=0), EDGE_M)
+    (fall,) = run(tmp_path, [sheet(5.0, parameters=airless)], 12)
     pull = np.diff(fall[:, :, 2].mean(axis=1), 2) * 30**2
-    assert pull[1] == pytest.approx(-9.81, rel=0.05)  # air takes the rest
-    assert np.all(pull < -6)
+    assert pull == pytest.approx(np.full(10, -9.81), rel=0.01)
 
 
 def test_cloth_on_a_ball_rests_at_the_gap(tmp_path):
     (fall,) = run(tmp_path, [sheet(0.115)], 40)
     distance = np.linalg.norm(fall[-1], axis=1) - 0.1
     top = np.linalg.norm(fall[-1, :, :2], axis=1) < 0.05
-    assert np.median(distance[top]) == pytest.approx(GAP_M, abs=0.0015)
+    # Coarse faces touch with their middles: vertices stand off by the sagitta of an edge as well.
+    sagitta = EDGE_M**2 / (8 * 0.1)
+    assert GAP_M - 0.001 < np.median(distance[top]) < GAP_M + 2 * sagitta
     assert distance.min() > 0
     assert fall[-1, 0, 2] < 0.07  # its corner hangs down
 
 
 def test_two_layers_keep_their_order(tmp_path):
-    inner, outer = run(tmp_path, [sheet(0.115, name="in"), sheet(0.13, name="out")], 40)
-    near = np.linalg.norm(inner[-1, :, :2], axis=1) < 0.06
-    between = outer[-1, near, 2] - inner[-1, near, 2]
-    assert between.min() > 0.001
-    assert np.median(between) < 0.012
+    under, over = sheet(0.115, name="in"), sheet(0.13, name="out")
+    inner, outer = run(tmp_path, [under, over], 30)
+    assert beneath_share(outer[-1], inner[-1], triangulate(under.faces)) == 0
+    assert beneath_share(inner[-1], outer[-1], triangulate(over.faces)) > 0.5
+    assert np.linalg.norm(outer[-1], axis=1).min() > 0.1 + 1.5 * GAP_M
 
 
 def test_a_held_edge_follows_its_cache_and_the_rest_follows_the_edge(tmp_path):
@@ -103,12 +107,6 @@ def test_frames_beyond_blenders_usual_end_still_move(tmp_path):
     assert np.all(late > 1e-5)
 
 
-def test_two_runs_and_two_threads_agree(tmp_path):
-    first, again = (run(tmp_path, [sheet(0.115)], 15)[0] for _ in range(2))
+def test_two_runs_agree(tmp_path):
+    first, again = (run(tmp_path, [sheet(0.115, rows=9)], 10)[0] for _ in range(2))
     np.testing.assert_array_equal(first, again)
-
-
-def test_past_frames_are_not_kept(tmp_path):
-    run(tmp_path, [sheet(0.115, rows=5)], 60, steps=2)
-    cloth = next(o for o in bpy.data.objects if o.name.startswith("sheet"))
-    assert cloth.modifiers["cloth"].point_cache.frame_step == 20

@@ -9,9 +9,10 @@ from drapeline.simulation.health import (
     HealthGarment,
     HealthMonitor,
     beneath_share,
-    body_contact,
+    contact_measures,
     crossing_edge_share,
     out_of_bounds,
+    signed_parts,
     stretch,
     summary,
 )
@@ -25,7 +26,7 @@ def ball():
 
 def test_a_shell_outside_a_ball_keeps_its_gap(ball):
     vertices, faces = ball
-    found = body_contact(1.02 * vertices, vertices, faces)
+    found = contact_measures(*signed_parts(1.02 * vertices, vertices, faces))
     assert found["inside_share"] == 0
     assert found["gap_p50_m"] == pytest.approx(0.02, abs=1e-3)
     assert found["depth_max_m"] == 0
@@ -33,7 +34,7 @@ def test_a_shell_outside_a_ball_keeps_its_gap(ball):
 
 def test_a_shell_inside_a_ball_is_all_inside_at_its_depth(ball):
     vertices, faces = ball
-    found = body_contact(0.97 * vertices, vertices, faces)
+    found = contact_measures(*signed_parts(0.97 * vertices, vertices, faces))
     assert found["inside_share"] == 1
     assert found["depth_mean_m"] == pytest.approx(0.03, abs=2e-3)
 
@@ -42,7 +43,8 @@ def test_half_a_shell_inside(ball):
     vertices, faces = ball
     scale = np.where(vertices[:, :1] > 0, 1.1, 0.9)
     expected = (vertices[:, 0] <= 0).mean()
-    assert body_contact(scale * vertices, vertices, faces)["inside_share"] == expected
+    found = contact_measures(*signed_parts(scale * vertices, vertices, faces))
+    assert found["inside_share"] == expected
 
 
 def test_stretch_of_a_scaled_cloth(ball):
