@@ -81,7 +81,7 @@ def simulate_outfit(
     """
     started = time.perf_counter()
     tried: list[dict[str, Any]] = []
-    status = {"status": "rejected", "reason": "the body runs into itself"}
+    status = {"status": "rejected", "reason": body_record.reason}
     with whole_folder(output_dir) as folder:
         limit = 0 if body_record.outcome == "rejected" else settings.attempts
         for number in range(limit):
