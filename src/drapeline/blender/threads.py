@@ -23,7 +23,7 @@ class _GlobalControl(ctypes.Structure):
     )
 
 
-class limited_threads:  # noqa: N801 - reads as a verb where it is used
+class limited_threads:
     """Context in which Blender uses at most `threads` cores.
 
     Cloth would otherwise take all of the machine's for a gain of a third, and jobs side by side
