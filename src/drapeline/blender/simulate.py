@@ -18,7 +18,6 @@ from drapeline.bodies.sequence import BodySequence, collision_faces
 from drapeline.dataset.point_cache import PointCache, point_cache_writer, write_point_cache
 from drapeline.frames import FPS
 from drapeline.mesh import edges
-from drapeline.outfits.fit import rest_body
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.fabrics import FABRICS, cloth_parameters
@@ -85,8 +84,8 @@ def simulate_outfit(
     with whole_folder(output_dir) as folder:
         limit = 0 if body_record.outcome == "rejected" else settings.attempts
         for number in range(limit):
-            attempt = _attempt(number, body, body_record, outfit, settings)
-            report, arrays = _try(folder, body, body_record, outfit, settings, attempt, threads)
+            attempt = _attempt(number, body_record, outfit, settings)
+            report, arrays = _try(folder, body, body_record, outfit, attempt, threads)
             tried.append({**asdict(attempt), **report})
             if arrays:
                 report["measures"] = tried[-1]["measures"] = summary(arrays)
@@ -118,7 +117,6 @@ def simulate_outfit(
 
 def _attempt(
     number: int,
-    body: BodyModel,
     record: BodySequence,
     outfit: Outfit,
     settings: SimulationSettings,
@@ -153,14 +151,13 @@ def _try(
     body: BodyModel,
     record: BodySequence,
     outfit: Outfit,
-    settings: SimulationSettings,
     attempt: Attempt,
     threads: int,
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """One simulation: a report, and health arrays unless it broke down."""
     started = time.perf_counter()
     monitor = HealthMonitor(
-        [_watched(g, outfit, body, settings.gap_m) for g in outfit.garments],
+        [_watched(g) for g in outfit.garments],
         collision_faces(body, record),
     )
     try:
@@ -280,14 +277,13 @@ def _piece(
     )
 
 
-def _watched(garment: Garment, outfit: Outfit, body: BodyModel, gap_m: float) -> HealthGarment:
-    """Rest lengths with elastics as short as the solver makes them."""
-    rest = rest_body(body, _made_for(outfit))
-    shrink = gathering(garment.vertices, garment.faces, garment.elastic, rest, gap_m=gap_m)
+def _watched(garment: Garment) -> HealthGarment:
+    """Rest lengths; those of elastics, which are there to give, are not watched."""
     pairs = edges(garment.faces)
     ends = garment.vertices[pairs]
     lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    return HealthGarment(garment.name, garment.faces, lengths * (1 - shrink[pairs].mean(axis=1)))
+    lengths[(garment.elastic[pairs] > 0).any(axis=1)] = np.nan
+    return HealthGarment(garment.name, garment.faces, lengths)
 
 
 def _mean_edge_m(garment: Garment) -> float:

@@ -47,7 +47,7 @@ class HealthGarment:
     Attributes:
         name: of the garment.
         faces: (F, 4) or (F, 3).
-        rest_lengths_m: (E,) of `mesh.edges(faces)`, as simulated (elastics shortened).
+        rest_lengths_m: (E,) of `mesh.edges(faces)`; NaN for edges that are not watched.
     """
 
     name: str
@@ -168,9 +168,9 @@ def contact_measures(distance: np.ndarray, inside: np.ndarray) -> dict[str, floa
 
 
 def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) -> dict[str, float]:
-    """1st, 50th and 99th percentile of edge lengths over rest lengths."""
+    """1st, 50th and 99th percentile of edge lengths over rest lengths that are not NaN."""
     lengths = np.linalg.norm(cloth[pairs[:, 0]] - cloth[pairs[:, 1]], axis=1)
-    low, middle, high = np.percentile(lengths / rest_lengths_m, [1, 50, 99])
+    low, middle, high = np.nanpercentile(lengths / rest_lengths_m, [1, 50, 99])
     return {
         "stretch_p01": float(low),
         "stretch_p50": float(middle),

@@ -11,15 +11,6 @@ _PATCH = 64  # body vertices that carry one vertex of a waistband
 _MOST_GATHERED = 0.45
 
 
-def carried(points: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Points (P, 3) moved rigidly with the patch of body vertices next to each.
-
-    Args:
-        before, after: (V, 3) body vertices when the points were placed, and now.
-    """
-    return Carrier(points, before)(after)
-
-
 class Carrier:
     """Moves points with a body; built once, called per frame."""
 

@@ -53,6 +53,10 @@ def test_stretch_of_a_scaled_cloth(ball):
     rest = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
     found = stretch(1.3 * vertices, pairs, rest)
     assert list(found.values()) == pytest.approx([1.3, 1.3, 1.3])
+    rest[:100] = np.nan
+    cloth = 1.3 * vertices
+    cloth[np.setdiff1d(pairs[:100], pairs[100:])] *= 5
+    assert list(stretch(cloth, pairs, rest).values()) == pytest.approx([1.3, 1.3, 1.3])
 
 
 @pytest.mark.parametrize(("radius", "share"), [(1.01, 0.0), (0.99, 1.0), (1.2, 0.0)])
