@@ -296,7 +296,7 @@ def _from_template(
     folds = rng_for(numbers["fold_seed"], "folds")
     points = settled(folds, form, pattern, edge_length_m, numbers["fullness"])
     uv, uv_faces = pattern.texture()
-    pin, elastic = _masks(pattern, name, about["elastic"])
+    pin, elastic = _masks(pattern, name, about)
     garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, about)
     return garment, kept_apart(pattern, _TIGHT_LEGS_M)
 
@@ -312,10 +312,13 @@ def _from_file(path: str | Path, name: str, about: dict[str, Any], body: BodyMod
     return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, told)
 
 
-def _masks(pattern: Pattern, name: str, elastic: dict[str, bool]):
-    """Held waistband and gathered ends, by distance from their ring at the mean shape."""
+def _masks(pattern: Pattern, name: str, about: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Held vertices and gathered ends, by distance from their ring at the mean shape."""
     points = pattern.vertices
     pin, gathered = np.zeros(len(points), np.float32), np.zeros(len(points), np.float32)
+    if about["parameters"].get("upper", {}).get("front") == "open":
+        # Nothing but its yoke holds an open shirt on the shoulders.
+        pin[pattern.marks["shoulders"]] = 1
     if name in ("Trousers", "Skirt"):
         waist = points[pattern.marks["waist"], 2].mean()
         pin[points[:, 2] > waist - _END_M] = 1
@@ -324,7 +327,7 @@ def _masks(pattern: Pattern, name: str, elastic: dict[str, bool]):
         "legs": ("left_leg_cuff", "right_leg_cuff"),
         "waist": ("waist",),
     }
-    for end, on in elastic.items():
+    for end, on in about["elastic"].items():
         for mark in ends[end] if on else ():
             ring = points[pattern.marks[mark]]
             low, high = ring.min(axis=0) - _END_M, ring.max(axis=0) + _END_M

@@ -289,8 +289,9 @@ def _lifter(form: Form, cut: UpperCut, underarm: float):
 
 
 def _mark_rings(pattern: Pattern, front: np.ndarray, back: np.ndarray, n: _Counts) -> None:
-    """Armholes from the underarm (left over the front, right over the back), hem and neck."""
+    """Armholes from the underarm (left over the front, right over the back), hem, shoulder seams."""
     far = n.half - n.bottom
+    pattern.marks["shoulders"] = front[-1][front[-1] >= 0]
     pattern.marks["hem"] = np.concatenate([front[0, :-1], back[0, :-1]])
     pattern.marks["left_armhole"] = np.concatenate(
         [

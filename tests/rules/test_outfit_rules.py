@@ -1,0 +1,106 @@
+"""The rules that make outfits, and the simulation of a body that cannot be simulated."""
+
+import json
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.bake import save_body
+from drapeline.bodies.sequence import make_body_sequence, save_body_sequence
+from drapeline.frames import REST_POSE
+from drapeline.outfits.outfit import load_outfit
+
+PARAMS = {
+    "seed": 5,
+    "gender": "female",
+    "kind": "Top+Skirt",
+    "edge_length_m": 0.05,
+    "vertices_min": 0,
+    "tightness_range": [-0.5, 0.5],
+    "elastic_probability": 1.0,
+    "own_garments": {},
+}
+
+
+@pytest.fixture
+def stages(run_rule, toy_body, tmp_path):
+    """A toy body standing still, and its templates."""
+    save_body(tmp_path / "body.npz", toy_body)
+    poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
+    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    save_body_sequence(tmp_path / "animation.npz", record)
+    run_rule(
+        "build_templates",
+        input={"body": tmp_path / "body.npz"},
+        output=[tmp_path / "templates.npz"],
+    )
+    return tmp_path
+
+
+def make(run_rule, stages, **changes):
+    run_rule(
+        "make_outfit",
+        input={
+            "body": stages / "body.npz",
+            "animation": stages / "animation.npz",
+            "templates": stages / "templates.npz",
+        },
+        output={"arrays": stages / "outfit.npz", "parameters": stages / "outfit.json"},
+        params={**PARAMS, **changes},
+        wildcards={"sample": "00001"},
+    )
+    return load_outfit(stages / "outfit.npz", stages / "outfit.json")
+
+
+def test_an_outfit_is_made_of_the_kind_and_ranges_asked_for(run_rule, stages):
+    outfit = make(run_rule, stages)
+    assert [g.name for g in outfit.garments] == ["Skirt", "Top"]
+    assert np.abs(outfit.tightness).max() <= 0.5
+    again = make(run_rule, stages)
+    np.testing.assert_array_equal(again.garments[0].vertices, outfit.garments[0].vertices)
+    other = make(run_rule, stages, seed=6)
+    assert not np.array_equal(other.tightness, outfit.tightness)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "no such file"),
+        ("v 0 0 0\nv 90 0 0\nv 90 0 90\nv 0 0 90\nf 1 2 3 4\n", "centimetres|metres"),
+        ("v 0 5 0\nv .5 5 0\nv .5 5 .5\nv 0 5 .5\nf 1 2 3 4\n", "far|body"),
+    ],
+)
+def test_an_unusable_garment_of_the_user_ends_in_one_sentence_and_no_files(
+    run_rule, stages, text, message
+):
+    path = stages / "mine.obj"
+    if text:
+        path.write_text(text)
+    with pytest.raises(SystemExit, match=f"drapeline: .*mine.obj.*({message})"):
+        make(run_rule, stages, own_garments={"Skirt": str(path)})
+    assert not (stages / "outfit.npz").exists()
+    assert not (stages / "outfit.json").exists()
+
+
+def test_a_rejected_body_is_a_rejected_sample_with_its_reason(run_rule, stages, toy_body):
+    make(run_rule, stages)
+    poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
+    poses[:, 3 * 1 + 2], poses[:, 3 * 2 + 2] = -0.6, 0.6  # legs crossed through one another
+    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    assert record.outcome == "rejected"
+    save_body_sequence(stages / "animation.npz", record)
+    run_rule(
+        "simulate_outfit",
+        input={
+            "body": stages / "body.npz",
+            "animation": stages / "animation.npz",
+            "outfit": stages / "outfit.npz",
+            "parameters": stages / "outfit.json",
+        },
+        output=[stages / "simulation"],
+        params={"settings": {}, "bounds": {}},
+    )
+    status = json.loads((stages / "simulation" / "status.json").read_text())
+    assert status["status"] == "rejected"
+    assert "body" in status["reason"]
+    assert [p.name for p in (stages / "simulation").iterdir()] == ["status.json"]
