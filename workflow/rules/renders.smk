@@ -29,3 +29,25 @@ rule render_gallery:
         code=source_hash("render_gallery"),
     script:
         "../../scripts/render_gallery.py"
+
+
+rule render_modalities:
+    input:
+        f"{RESULTS}/samples/{{sample}}",
+    output:
+        directory(f"{RESULTS}/modalities/{{sample}}"),
+    log:
+        f"{LOGS}/render_modalities/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/render_modalities/{{sample}}.tsv"
+    conda:
+        "../../envs/blender.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        frames=lookup(dpath="renders/modality_frames", within=config),
+        code=source_hash("render_modalities"),
+    script:
+        "../../scripts/render_modalities.py"

@@ -289,7 +289,7 @@ def _lifter(form: Form, cut: UpperCut, underarm: float):
 
 
 def _mark_rings(pattern: Pattern, front: np.ndarray, back: np.ndarray, n: _Counts) -> None:
-    """Armholes from the underarm (left over the front, right over the back), hem, shoulder seams."""
+    """Armholes from the underarm (left over the front, right over the back), hem, shoulders."""
     far = n.half - n.bottom
     pattern.marks["shoulders"] = front[-1][front[-1] >= 0]
     pattern.marks["hem"] = np.concatenate([front[0, :-1], back[0, :-1]])
