@@ -1,5 +1,6 @@
 import json
 import resource
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -102,23 +103,28 @@ def test_json_keeps_small_numbers_and_refuses_nan(tmp_path):
         read_json(tmp_path / "b.json")
 
 
-@pytest.fixture
+@contextmanager
 def small_disk():
     """Files of this process may hold 4 kB; more fails as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        # At once: pytest's own output may go to a file.
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 # NumPy's half-written archive complains once more when it is collected.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.usefixtures("small_disk")
 def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     path = tmp_path / "a.npz"
     save_npz(path, x=1)
     noise = np.random.Generator(np.random.PCG64(0)).random(10_000)
-    with pytest.raises(InputError, match="a.npz: cannot be written .*free disk space"):
+    with (
+        pytest.raises(InputError, match="a.npz: cannot be written .*free disk space"),
+        small_disk(),
+    ):
         save_npz(path, x=noise)
     assert load_npz(path)["x"] == 1
     assert list(tmp_path.iterdir()) == [path]
