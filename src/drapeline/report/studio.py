@@ -138,8 +138,8 @@ def _expose(
     shift_u = wp.randf(state)
     shift_v = wp.randf(state)
     total = wp.vec3(0.0, 0.0, 0.0)
-    taken = wp.float32(0.0)
-    shaded = wp.int32(0)  # a plain 0 would be a constant, which Warp does not let loops change
+    taken = float(0.0)
+    shaded = int(0)  # a plain 0 would be a constant, which Warp does not let loops change
     for sample in range(view.samples):
         # Additive recurrences spread the samples evenly over pixel, lamp and sky.
         k = float(sample)
