@@ -165,6 +165,10 @@ def _write_images(folder: Path, frame: int, seen: Seen, colour: Path) -> None:
     pictures = {name: picture.astype(np.uint8) for name, picture in pictures.items()}
     with Image.open(colour) as image:
         row = [np.asarray(image.convert("RGB")), *pictures.values()]
-    for name in ("normals", "velocity", "segments"):
+    for name in ("normals", "velocity"):
         Image.fromarray(pictures[name]).save(folder / f"{frame}_{name}.png")
+    # Pixel values are the numbers of the segments, the palette is for people.
+    indexed = Image.fromarray(seen.segments, mode="P")
+    indexed.putpalette(palette.astype(np.uint8).tobytes())
+    indexed.save(folder / f"{frame}_segments.png")
     Image.fromarray(np.concatenate(row, axis=1)).save(folder / f"{frame}_overview.png")

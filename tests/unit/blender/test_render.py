@@ -65,3 +65,9 @@ def test_a_frame_beyond_the_sequence_is_named_and_nothing_left(rendered, tmp_pat
     with pytest.raises(InputError, match="frame 99, expected 0 to 5"):
         render_modalities(rendered[0], tmp_path / "images", [0, 99])
     assert not list(tmp_path.iterdir())
+
+
+def test_segment_png_holds_the_numbers(rendered):
+    _, images = rendered
+    with Image.open(images / "2_segments.png") as image, np.load(images / "2.npz") as archive:
+        np.testing.assert_array_equal(np.asarray(image), archive["segments"])
