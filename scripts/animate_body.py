@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sampling import sample_shape
-from drapeline.bodies.sequence import make_body_sequence, save_body_sequence
+from drapeline.bodies.sequence import first_free_sequence, save_body_sequence
 from drapeline.frames import GENDERS
 from drapeline.motions.motion import load_motion
 from drapeline.rule_log import rule_log
@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]) as log:
     wanted = snakemake.params
     motion = load_motion(snakemake.input.motion)
-    record = make_body_sequence(
+    shapes = rng_for(wanted.seed, "shape", snakemake.wildcards.sample)
+    record = first_free_sequence(
         load_body(snakemake.input.body),
-        sample_shape(rng_for(wanted.seed, "shape", snakemake.wildcards.sample), wanted.shape_range),
+        (sample_shape(shapes, wanted.shape_range) for _ in range(wanted.shape_draws)),
         motion.poses[wanted.start : wanted.stop],
         motion.trans[wanted.start : wanted.stop],
         gender=GENDERS.index(wanted.gender),

@@ -69,6 +69,7 @@ def animate(run_rule, toy_body, motion_file, tmp_path, **changes):
         "start": 6,
         "stop": 18,
         "shape_range": 1.0,
+        "shape_draws": 2,
         "segment_gap_m": 0.004,
         "removable": "hands",
     }

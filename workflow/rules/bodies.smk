@@ -67,6 +67,7 @@ rule animate_body:
         stop=plan("stop"),
         shape_range=lookup(dpath="body/shape_range", within=config),
         removable=plan("removable"),
+        shape_draws=lookup(dpath="body/shape_draws", within=config),
         segment_gap_m=lookup(dpath="body/segment_gap_m", within=config),
         code=source_hash("animate_body"),
     script:

@@ -1,8 +1,9 @@
 """One sample's body: a shape moving through a sequence, freed of self-collisions."""
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,7 @@ class BodySequence:
             "rejected"; the last that applies.
         reason: one sentence if rejected, else empty.
         thinned: how many times the body was made thinner.
+        redrawn: how many shapes were given up before this one.
         removed_segments: (k,) int32 joints whose segments take no part in collisions.
         fix_frame, fix_vertex: (m,) int32, which vertex is moved in which frame.
         fix_delta: (m, 3) float32 metres, world axes.
@@ -57,6 +59,7 @@ class BodySequence:
     outcome: str
     reason: str
     thinned: int
+    redrawn: int
     removed_segments: np.ndarray
     fix_frame: np.ndarray
     fix_vertex: np.ndarray
@@ -132,6 +135,7 @@ def make_body_sequence(
         outcome=_outcome(solution.unsolved().any(), thinned, bool(removed), collided.any()),
         reason=_reason(solution),
         thinned=thinned,
+        redrawn=0,
         removed_segments=_joints_of(removed),
         fix_frame=solution.frame,
         fix_vertex=solution.vertex,
@@ -147,6 +151,32 @@ def make_body_sequence(
         source=source,
         start_frame=start_frame,
     )
+
+
+def first_free_sequence(
+    body: BodyModel,
+    shapes: Iterable[np.ndarray],
+    poses: np.ndarray,
+    trans: np.ndarray,
+    **options: Any,
+) -> BodySequence:
+    """The first of several shapes that goes through a motion without running into itself.
+
+    CLOTH3D 3.1 rejects a sequence whose body collides too much; another body may pass.
+
+    Args:
+        shapes: (10,) each, at least one, taken only as far as needed.
+        poses, trans, options: as for `make_body_sequence`.
+
+    Returns:
+        Its record, with the number of shapes given up; that of the last shape if all are rejected.
+    """
+    for redrawn, shape in enumerate(shapes):
+        record = make_body_sequence(body, shape, poses, trans, **options)
+        record = replace(record, redrawn=redrawn)
+        if record.outcome != "rejected":
+            break
+    return record
 
 
 def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:

@@ -68,6 +68,7 @@ def status_row(record: SampleRecord) -> dict[str, Any]:
         "garments": "+".join(garment["name"] for garment in meta["outfit"]["garments"]),
         "self_collision": meta["self_collision"]["outcome"],
         "thinned": meta["self_collision"]["thinned"],
+        "redrawn": meta["self_collision"]["redrawn"],
         "removed_segments": "+".join(meta["self_collision"]["removed_segments"]),
     }
 

@@ -154,6 +154,7 @@ def _self_collision(record: BodySequence) -> dict[str, Any]:
         "outcome": record.outcome,
         "reason": record.reason,
         "thinned": record.thinned,
+        "redrawn": record.redrawn,
         "removed_segments": [JOINT_NAMES[int(segment)] for segment in record.removed_segments],
         "collided_frames": record.collided_frames,
         "leftover_frames": record.leftover_frames,

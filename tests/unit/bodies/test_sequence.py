@@ -11,6 +11,7 @@ from drapeline.bodies.sampling import sample_shape
 from drapeline.bodies.sequence import (
     body_sequence_vertices,
     collision_faces,
+    first_free_sequence,
     load_body_sequence,
     make_body_sequence,
     save_body_sequence,
@@ -81,6 +82,16 @@ def test_bare_arms_are_left_out_instead(toy_body):
     gone = np.isin(toy_body.segmentation, record.removed_segments)
     assert 0 < len(kept) < len(toy_body.faces)
     assert not gone[kept].any()
+
+
+def test_another_shape_is_taken_only_where_one_is_rejected(toy_body):
+    trans = np.tile([1.0, 2.0, 0.95], (2, 1))
+    for angles, redrawn, outcome in (([0.2, 0.4], 0, "free"), ([0.4, 1.8], 2, "rejected")):
+        shapes = iter([np.full(10, value) for value in (0.0, 0.1, 0.2)])
+        record = first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender=0)
+        assert (record.redrawn, record.outcome) == (redrawn, outcome)
+        assert len(list(shapes)) == 2 - redrawn
+        assert record.shape[0] == pytest.approx(0.1 * redrawn)
 
 
 def test_fat_body_is_made_thinner(toy_body):
