@@ -17,7 +17,6 @@ INK, QUIET, FAINT = "#222222", "#6b6f76", "#e3e5e8"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
 GENDER_COLOURS = {"female": PURPLE, "male": BLUE}
 FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
-SPLIT_COLOURS = {"train": BLUE, "val": ORANGE, "test": GREEN}
 
 _SETTINGS = {
     "font.family": "sans-serif",
