@@ -1,0 +1,1 @@
+"""Garments as offsets from the body: the body's surface, its topologies and hierarchy."""
