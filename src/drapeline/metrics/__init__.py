@@ -1,0 +1,1 @@
+"""How good predicted garments are, and what trivial predictions reach."""

@@ -1,0 +1,164 @@
+"""Predictions that need no network: what a trained model has to beat.
+
+The mean garment and the nearest neighbour know a garment's type and conditioning variables only;
+PCA, like the autoencoder, sees the garment itself and gives it back through a small code.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+PCA_ROWS_MAX = 4000
+
+
+@dataclass(frozen=True)
+class MeanGarment:
+    """Mean offsets and mask of every garment type of the training set.
+
+    Attributes:
+        offsets: (types, V, 3) metres, each vertex averaged over the garments that cover it.
+        mask: (types, V), covered by more than half of the garments.
+    """
+
+    offsets: np.ndarray
+    mask: np.ndarray
+
+
+def fit_mean_garment(
+    offsets: np.ndarray, mask: np.ndarray, garment: np.ndarray, train: np.ndarray, types: int
+) -> MeanGarment:
+    """Average per type.
+
+    Args:
+        offsets: (N, V, 3) metres, zero outside the mask; may be memory-mapped.
+        mask: (N, V) bool.
+        garment: (N,) type.
+        train: (n,) rows to learn from.
+        types: number of types; one that no row has stays empty.
+    """
+    count = offsets.shape[1]
+    total = np.zeros((types, count, 3))
+    covered = np.zeros((types, count))
+    for row in train:
+        total[garment[row]] += offsets[row]
+        covered[garment[row]] += mask[row]
+    size = np.bincount(garment[train], minlength=types)[:, None]
+    mean = total / np.maximum(covered, 1)[..., None]
+    return MeanGarment(mean.astype(np.float32), covered > size / 2)
+
+
+def nearest_rows(
+    cvar: np.ndarray, garment: np.ndarray, train: np.ndarray, rows: Sequence[int]
+) -> np.ndarray:
+    """Training row of the same type whose conditioning variables are nearest.
+
+    Args:
+        cvar: (N, C); each variable is scaled by its deviation over the training rows.
+        garment: (N,) type.
+        train: (n,) rows to choose from.
+        rows: to find neighbours for.
+
+    Returns:
+        (len(rows),) training rows; of any type where the training set lacks the row's.
+    """
+    deviation = cvar[train].std(axis=0)
+    scaled = cvar / np.where(deviation > 0, deviation, 1)
+    found = []
+    for row in rows:
+        same = train[garment[train] == garment[row]]
+        pool = same if len(same) else train
+        found.append(pool[np.linalg.norm(scaled[pool] - scaled[row], axis=1).argmin()])
+    return np.array(found, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class GarmentPca:
+    """Principal components of offsets, and the mask that goes with them by linear regression.
+
+    Attributes:
+        mean: (3V,) metres.
+        axes: (C, 3V) orthonormal.
+        mask_mean: (V,).
+        mask_axes: (C, V), mask per unit of coefficient.
+        explained: share of the training variance that the components hold.
+    """
+
+    mean: np.ndarray
+    axes: np.ndarray
+    mask_mean: np.ndarray
+    mask_axes: np.ndarray
+    explained: float
+
+    def rebuild(self, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Offsets (V, 3) through the code and back: offsets (V, 3) and mask (V,)."""
+        code = self.axes @ (offsets.ravel() - self.mean)
+        mask = self.mask_mean + code @ self.mask_axes > 0.5
+        return (self.mean + code @ self.axes).reshape(-1, 3), mask
+
+
+def fit_pca(
+    offsets: np.ndarray, mask: np.ndarray, train: np.ndarray, components: int
+) -> GarmentPca:
+    """Principal components of the training rows' offsets.
+
+    Args:
+        offsets: (N, V, 3) metres, zero outside the mask.
+        mask: (N, V) bool.
+        train: (n,) rows to learn from; of more than `PCA_ROWS_MAX`, evenly spaced ones.
+        components: at most n - 1 are used.
+    """
+    if len(train) > PCA_ROWS_MAX:
+        train = train[np.linspace(0, len(train) - 1, PCA_ROWS_MAX).astype(int)]
+    data = np.stack([offsets[row].ravel() for row in train])  # (n, 3V)
+    mean = data.mean(axis=0)
+    data -= mean
+    # n is far below 3V: the small matrix of products has the same eigenvalues.
+    values, vectors = np.linalg.eigh((data @ data.T).astype(np.float64))
+    count = min(components, len(train) - 1)
+    values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
+    kept = values > 1e-10 * max(values[0], 1e-30) if count else np.zeros(0, dtype=bool)
+    values, vectors = values[kept], vectors[:, kept]
+    axes = (vectors / np.sqrt(values)).T.astype(np.float32) @ data
+    covered = np.stack([mask[row] for row in train]).astype(np.float32)
+    mask_mean = covered.mean(axis=0)
+    # Coefficients are uncorrelated, so that each one's regression is independent of the others.
+    code = (vectors * np.sqrt(values)).astype(np.float32)
+    mask_axes = code.T @ (covered - mask_mean) / values[:, None].astype(np.float32)
+    total = float((data.astype(np.float64) ** 2).sum())
+    return GarmentPca(mean, axes, mask_mean, mask_axes, float(values.sum()) / max(total, 1e-30))
+
+
+Predictor = Callable[[int], tuple[np.ndarray, np.ndarray]]
+
+
+def static_baselines(
+    offsets: np.ndarray,
+    mask: np.ndarray,
+    garment: np.ndarray,
+    cvar: np.ndarray,
+    train: np.ndarray,
+    *,
+    types: int,
+    components: int,
+) -> dict[str, Predictor]:
+    """Name -> function from a row to its predicted offsets (V, 3) in metres and mask (V,).
+
+    Args:
+        offsets, mask, garment, cvar: (N, ...) of all rows.
+        train: (n,) rows to learn from; nothing else is looked at but the row asked for.
+        types: number of garment types.
+        components: of the PCA.
+    """
+    mean = fit_mean_garment(offsets, mask, garment, train, types)
+    pca = fit_pca(offsets, mask, train, components)
+
+    def nearest(row: int) -> tuple[np.ndarray, np.ndarray]:
+        (found,) = nearest_rows(cvar, garment, train, [row])
+        return offsets[found], mask[found]
+
+    return {
+        "mean_garment": lambda row: (mean.offsets[garment[row]], mean.mask[garment[row]]),
+        "nearest_cvar": nearest,
+        "pca": lambda row: pca.rebuild(offsets[row]),
+    }

@@ -1,0 +1,183 @@
+"""Metrics of one predicted garment against its ground truth (CLOTH3D 5.1), and of its shape alone.
+
+A garment is the vertices (V, 3) of the super-resolved body plus their offsets, in metres, and a
+mask (V,) that says which of them are garment.
+"""
+
+import igl
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from drapeline.mesh import Mesh, edges, face_normals
+
+DEEP_M = 0.01
+# Metric -> unit; "1" for shares and counts.
+UNITS = {
+    "surface_error_mm": "mm",
+    "normal_error_deg": "deg",
+    "mask_iou": "1",
+    "kl": "nat",
+    "predicted_to_true_mm": "mm",
+    "true_to_predicted_mm": "mm",
+    "inside_share": "1",
+    "inside_1cm_share": "1",
+    "inside_depth_mm": "mm",
+    "pieces": "1",
+}
+
+
+def surface_error_mm(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
+    """Mean Euclidean distance of corresponding vertices (V, 3) within the true mask (V,)."""
+    return float(1000 * np.linalg.norm(predicted[mask] - true[mask], axis=1).mean())
+
+
+def normal_error_deg(
+    predicted: np.ndarray, true: np.ndarray, faces: np.ndarray, mask: np.ndarray
+) -> float:
+    """Mean angle between the normals of the true garment's faces (equation 5).
+
+    Args:
+        predicted, true: (V, 3) vertices.
+        faces: (F, 3) of the garment's topology.
+        mask: (V,) true mask; a face with all corners in it is a garment face.
+
+    Returns:
+        Degrees. The cosine is clamped, and a face that shrank to nothing counts as 90 degrees.
+    """
+    garment = faces_within(faces, mask)
+    cosine = np.einsum("fi,fi->f", face_normals(predicted, garment), face_normals(true, garment))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+
+
+def mask_iou(predicted: np.ndarray, true: np.ndarray) -> float:
+    """Intersection over union of two masks (V,)."""
+    return float((predicted & true).sum() / (predicted | true).sum())
+
+
+def gaussian_kl(mean: np.ndarray, log_variance: np.ndarray) -> np.ndarray:
+    """Divergence (n,) in nats of Gaussians (n, Z) from the unit one, summed over the code."""
+    return 0.5 * (mean**2 + np.exp(log_variance) - 1 - log_variance).sum(axis=1)
+
+
+def faces_within(faces: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Faces (F', 3) all of whose corners are in the mask (V,)."""
+    return faces[mask[faces].all(axis=1)]
+
+
+def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
+    """The garment as a mesh of its own; mask vertices that no face joins are left out."""
+    garment = faces_within(faces, mask)
+    used, corners = np.unique(garment, return_inverse=True)
+    return Mesh(vertices[used].astype(np.float32), corners.reshape(garment.shape).astype(np.int32))
+
+
+def piece_of(mesh: Mesh) -> np.ndarray:
+    """(V,) number of the connected piece that each vertex belongs to, 0 for the largest."""
+    pairs = edges(mesh.faces)
+    count = len(mesh.vertices)
+    links = coo_matrix(
+        (np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), (count, count)
+    )
+    pieces, piece = connected_components(links, directed=False)
+    rank = np.zeros(pieces, dtype=np.int64)
+    rank[np.argsort(-np.bincount(piece, minlength=pieces), kind="stable")] = np.arange(pieces)
+    return rank[piece]
+
+
+def largest_piece(mesh: Mesh) -> Mesh:
+    """The connected piece with the most vertices."""
+    return garment_mesh(mesh.vertices, mesh.faces, piece_of(mesh) == 0)
+
+
+def surface_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
+    """Mean distance of predicted vertices to the true surface, and of true ones to the predicted.
+
+    The first does not see what is missing, the second not what is too much. Both are NaN where
+    nothing was predicted.
+    """
+    if not len(predicted.faces):
+        return float("nan"), float("nan")
+    return _distance_mm(predicted.vertices, true), _distance_mm(true.vertices, predicted)
+
+
+def _distance_mm(points: np.ndarray, mesh: Mesh) -> float:
+    squared = igl.point_mesh_squared_distance(
+        points.astype(np.float64),
+        mesh.vertices.astype(np.float64),
+        np.ascontiguousarray(mesh.faces, dtype=np.int64),
+    )[0]
+    return float(1000 * np.sqrt(squared).mean())
+
+
+def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
+    """How much of a garment is inside the body.
+
+    Args:
+        points: (P, 3) garment vertices.
+        body: (V, 3) body vertices in the same pose; winding numbers bear its open ends.
+        faces: (F, 3) of the body.
+
+    Returns:
+        `inside_share` of the points, `inside_1cm_share` deeper than `DEEP_M`, and
+        `inside_depth_mm` of the deepest; NaN without points.
+    """
+    if not len(points):
+        return dict.fromkeys(("inside_share", "inside_1cm_share", "inside_depth_mm"), float("nan"))
+    depth = inside_depth(points, body, faces)
+    return {
+        "inside_share": float((depth > 0).mean()),
+        "inside_1cm_share": float((depth > DEEP_M).mean()),
+        "inside_depth_mm": float(1000 * depth.max()),
+    }
+
+
+def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(P,) metres from points inside the body to its surface, 0 for those outside."""
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    body = np.ascontiguousarray(body, dtype=np.float64)
+    faces = np.ascontiguousarray(faces, dtype=np.int64)
+    inside = igl.fast_winding_number(body, faces, points) > 0.5
+    depth = np.zeros(len(points))
+    if inside.any():
+        depth[inside] = np.sqrt(igl.point_mesh_squared_distance(points[inside], body, faces)[0])
+    return depth
+
+
+def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:
+    """What can be said of a garment without its ground truth: pieces, and what is in the body."""
+    pieces = int(piece_of(mesh).max()) + 1 if len(mesh.faces) else 0
+    return {**inside_measures(mesh.vertices, body, body_faces), "pieces": float(pieces)}
+
+
+def garment_measures(
+    predicted: np.ndarray,
+    predicted_mask: np.ndarray | None,
+    true: np.ndarray,
+    mask: np.ndarray,
+    faces: np.ndarray,
+) -> dict[str, float]:
+    """Everything that compares a prediction with its ground truth.
+
+    Args:
+        predicted, true: (V, 3) vertices, metres.
+        predicted_mask: (V,) bool, or None from a model that predicts none: what needs it is left
+            out.
+        mask: (V,) bool.
+        faces: (F, 3) of the garment's topology.
+    """
+    found = {
+        "surface_error_mm": surface_error_mm(predicted, true, mask),
+        "normal_error_deg": normal_error_deg(predicted, true, faces, mask),
+    }
+    if predicted_mask is None:
+        return found
+    to_true, to_predicted = surface_distances_mm(
+        garment_mesh(predicted, faces, predicted_mask), garment_mesh(true, faces, mask)
+    )
+    return {
+        **found,
+        "mask_iou": mask_iou(predicted_mask, mask),
+        "predicted_to_true_mm": to_true,
+        "true_to_predicted_mm": to_predicted,
+    }

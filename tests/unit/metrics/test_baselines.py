@@ -1,0 +1,104 @@
+"""Baselines against what they must give on data made for it."""
+
+import numpy as np
+import pytest
+
+from drapeline.metrics.baselines import (
+    fit_mean_garment,
+    fit_pca,
+    nearest_rows,
+    static_baselines,
+)
+from drapeline.seeding import rng_for
+
+ROWS, VERTICES = 40, 30
+
+
+@pytest.fixture
+def data():
+    """Two garment types on 30 vertices: offsets of rank 3 within each row's mask."""
+    rng = rng_for(0, "baselines")
+    garment = np.arange(ROWS) % 2
+    mask = np.where(garment[:, None] == 0, np.arange(VERTICES) < 20, np.arange(VERTICES) >= 10)
+    directions = rng.normal(size=(3, VERTICES, 3))
+    offsets = np.einsum("nk,kvi->nvi", rng.normal(size=(ROWS, 3)), directions)
+    offsets = (offsets * mask[..., None]).astype(np.float32)
+    cvar = rng.normal(size=(ROWS, 13)).astype(np.float32)
+    return offsets, mask, garment, cvar, np.arange(30)
+
+
+def test_mean_garment_averages_each_vertex_over_the_garments_that_cover_it(data):
+    offsets, mask, garment, _, train = data
+    mask, offsets = mask.copy(), offsets.copy()
+    mask[0, 5], offsets[0, 5] = False, 0  # one garment has a hole there
+    mean = fit_mean_garment(offsets, mask, garment, train, types=3)
+    of_type = train[garment[train] == 0]
+    np.testing.assert_allclose(mean.offsets[0, 5], offsets[of_type[1:], 5].mean(0), atol=1e-6)
+    np.testing.assert_allclose(mean.offsets[0, 6], offsets[of_type, 6].mean(0), atol=1e-6)
+    assert mean.mask[0].tolist() == [True] * 20 + [False] * 10
+    assert not mean.mask[2].any()  # no garment of the third type
+
+
+def test_nearest_row_is_of_the_same_type_and_of_the_training_set(data):
+    _, _, garment, cvar, train = data
+    cvar = cvar.copy()
+    cvar[35] = cvar[3] + 1e-3
+    cvar[36] = cvar[3] + 1e-3  # as near, but of the other type
+    cvar[37] = cvar[35]  # nearer, but not of the training set
+    found = nearest_rows(cvar, garment, train, [35, 36])
+    assert found[0] == 3
+    assert found[1] != 3
+    assert garment[found].tolist() == garment[[35, 36]].tolist()
+
+
+def test_every_variable_counts_alike_whatever_its_unit(data):
+    _, _, garment, cvar, train = data
+    units = np.geomspace(1e-3, 1e3, 13).astype(np.float32)
+    rows = np.arange(30, 40)
+    np.testing.assert_array_equal(
+        nearest_rows(cvar * units, garment, train, rows), nearest_rows(cvar, garment, train, rows)
+    )
+
+
+def test_a_type_that_was_never_seen_gets_the_nearest_of_any(data):
+    _, _, garment, cvar, train = data
+    garment = garment.copy()
+    garment[35] = 5
+    assert nearest_rows(cvar, garment, train, [35])[0] in train
+
+
+def test_pca_equals_the_singular_value_decomposition(data):
+    offsets, mask, _, _, train = data
+    pca = fit_pca(offsets, mask, train, components=4)
+    flat = offsets[train].reshape(len(train), -1)
+    _, values, axes = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
+    assert pca.explained == pytest.approx((values[:4] ** 2).sum() / (values**2).sum(), rel=1e-4)
+    np.testing.assert_allclose(np.abs((pca.axes * axes[:4]).sum(1)), 1, atol=1e-3)
+    code = axes[:4] @ (offsets[35].ravel() - flat.mean(0))
+    expected = (flat.mean(0) + code @ axes[:4]).reshape(-1, 3)
+    np.testing.assert_allclose(pca.rebuild(offsets[35])[0], expected, atol=1e-4)
+
+
+def test_pca_gives_back_what_lies_in_its_span_mask_included(data):
+    offsets, mask, _, _, train = data
+    pca = fit_pca(offsets, mask, train, components=128)  # far more than there are
+    assert len(pca.axes) <= 29
+    rebuilt, covered = pca.rebuild(offsets[35])
+    np.testing.assert_allclose(rebuilt, offsets[35], atol=1e-4)  # rank 6 in all
+    np.testing.assert_array_equal(pca.rebuild(offsets[3])[1], mask[3])
+    assert covered.dtype == bool
+
+
+def test_no_baseline_learns_from_what_it_is_tested_on(data):
+    offsets, mask, garment, cvar, train = data
+    spoilt = offsets.copy()
+    spoilt[30:] += 100
+    names = ("mean_garment", "nearest_cvar")
+    results = [
+        static_baselines(o, mask, garment, cvar, train, types=2, components=5)
+        for o in (offsets, spoilt)
+    ]
+    for name in names:
+        np.testing.assert_array_equal(results[0][name](33)[0], results[1][name](33)[0])
+    spoilt[33] = offsets[33]  # PCA may see the one that it rebuilds
+    np.testing.assert_array_equal(results[0]["pca"](33)[0], results[1]["pca"](33)[0])
