@@ -1,0 +1,239 @@
+"""Figures 7 to 10 of the CLOTH3D paper for our models: errors, codes, transitions, wrinkles."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from drapeline.mesh import Mesh
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.report.camera import Camera, look_at
+from drapeline.report.studio import Painted, studio_picture
+from drapeline.report.style import SERIES, saved_figure
+from drapeline.report.tsne import tsne
+from drapeline.storage import whole_file
+
+GARMENT_COLOURS = dict(zip(GARMENTS, SERIES, strict=True))
+HEAT_SPAN_MM = 50.0
+_HEAT = matplotlib.colormaps["viridis"]
+_HEAT_LEVELS = 40
+_SKIN = (0.83, 0.69, 0.6)
+_DISTANCE_M = 7.0
+_SEEN_HEIGHT_M = 2.1
+_TURN_DEG = 24.0  # the camera stands this far to the side of where the body faces
+_RISE = 0.12
+_INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
+_COLOURS = 128
+_CODES_MAX = 1500  # points of the t-SNE, whose time grows with their square
+
+
+@dataclass(frozen=True)
+class View:
+    """One picture of a garment.
+
+    Attributes:
+        garment: in the frame of the body, Z up; None draws the body alone.
+        body: its wearer, or None.
+        colour: sRGB of the garment in 0-1.
+        error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
+        floor_z: height of the floor in the garment's frame.
+        front: (2,) horizontal direction that the wearer faces.
+    """
+
+    garment: Mesh | None
+    body: Mesh | None
+    colour: Sequence[float] = (0.45, 0.6, 0.8)
+    error_mm: np.ndarray | None = None
+    floor_z: float = -0.95
+    front: tuple[float, float] = (0.0, -1.0)
+
+
+def view_picture(
+    view: View, *, size: tuple[int, int] = (240, 250), samples: int = 14
+) -> np.ndarray:
+    """(height, width, 3) uint8 studio picture; the same scale for all views of one size."""
+    lift = np.array([0.0, 0.0, -view.floor_z])
+    parts = []
+    if view.body is not None:
+        parts.append(Painted(view.body.vertices + lift, view.body.faces, _SKIN))
+    if view.garment is not None and len(view.garment.faces):
+        vertices, faces = view.garment.vertices + lift, view.garment.faces
+        if view.error_mm is None:
+            parts.append(Painted(vertices, faces, view.colour))
+        else:
+            parts += _heat_parts(vertices, faces, view.error_mm)
+    if not parts:
+        return np.full((size[1], size[0], 3), 237, dtype=np.uint8)
+    camera = _camera(parts, view.front, size)
+    target = camera.position + _DISTANCE_M * camera.axes[2]
+    return studio_picture(parts, camera, floor_centre=target[:2], samples=samples)
+
+
+def _camera(parts: Sequence[Painted], front: Sequence[float], size: tuple[int, int]) -> Camera:
+    points = np.concatenate([part.vertices for part in parts])
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    angle = np.arctan2(front[1], front[0]) + np.radians(_TURN_DEG)
+    direction = np.array([np.cos(angle), np.sin(angle), _RISE])
+    direction /= np.linalg.norm(direction)
+    target = np.array([middle[0], middle[1], 0.95])
+    return look_at(
+        target + _DISTANCE_M * direction,
+        target,
+        focal_px=size[1] * _DISTANCE_M / _SEEN_HEIGHT_M,
+        size=size,
+    )
+
+
+def heat_colour(error_mm: np.ndarray | float) -> np.ndarray:
+    """(..., 3) sRGB in 0-1: dark blue for no error, yellow for `HEAT_SPAN_MM` or more."""
+    share = np.clip(np.asarray(error_mm) / HEAT_SPAN_MM, 0, 1)
+    return np.asarray(_HEAT(share))[..., :3]
+
+
+def _heat_parts(vertices: np.ndarray, faces: np.ndarray, error_mm: np.ndarray) -> list[Painted]:
+    """Bands of faces with similar errors, for the studio paints a mesh in one colour."""
+    share = np.clip(error_mm[faces].mean(axis=1) / HEAT_SPAN_MM, 0, 1)
+    level = np.minimum((share * _HEAT_LEVELS).astype(int), _HEAT_LEVELS - 1)
+    return [
+        Painted(vertices, faces[level == k], heat_colour(HEAT_SPAN_MM * (k + 0.5) / _HEAT_LEVELS))
+        for k in np.unique(level)
+    ]
+
+
+def grid_sheet(
+    path: str | Path,
+    rows: Sequence[Sequence[np.ndarray]],
+    *,
+    columns: Sequence[str] = (),
+    labels: Sequence[str] = (),
+    heat: bool = False,
+    letter: int = 15,
+    gap: int = 6,
+) -> None:
+    """Write a PNG of pictures in rows, with titles above and labels to the left.
+
+    Args:
+        path: the PNG.
+        rows: of pictures (H, W, 3) uint8, all of one size; rows may be shorter than others.
+        columns: titles above them.
+        labels: of the rows; a newline breaks the line.
+        heat: add the colour bar of `heat_colour` below.
+        letter: height of the letters in pixels.
+        gap: between pictures.
+    """
+    font = ImageFont.load_default(letter)
+    height, width = rows[0][0].shape[:2]
+    lines = [line for label in labels for line in label.splitlines()]
+    left = gap + (round(max(map(font.getlength, lines))) + 2 * gap if lines else 0)
+    top = gap + (round(1.6 * letter) if columns else 0)
+    bar = round(4.2 * letter) if heat else 0
+    count = max(map(len, rows))
+    sheet = Image.new(
+        "RGB", (left + count * (width + gap), top + len(rows) * (height + gap) + bar), _PAPER
+    )
+    draw = ImageDraw.Draw(sheet)
+    for column, title in enumerate(columns):
+        draw.text((left + column * (width + gap) + 2, gap), title, _INK, font=font)
+    for row, pictures in enumerate(rows):
+        y = top + row * (height + gap)
+        for column, picture in enumerate(pictures):
+            sheet.paste(Image.fromarray(picture), (left + column * (width + gap), y))
+        if row < len(labels):
+            draw.multiline_text((gap, y + 0.4 * height), labels[row], _INK, font=font)
+    if heat:
+        _draw_heat_bar(sheet, draw, left, sheet.height - bar + gap, font)
+    with whole_file(path) as scratch:
+        sheet.save(scratch, format="PNG", optimize=True)
+
+
+def _draw_heat_bar(
+    sheet: Image.Image,
+    draw: ImageDraw.ImageDraw,
+    left: int,
+    top: int,
+    font: ImageFont.ImageFont,
+) -> None:
+    width, thick = min(420, sheet.width - left - 70), 16
+    colours = heat_colour(np.linspace(0, HEAT_SPAN_MM, width))
+    bar = np.repeat(np.round(255 * colours).astype(np.uint8)[None], thick, axis=0)
+    sheet.paste(Image.fromarray(bar), (left, top))
+    for share in (0, 0.2, 0.4, 0.6, 0.8, 1):
+        text = f"{share * HEAT_SPAN_MM:.0f}" + (" mm or more" if share == 1 else "")
+        x = left + share * (width - 1)
+        draw.line((x, top + thick, x, top + thick + 4), fill=_QUIET)
+        start = x if share == 1 else x - font.getlength(text) / 2
+        draw.text((max(left, start), top + thick + 6), text, _INK, font=font)
+
+
+def save_moving(path: str | Path, pictures: Sequence[np.ndarray], frame_ms: int) -> None:
+    """Write an animated PNG of pictures (H, W, 3) that runs to and fro for ever."""
+    # One palette for all: with one each, the colours would flicker.
+    sheet = Image.fromarray(np.concatenate(pictures[:: max(1, len(pictures) // 6)]))
+    palette = sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
+    images = [
+        Image.fromarray(p).quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures
+    ]
+    images += images[-2:0:-1]
+    with whole_file(path) as scratch:
+        images[0].save(
+            scratch,
+            format="PNG",
+            save_all=True,
+            append_images=images[1:],
+            duration=frame_ms,
+            loop=0,
+            optimize=True,
+        )
+
+
+def plot_codes(
+    path: str | Path, codes: np.ndarray, garments: Sequence[str], splits: Sequence[str]
+) -> None:
+    """Figure 8: the codes of garments in the plane, coloured by type; held-out ones are ringed.
+
+    Args:
+        path: the figure.
+        codes: (N, Z) means of the codes; of more than 1500, evenly spaced ones are drawn.
+        garments, splits: (N,) type and split of each.
+    """
+    chosen = np.linspace(0, len(codes) - 1, min(len(codes), _CODES_MAX)).astype(int)
+    place = tsne(np.asarray(codes, dtype=np.float64)[chosen])
+    garments, splits = np.asarray(garments)[chosen], np.asarray(splits)[chosen]
+    with saved_figure(path, 6.4, 5.6) as (_, (axes,)):
+        for name, colour in GARMENT_COLOURS.items():
+            for held_out in (False, True):
+                here = (garments == name) & ((splits != "train") == held_out)
+                if here.any():
+                    axes.scatter(
+                        *place[here].T,
+                        s=22 if held_out else 11,
+                        color=colour,
+                        edgecolor="#222222" if held_out else "none",
+                        linewidth=0.7,
+                        label=None if held_out else name,
+                    )
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[:].set_visible(False)
+        axes.set_aspect("equal")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, markerscale=1.6)
+
+
+def plot_walk(
+    path: str | Path, rows: Mapping[str, Sequence[View]], *, columns: Sequence[str] = ()
+) -> None:
+    """Figures 9 and 10: rows of views, each under the name of what changes along it."""
+    grid_sheet(
+        path,
+        [[view_picture(view) for view in views] for views in rows.values()],
+        labels=list(rows),
+        columns=columns,
+    )
+
+
+def animate_walk(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
+    """A transition as a moving picture."""
+    save_moving(path, [view_picture(v, size=(240, 260), samples=10) for v in views], frame_ms)
