@@ -1,0 +1,148 @@
+"""Training that survives being killed: a Lightning trainer, its checkpoints and its history."""
+
+import ctypes
+import shutil
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as lightning
+import torch
+from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
+
+from drapeline.rule_log import LOGGER
+from drapeline.storage import read_json, whole_file, whole_folder, write_json
+
+LAST, BEST, HISTORY, SETTINGS = "last.ckpt", "best.ckpt", "history.tsv", "settings.json"
+
+
+class History(lightning.Callback):
+    """A row per epoch, in the checkpoint so that a resumed training keeps the earlier ones."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.rows = path, []
+        self._started = time.perf_counter()
+
+    def on_train_epoch_start(self, *_: Any) -> None:
+        """Start the clock."""
+        self._started = time.perf_counter()
+
+    def on_train_epoch_end(self, trainer: lightning.Trainer, _: Any) -> None:
+        """Write the epoch's row, and a line of it into the log."""
+        values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
+        seconds = time.perf_counter() - self._started
+        self.rows.append({"epoch": trainer.current_epoch, "seconds": round(seconds, 3), **values})
+        if trainer.is_global_zero:
+            self._write()
+        LOGGER.info(
+            "epoch %d of %d, %.1f s: %s",
+            trainer.current_epoch + 1,
+            trainer.max_epochs,
+            seconds,
+            ", ".join(f"{key} {value:.4g}" for key, value in values.items()),
+        )
+
+    def _write(self) -> None:
+        with whole_file(self.path) as scratch:
+            lines = ["\t".join(self.rows[0])]
+            lines += ["\t".join(f"{value:.7g}" for value in row.values()) for row in self.rows]
+            scratch.write_text("\n".join(lines) + "\n")
+
+    def state_dict(self) -> dict[str, Any]:
+        """For the checkpoint."""
+        return {"rows": self.rows}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """From the checkpoint."""
+        self.rows = list(state["rows"])
+
+
+def fit(
+    module: lightning.LightningModule,
+    data: lightning.LightningDataModule,
+    folder: str | Path,
+    *,
+    progress: str | Path,
+    epochs: int,
+    monitor: str,
+    settings: Mapping[str, Any],
+    trainer: Mapping[str, Any],
+    threads: int,
+) -> None:
+    """Train, or go on with a training that was stopped, and leave the finished folder.
+
+    Args:
+        module, data: what is trained on what.
+        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv` and `settings.json`.
+        progress: folder of a training under way; taken up again if its settings are `settings`.
+        epochs: of training.
+        monitor: logged value whose least epoch is the best one.
+        settings: all that the result depends on, as JSON values.
+        trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
+        threads: of the processor.
+    """
+    keep_freed_memory()
+    torch.set_num_threads(threads)
+    progress = Path(progress)
+    if progress.exists() and not _same_settings(progress / SETTINGS, settings):
+        shutil.rmtree(progress)
+    progress.mkdir(parents=True, exist_ok=True)
+    write_json(progress / SETTINGS, settings)
+    last = progress / LAST
+    if last.exists():
+        LOGGER.info("going on from %s", last)
+    _trainer(progress, epochs, monitor, trainer).fit(
+        module, datamodule=data, ckpt_path=last if last.exists() else None, weights_only=True
+    )
+    with whole_folder(folder) as scratch:
+        for name in (LAST, BEST, HISTORY, SETTINGS):
+            shutil.copyfile(progress / name, scratch / name)
+    shutil.rmtree(progress)
+
+
+def _same_settings(path: Path, settings: Mapping[str, Any]) -> bool:
+    return path.exists() and read_json(path) == settings
+
+
+def _trainer(
+    progress: Path, epochs: int, monitor: str, options: Mapping[str, Any]
+) -> lightning.Trainer:
+    terminal = sys.stderr.isatty()
+    checkpoint = ModelCheckpoint(
+        progress,
+        filename=Path(BEST).stem,
+        monitor=monitor,
+        save_last=True,
+        enable_version_counter=False,
+        save_on_train_epoch_end=True,
+    )
+    callbacks = [History(progress / HISTORY), checkpoint]
+    return lightning.Trainer(
+        max_epochs=epochs,
+        callbacks=callbacks + [TQDMProgressBar()] * terminal,
+        logger=False,
+        enable_progress_bar=terminal,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        log_every_n_steps=1,
+        **options,
+    )
+
+
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
+
+
+def keep_freed_memory() -> None:
+    """Tell glibc to keep large freed blocks; a third of a training step can be page faults.
+
+    Does nothing where the C library has no `mallopt`.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    library = ctypes.CDLL(None)
+    if hasattr(library, "mallopt"):
+        library.mallopt(_MMAP_THRESHOLD, 1 << 30)
+        library.mallopt(_TRIM_THRESHOLD, (1 << 31) - 1)
+        library.mallopt(_TOP_PAD, 256 << 20)

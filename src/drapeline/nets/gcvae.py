@@ -1,0 +1,188 @@
+"""Encoder Psi and decoder Phi of the graph-convolutional conditional VAE (CLOTH3D 4.2).
+
+A batch may hold both topologies. It comes as one tensor per topology; weights are shared, graphs
+and pooling tables are not, and between encoder and decoder, where nodes no longer matter, all
+samples are rows of one matrix.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import nn
+
+from drapeline.nets.chebyshev import ChebConv, UnpoolConv, linear
+from drapeline.nets.domain import TOPOLOGIES, Domain
+from drapeline.nets.graph import MeshGraph
+
+
+@dataclass(frozen=True)
+class GcvaeNetwork:
+    """Sizes of the networks; CLOTH3D gives latent, order and levels, the widths are ours.
+
+    Attributes:
+        widths: features per node at each level, finest first.
+        scale: factor on the widths of all levels but the finest; the DVAE doubles.
+        features: width of the first fully connected layer of the encoder.
+        latent: size of z.
+        condition: size of cvar^z.
+        order: K, the Chebyshev order; 1 means two terms.
+    """
+
+    widths: tuple[int, ...] = (16, 32, 64, 64, 128, 128)
+    scale: int = 1
+    features: int = 256
+    latent: int = 128
+    condition: int = 32
+    order: int = 1
+
+    @property
+    def level_widths(self) -> list[int]:
+        """Features per node after scaling: the first and last layers keep theirs."""
+        return [self.widths[0], *(self.scale * width for width in self.widths[1:])]
+
+
+class Code(NamedTuple):
+    """What the encoder makes of (B,) samples.
+
+    Attributes:
+        mean, log_variance: (B, latent) of q(z | X, cvar).
+        condition: (B, condition) cvar^z as regressed from the input.
+    """
+
+    mean: torch.Tensor
+    log_variance: torch.Tensor
+    condition: torch.Tensor
+
+
+class Residual(nn.Module):
+    """A convolution, and one whose output is added to its input."""
+
+    def __init__(self, first: nn.Module, width: int, order: int, rng: torch.Generator) -> None:
+        super().__init__()
+        self.first = first
+        self.second = ChebConv(width, width, order, rng)
+
+    def forward(self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module) -> torch.Tensor:
+        """(n, B, F) -> (N, B, width); `operator` is what the first convolution needs."""
+        x = torch.relu_(self.first(x, operator))
+        return torch.relu_(self.second(x, laplacian).add_(x))
+
+
+class Encoder(nn.Module):
+    """{cvar^z, z} = Psi(X, T): residual levels, max pooling to one node per segment, two heads."""
+
+    def __init__(self, inputs: int, nodes: int, size: GcvaeNetwork, rng: torch.Generator) -> None:
+        super().__init__()
+        widths = size.level_widths
+        self.levels = nn.ModuleList(
+            Residual(ChebConv(a, b, size.order, rng), b, size.order, rng)
+            for a, b in zip([inputs, *widths], widths, strict=False)
+        )
+        self.features = linear(nodes * widths[-1], size.features, rng)
+        self.condition = nn.Sequential(
+            linear(size.features, size.features // 2, rng),
+            nn.ReLU(),
+            linear(size.features // 2, size.condition, rng),
+        )
+        self.code = linear(size.features, 2 * size.latent, rng)
+        with torch.no_grad():  # begin near the prior's mean with small variance
+            self.code.weight.mul_(0.1)
+            self.code.bias[size.latent :].fill_(-4)
+
+    def forward(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> Code:
+        """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
+        rows = torch.cat([self._pooled(graphs[name], x) for name, x in inputs.items()])
+        features = torch.relu(self.features(rows))
+        mean, log_variance = self.code(features).chunk(2, dim=1)
+        return Code(mean, log_variance, self.condition(features))
+
+    def _pooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
+        for level, block in enumerate(self.levels):
+            laplacian = graph.laplacians[level]
+            x = block(x, laplacian, laplacian)
+            if level < len(graph.pools):
+                x = graph.pools[level](x)
+        return x.transpose(0, 1).flatten(1)  # (B, nodes * width)
+
+
+class Decoder(nn.Module):
+    """Phi(z, cvar^z): fully connected to one node per segment, then copy unpooling and levels.
+
+    Its skip connections lie inside its levels and none comes from the encoder, so z and cvar are
+    all it needs.
+
+    Args:
+        outputs: 3 offset channels, and one more for the mask's logit.
+    """
+
+    def __init__(self, outputs: int, nodes: int, size: GcvaeNetwork, rng: torch.Generator) -> None:
+        super().__init__()
+        widths = size.level_widths
+        self.nodes = nodes
+        self.features = linear(size.latent + size.condition, size.features, rng)
+        self.spread = linear(size.features, nodes * widths[-1], rng)
+        self.coarsest = ChebConv(widths[-1], widths[-1], size.order, rng)
+        self.levels = nn.ModuleList(
+            Residual(UnpoolConv(a, b, size.order, rng), b, size.order, rng)
+            for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
+        )
+        # The two branches: both are linear in the last features, so one product serves both.
+        self.branches = ChebConv(widths[0], outputs, size.order, rng)
+        with torch.no_grad():
+            self.branches.weight.mul_(0.1)
+
+    def forward(
+        self, graphs: nn.ModuleDict, code: torch.Tensor, counts: Mapping[str, int]
+    ) -> dict[str, torch.Tensor]:
+        """(B, latent + condition), `counts` rows per topology, to topology -> (V, B_t, outputs)."""
+        rows = torch.relu(self.spread(torch.relu(self.features(code))))
+        rows = rows.view(len(rows), self.nodes, -1).transpose(0, 1).contiguous()  # (nodes, B, F)
+        parts = rows.split(list(counts.values()), dim=1)
+        return {
+            name: self._unpooled(graphs[name], part.contiguous())
+            for name, part in zip(counts, parts, strict=True)
+        }
+
+    def _unpooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
+        x = torch.relu(self.coarsest(x, graph.laplacians[-1]) + x)
+        for level, block in zip(range(len(self.levels) - 1, -1, -1), self.levels, strict=True):
+            x = block(x, graph.unpools[level], graph.laplacians[level])
+        return self.branches(x, graph.laplacians[0])
+
+
+class Gcvae(nn.Module):
+    """Encoder and decoder on the graphs of both topologies.
+
+    Args:
+        domain: gives the graphs.
+        size: of the layers.
+        inputs: channels per vertex of the encoder.
+        mask: whether the decoder has a mask branch.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, domain: Domain, size: GcvaeNetwork, *, inputs: int, mask: bool, rng: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.graphs = nn.ModuleDict(
+            {
+                name: MeshGraph(domain.edges[name], domain.parents[name], size.order)
+                for name in TOPOLOGIES
+            }
+        )
+        nodes = self.graphs[TOPOLOGIES[0]].counts[-1]
+        self.encoder = Encoder(inputs, nodes, size, rng)
+        self.decoder = Decoder(3 + mask, nodes, size, rng)
+
+    def encode(self, inputs: Mapping[str, torch.Tensor]) -> Code:
+        """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
+        return self.encoder(self.graphs, inputs)
+
+    def decode(
+        self, z: torch.Tensor, condition: torch.Tensor, counts: Mapping[str, int]
+    ) -> dict[str, torch.Tensor]:
+        """Topology -> (V, B_t, 3 or 4): normalised offsets, and the mask's logit if it has one."""
+        return self.decoder(self.graphs, torch.cat([z, condition], 1), counts)

@@ -1,0 +1,384 @@
+"""Lightning modules: the static and the dynamic garment VAE, their losses and their schedules."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytorch_lightning as lightning
+import torch
+
+from drapeline.errors import InputError
+from drapeline.nets.conditioning import ConditioningAutoencoder
+from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
+from drapeline.nets.gcvae import Code, Gcvae, GcvaeNetwork
+from drapeline.nets.gcvae_data import Batch
+from drapeline.nets.gcvae_loss import (
+    GcvaeLoss,
+    kl_nats,
+    mask_sums,
+    normal_sums,
+    offset_sums,
+)
+from drapeline.nets.mesh_normals import FaceNormals
+from drapeline.seeding import rng_for
+
+
+@dataclass(frozen=True)
+class GcvaeTraining:
+    """How a garment VAE is trained; numbers as printed in CLOTH3D where it prints any.
+
+    Attributes:
+        epochs: passes over the training rows; schedules are in shares of it.
+        batch: samples per step.
+        learning_rate: of Adam.
+        schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
+        normal_parts: each step takes the normals of one of so many parts of all faces.
+        mask: whether the decoder predicts the mask.
+        seed: of weights, order and noise.
+    """
+
+    epochs: int = 100
+    batch: int = 32
+    learning_rate: float = 1e-3
+    schedule: str = "constant"
+    normal_parts: int = 4
+    mask: bool = True
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class VaeSettings:
+    """All that a garment VAE is built from besides its domain."""
+
+    network: GcvaeNetwork = field(default_factory=GcvaeNetwork)
+    loss: GcvaeLoss = field(default_factory=GcvaeLoss)
+    training: GcvaeTraining = field(default_factory=GcvaeTraining)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Mapping[str, Any]]) -> "VaeSettings":
+        """From nested mappings as they stand in a config or a checkpoint."""
+        network = {k: tuple(v) if k == "widths" else v for k, v in values["network"].items()}
+        return cls(
+            GcvaeNetwork(**network),
+            GcvaeLoss(**values["loss"]),
+            GcvaeTraining(**values["training"]),
+        )
+
+
+class Part(NamedTuple):
+    """The samples of a batch that share a topology, in coordinate planes.
+
+    Attributes:
+        rows: (B_t,) their places in the batch.
+        offsets: (V, 3, B_t) metres.
+        mask: (V, B_t) bool.
+        base: (V, 3, B_t) metres, what the offsets are added to.
+        inputs: (V, C, B_t) normalised encoder input.
+        target: (V, 3, B_t) normalised offsets.
+    """
+
+    rows: torch.Tensor
+    offsets: torch.Tensor
+    mask: torch.Tensor
+    base: torch.Tensor
+    inputs: torch.Tensor
+    target: torch.Tensor
+
+
+class GarmentVae(lightning.LightningModule):
+    """What SVAE and DVAE share: network, loss, schedules and metrics.
+
+    Args:
+        settings: sizes, loss and training.
+        domain: graphs, faces, statistics and rest bodies.
+        inputs: encoder channels per vertex.
+    """
+
+    kind = ""
+
+    def __init__(self, settings: VaeSettings, domain: Domain, *, inputs: int) -> None:
+        super().__init__()
+        self.settings, self.domain = settings, domain
+        seed, size = settings.training.seed, settings.network
+        rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
+        self.conditioning = ConditioningAutoencoder(
+            len(domain.cvar_mean),
+            2 * size.condition,
+            size.condition,
+            mean=torch.from_numpy(domain.cvar_mean),
+            std=torch.from_numpy(domain.cvar_std),
+            rng=rng,
+        ).requires_grad_(False)
+        self.network = Gcvae(domain, size, inputs=inputs, mask=settings.training.mask, rng=rng)
+        self.normals = torch.nn.ModuleDict(
+            {
+                name: FaceNormals(
+                    domain.faces[name],
+                    len(domain.offset_mean),
+                    parts=settings.training.normal_parts,
+                    rng=rng_for(seed, "faces", name),
+                )
+                for name in TOPOLOGIES
+            }
+        )
+        for name in ("offset_mean", "offset_std", "body_mean", "body_std", "body_basis"):
+            table = torch.from_numpy(np.asarray(getattr(domain, name), dtype=np.float32))
+            self.register_buffer(name, table, persistent=False)
+
+    # ---- what SVAE and DVAE do differently
+
+    def base_and_inputs(
+        self, batch: Batch, rows: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """What offsets are added to, and what the encoder sees besides them: (V, 3, B_t) each."""
+        raise NotImplementedError
+
+    # ---- from batches to parts and back
+
+    def parts(self, batch: Batch) -> dict[str, Part]:
+        """The batch by topology; a topology without samples is left out."""
+        parts = {}
+        for code, name in enumerate(TOPOLOGIES):
+            rows = torch.nonzero(batch["topology"] == code)[:, 0]
+            if len(rows) == 0:
+                continue
+            offsets = planes(batch["offsets"][rows])
+            base, inputs = self.base_and_inputs(batch, rows)
+            target = (offsets - self.offset_mean[..., None]) / self.offset_std[..., None]
+            parts[name] = Part(
+                rows=rows,
+                offsets=offsets,
+                mask=batch["mask"][rows].T,
+                base=base,
+                inputs=torch.cat([target, *inputs], 1),
+                target=target,
+            )
+        return parts
+
+    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+        """Codes in the order of the parts."""
+        return self.network.encode(
+            {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
+        )
+
+    def decode_parts(
+        self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
+    ) -> dict[str, torch.Tensor]:
+        """Topology -> (V, 3 or 4, B_t) normalised offsets and mask logit."""
+        out = self.network.decode(z, self.conditioning(cvar), counts)
+        return {name: x.transpose(1, 2).contiguous() for name, x in out.items()}
+
+    @torch.no_grad()
+    def encode(self, batch: Batch) -> Code:
+        """Codes of the samples of a batch, in its order."""
+        parts = self.parts(batch)
+        code = self.encode_parts(parts)
+        order = torch.argsort(torch.cat([part.rows for part in parts.values()]))
+        return Code(*(x[order] for x in code))
+
+    def decode(
+        self, z: torch.Tensor, cvar: torch.Tensor, topology: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor | None]:
+        """Garments of codes; nothing of an input garment is needed.
+
+        Args:
+            z: (B, latent).
+            cvar: (B, C) conditions.
+            topology: (B,) codes of `TOPOLOGIES`.
+
+        Returns:
+            Offsets (B, V, 3) in metres, and the mask's probability (B, V) or None without a mask
+            branch.
+        """
+        rows = {name: torch.nonzero(topology == code)[:, 0] for code, name in enumerate(TOPOLOGIES)}
+        rows = {name: part for name, part in rows.items() if len(part)}
+        order = torch.cat(list(rows.values()))
+        counts = {name: len(part) for name, part in rows.items()}
+        parts = self.decode_parts(z[order], cvar[order], counts)
+        out = torch.cat(list(parts.values()), 2)[..., torch.argsort(order)]
+        offsets = self.metres(out[:, :3]).permute(2, 0, 1)
+        return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
+
+    def metres(self, normalised: torch.Tensor) -> torch.Tensor:
+        """(V, 3, B) normalised offsets -> metres."""
+        return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
+
+    # ---- training
+
+    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+        """Loss of equation 3 for one batch."""
+        parts = self.parts(batch)
+        order = torch.cat([part.rows for part in parts.values()])
+        cvar = batch["cvar"][order]
+        code = self.encode_parts(parts)
+        z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
+        out = self.decode_parts(z, cvar, {name: len(p.rows) for name, p in parts.items()})
+        weights, share = self.settings.loss, self.share_done()
+        terms = self.garment_terms(parts, out, self.global_step % len(self.normals["body"].edges))
+        terms["condition"] = (code.condition - self.conditioning(cvar)).abs().mean()
+        terms["kl"] = kl_nats(code.mean, code.log_variance).mean() / code.mean.shape[1]
+        loss = (
+            terms["offsets"]
+            + weights.normals * terms["normals"]
+            + weights.mask * terms["mask"]
+            + weights.condition * terms["condition"]
+            + weights.kl_weight(share) * terms["kl"]
+        )
+        if not torch.isfinite(loss):
+            values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
+            raise InputError(
+                f"training stopped in epoch {self.current_epoch}, step {self.global_step}: the loss"
+                f" is {float(loss.detach())} ({values}) for samples {', '.join(batch['names'])};"
+                " expected a finite loss"
+            )
+        self._log("train", {"loss": loss, **terms}, len(order))
+        return loss
+
+    def garment_terms(
+        self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor], faces: int
+    ) -> dict[str, torch.Tensor]:
+        """Offsets, normals and mask terms of equation 4, over all topologies together."""
+        weights = self.settings.loss
+        sums = {key: out[next(iter(out))].new_zeros(2) for key in ("offsets", "normals", "mask")}
+        for name, part in parts.items():
+            x = out[name]
+            inside = part.mask if weights.offsets_within == "mask" else None
+            sums["offsets"] = sums["offsets"] + offset_sums(x[:, :3], part.target, inside)
+            if weights.normals:
+                normals = self.normals[name]
+                true = normals(part.base + part.offsets, faces)
+                made = normals(part.base + self.metres(x[:, :3]), faces)
+                among = normals.mask(part.mask, faces)
+                sums["normals"] = sums["normals"] + normal_sums(made, true, among)
+            if x.shape[1] > 3:
+                sums["mask"] = sums["mask"] + mask_sums(x[:, 3], part.mask, weights.mask_form)
+        return {key: total / count.clamp_min(1) for key, (total, count) in sums.items()}
+
+    def validation_step(self, batch: Batch, _: int) -> None:
+        """L_o + 0.1 KL, by which the best weights are chosen, and metrics; all at the mean code."""
+        parts = self.parts(batch)
+        order = torch.cat([part.rows for part in parts.values()])
+        code = self.encode_parts(parts)
+        counts = {name: len(part.rows) for name, part in parts.items()}
+        out = self.decode_parts(code.mean, batch["cvar"][order], counts)
+        nats = kl_nats(code.mean, code.log_variance).mean()
+        offsets = self.garment_terms(parts, out, 0)["offsets"]
+        values = {
+            "selection": offsets + 0.1 * nats / code.mean.shape[1],
+            "offsets": offsets,
+            "kl_nats": nats,
+            **self._metrics(parts, out),
+        }
+        self._log("val", values, len(order))
+
+    def _metrics(
+        self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor]
+    ) -> dict[str, torch.Tensor]:
+        """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
+        errors, overlaps = [], []
+        for name, part in parts.items():
+            distance = (self.metres(out[name][:, :3]) - part.offsets).norm(dim=1)
+            errors.append((distance * part.mask).sum(0) / part.mask.sum(0).clamp_min(1))
+            if out[name].shape[1] > 3:
+                made = out[name][:, 3] > 0
+                overlaps.append((made & part.mask).sum(0) / (made | part.mask).sum(0).clamp_min(1))
+        values = {"surface_error_mm": 1000 * torch.cat(errors).mean()}
+        if overlaps:
+            values["mask_iou"] = torch.cat(overlaps).mean()
+        return values
+
+    def _log(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
+        named = {f"{stage}_{key}": value for key, value in values.items()}
+        self.log_dict(
+            named, on_step=False, on_epoch=True, batch_size=count, sync_dist=stage == "val"
+        )
+
+    def _noise(self, like: torch.Tensor) -> torch.Tensor:
+        """Standard normal numbers of seed, step and rank alone, so that a resume draws the same."""
+        names = ("noise", self.global_step, self.global_rank)
+        rng = rng_for(self.settings.training.seed, *names)
+        return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
+
+    def share_done(self) -> float:
+        """Share of all epochs that is done."""
+        return self.current_epoch / self.settings.training.epochs
+
+    def on_train_batch_start(self, batch: Batch, index: int) -> None:
+        """Set the learning rate from the step alone."""
+        steps = self.trainer.estimated_stepping_batches
+        rate = learning_rate(self.settings.training, self.global_step / steps)
+        for group in self.optimizers().param_groups:
+            group["lr"] = rate
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Adam, as printed."""
+        trained = [p for p in self.parameters() if p.requires_grad]
+        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Put in all that is needed to build the network again."""
+        checkpoint["drapeline"] = {
+            "kind": self.kind,
+            "settings": plain(asdict(self.settings)),
+            "domain": self.domain.tensors(),
+        }
+
+
+_WARM_SHARE = 0.1
+
+
+def learning_rate(training: GcvaeTraining, share: float) -> float:
+    """Learning rate once `share` (0 to 1) of all steps is done."""
+    if training.schedule == "constant":
+        return training.learning_rate
+    if share < _WARM_SHARE:
+        return training.learning_rate * (0.1 + 0.9 * share / _WARM_SHARE)
+    fall = (share - _WARM_SHARE) / (1 - _WARM_SHARE)
+    return training.learning_rate * 0.5 * (1 + float(np.cos(np.pi * fall)))
+
+
+def planes(x: torch.Tensor) -> torch.Tensor:
+    """(B, V, C) -> (V, C, B), contiguous."""
+    return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
+
+
+def plain(value: Any) -> Any:
+    """Tuples as lists, so that a checkpoint holds nothing but plain values."""
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, tuple | list) else value
+
+
+class StaticVae(GarmentVae):
+    """SVAE: garments in rest pose, conditioned on shape, gender and tightness."""
+
+    kind = "static"
+
+    def __init__(self, settings: VaeSettings, domain: Domain) -> None:
+        super().__init__(settings, domain, inputs=6)
+
+    def base_and_inputs(
+        self, batch: Batch, rows: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """Offsets are added to the rest body T, which the encoder sees too."""
+        body = self.bodies(batch["cvar"][rows])
+        return body, [(body - self.body_mean[..., None]) / self.body_std[..., None]]
+
+    def bodies(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) conditions -> (V, 3, B) rest bodies."""
+        return rest_bodies(self.body_basis, cvar)
+
+
+class DynamicVae(GarmentVae):
+    """DVAE: garments in motion, conditioned on pose and on the garment's static code as well.
+
+    The mask is the static garment's, so there is no mask branch. In the "posed" version offsets
+    are added to the posed body, which is the encoder's second input; in the "unposed" version they
+    are added to the static garment C_s, and the rest body T is a third input.
+    """
+
+    kind = "dynamic"
+
+    def __init__(self, settings: VaeSettings, domain: Domain) -> None:
+        super().__init__(settings, domain, inputs=6)
