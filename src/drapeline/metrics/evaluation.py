@@ -2,10 +2,16 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from drapeline.metrics.baselines import static_baselines
 from drapeline.metrics.garment_metrics import garment_measures, garment_mesh, shape_measures
+from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
 
 # Offsets (V, 3) in metres, and mask (V,) or None from a model that predicts none.
 Prediction = tuple[np.ndarray, np.ndarray | None]
@@ -66,3 +72,81 @@ def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
 def with_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict[str, float]]:
     """The measures with each garment's KL (n,) in nats."""
     return [{**row, "kl": float(value)} for row, value in zip(measures, kl, strict=True)]
+
+
+class StaticRows(Protocol):
+    """Registered garments in rest pose, with what they are called and which split they are of."""
+
+    offsets: np.ndarray
+    mask: np.ndarray
+    garment: np.ndarray
+    outfit: np.ndarray
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of a split."""
+
+    def cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, C) conditions."""
+
+
+def static_summary(
+    garments: StaticRows,
+    rows: np.ndarray,
+    measures: Sequence[Mapping[str, float]],
+    *,
+    model: str,
+    variant: str,
+    split: str,
+    seed: int,
+) -> list[MetricRow]:
+    """Rows of the table of metrics; garments of one outfit are resampled together."""
+    return summary_rows(
+        rng_for(seed, "intervals", variant, split),
+        measures,
+        [GARMENTS[kind] for kind in garments.garment[rows]],
+        garments.outfit[rows],
+        model=model,
+        variant=variant,
+        split=split,
+        seed=seed,
+    )
+
+
+def static_baseline_summary(
+    truth: Truth, garments: StaticRows, splits: Sequence[str], *, components: int, seed: int
+) -> list[MetricRow]:
+    """Trivial predictions and the ground truth itself, learned from the training split.
+
+    Args:
+        splits: to measure on.
+        components: of the PCA, at most.
+        seed: of the intervals.
+    """
+    everything = np.arange(len(garments.garment))
+    predictors = static_baselines(
+        garments.offsets,
+        garments.mask,
+        garments.garment,
+        garments.cvar(everything),
+        garments.rows("train"),
+        types=len(GARMENTS),
+        components=components,
+    )
+    found = []
+    for split in splits:
+        rows = garments.rows(split)
+        measured = {"registered": measure_truth(truth, rows)}
+        for name, predict in predictors.items():
+            guessed = ((row, predict(row)) for row in progress(rows.tolist(), label=name))
+            measured[name] = measure_predictions(truth, guessed)
+        for name, measures in measured.items():
+            found += static_summary(
+                garments,
+                rows,
+                measures,
+                model="truth" if name == "registered" else "baseline",
+                variant=name,
+                split=split,
+                seed=seed,
+            )
+    return found

@@ -90,7 +90,7 @@ def write_gcvae_page(path: str | Path, metrics: str | Path) -> None:
     write_page(
         path,
         "Garment VAE: tables 3 and 4 of CLOTH3D, for this dataset",
-        "<p>Test split, which only the evaluation reads. Means over garments (table 4: over frames),"
+        "<p>Test split, which only evaluation reads. Means over garments (table 4: over frames),"
         " with 95 % intervals from resampling outfits (table 4: sequences). Surface error is"
         " the mean Euclidean distance of corresponding vertices within the true mask; normals"
         " error is in degrees, on the true garment's faces; KL is summed over the code.</p>",

@@ -1,0 +1,124 @@
+"""Datasets of garments through a trained static VAE: to codes, and from codes to garments."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import torch
+
+from drapeline.metrics.evaluation import (
+    Prediction,
+    StaticRows,
+    Truth,
+    measure_predictions,
+    static_summary,
+    with_kl,
+)
+from drapeline.metrics.table import MetricRow
+from drapeline.metrics.garment_metrics import gaussian_kl
+from drapeline.nets.domain import TOPOLOGIES
+from drapeline.nets.gcvae_data import Garments
+from drapeline.nets.gcvae_training import GarmentVae, StaticVae
+
+_BATCH = 16
+
+
+class StaticGarments(Garments, StaticRows, Protocol):
+    """Registered garments in rest pose: what training reads and what evaluation reads."""
+
+
+class Codes(NamedTuple):
+    """Posteriors of (n,) garments.
+
+    Attributes:
+        mean, log_variance: (n, Z) float32.
+    """
+
+    mean: np.ndarray
+    log_variance: np.ndarray
+
+
+def encode_garments(model: GarmentVae, garments: Garments, rows: Sequence[int]) -> Codes:
+    """Codes of rows of a dataset, in their order."""
+    means, log_variances = [], []
+    for start in range(0, len(rows), _BATCH):
+        part = np.asarray(rows[start : start + _BATCH])
+        batch = {
+            key: torch.from_numpy(np.ascontiguousarray(value))
+            if isinstance(value, np.ndarray)
+            else value
+            for key, value in garments.batch(part).items()
+        }
+        code = model.encode(batch)
+        means.append(code.mean.numpy())
+        log_variances.append(code.log_variance.numpy())
+    return Codes(np.concatenate(means), np.concatenate(log_variances))
+
+
+def decode_codes(
+    model: GarmentVae, z: np.ndarray, cvar: np.ndarray, topology: np.ndarray
+) -> Iterator[Prediction]:
+    """Garments of codes, one by one: offsets (V, 3) in metres, and mask (V,) or None.
+
+    Args:
+        z: (n, Z).
+        cvar: (n, C) conditions.
+        topology: (n,) codes of `TOPOLOGIES`.
+    """
+    for start in range(0, len(z), _BATCH):
+        part = slice(start, start + _BATCH)
+        with torch.inference_mode():
+            offsets, mask = model.decode(
+                *(
+                    torch.from_numpy(np.ascontiguousarray(x[part], dtype=dtype))
+                    for x, dtype in ((z, np.float32), (cvar, np.float32), (topology, np.int64))
+                )
+            )
+        inside = [None] * len(offsets) if mask is None else (mask > 0.5).numpy()
+        yield from zip(offsets.numpy(), inside, strict=True)
+
+
+def rest_body(model: StaticVae, cvar: np.ndarray) -> np.ndarray:
+    """(V, 3) rest body of one condition (C,), metres."""
+    with torch.inference_mode():
+        return model.bodies(torch.from_numpy(np.asarray(cvar, dtype=np.float32))[None])[
+            ..., 0
+        ].numpy()
+
+
+def static_truth(model: StaticVae, garments: StaticGarments) -> Truth:
+    """The dataset as evaluation sees it, with the bodies and faces that the model knows."""
+    faces = model.domain.faces
+    return Truth(
+        garments.offsets,
+        garments.mask,
+        body=lambda row: rest_body(model, garments.cvar(np.array([row]))[0]),
+        faces=lambda row: faces[TOPOLOGIES[int(garments.topology(np.array([row]))[0])]],
+        body_faces=faces[TOPOLOGIES[0]],
+    )
+
+
+def measure_static(
+    model: StaticVae, garments: StaticGarments, rows: np.ndarray, codes: Codes
+) -> list[dict[str, float]]:
+    """Every metric of the reconstructions of rows from the means of their codes (n, Z)."""
+    decoded = decode_codes(model, codes.mean, garments.cvar(rows), garments.topology(rows))
+    measures = measure_predictions(
+        static_truth(model, garments), zip(rows.tolist(), decoded, strict=True)
+    )
+    return with_kl(measures, gaussian_kl(codes.mean, codes.log_variance))
+
+
+def static_vae_summary(
+    model: StaticVae, garments: StaticGarments, variant: str, splits: Sequence[str]
+) -> list[MetricRow]:
+    """Rows of the table of metrics for a trained static VAE."""
+    seed = model.settings.training.seed
+    found = []
+    for split in splits:
+        rows = garments.rows(split)
+        measures = measure_static(model, garments, rows, encode_garments(model, garments, rows))
+        found += static_summary(
+            garments, rows, measures, model="svae", variant=variant, split=split, seed=seed
+        )
+    return found

@@ -1,0 +1,285 @@
+"""New garments: codes drawn from the prior, or from one type's part of it, decoded on bodies.
+
+A code says what type of garment it is, and the type which topology it is decoded on. Both follow
+from the codes of the training garments: each type is a Gaussian with a mean of its own and a
+common covariance, and a code is of the type that is the most likely for it.
+"""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.dataset.gltf import write_glb
+from drapeline.dataset.parts import PLAIN_COLOUR, SKIN_COLOUR, Part
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.mesh import Mesh, save_obj
+from drapeline.metrics.garment_metrics import (
+    garment_mesh,
+    largest_piece,
+    shape_measures,
+)
+from drapeline.nets.domain import TOPOLOGIES, topology_codes
+from drapeline.nets.gcvae_training import StaticVae
+from drapeline.nets.represent import Codes, decode_codes, rest_body
+from drapeline.outfits.fit import signed_tightness
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz, whole_file, whole_folder
+
+PRIOR = "prior"
+_SHRINKAGE = 0.2
+
+
+@dataclass(frozen=True)
+class GarmentTypes:
+    """Where in the space of codes the types of garments are.
+
+    Attributes:
+        share: (K,) of the training garments, 0 for a type that none of them has.
+        mean: (K, Z).
+        factor: (Z, Z) lower Cholesky factor of the covariance within a type.
+    """
+
+    share: np.ndarray
+    mean: np.ndarray
+    factor: np.ndarray
+
+    def most_likely(self, z: np.ndarray) -> np.ndarray:
+        """(n, Z) codes -> (n,) indices into `GARMENTS`."""
+        away = np.linalg.solve(self.factor, (z[:, None] - self.mean).reshape(-1, z.shape[1]).T)
+        distance = (away**2).sum(axis=0).reshape(len(z), -1)
+        chance = np.log(np.maximum(self.share, 1e-300))
+        return (chance - distance / 2).argmax(axis=1)
+
+    def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
+        """(Z,) a code of one type."""
+        mean = self.mean[GARMENTS.index(garment)]
+        return mean + self.factor @ rng.standard_normal(len(mean))
+
+
+def fit_types(codes: Codes, garment: np.ndarray) -> GarmentTypes:
+    """Learn the types from the codes of training garments.
+
+    Args:
+        codes: (n, Z).
+        garment: (n,) indices into `GARMENTS`.
+    """
+    count = np.bincount(garment, minlength=len(GARMENTS))
+    mean = np.zeros((len(GARMENTS), codes.mean.shape[1]))
+    np.add.at(mean, garment, codes.mean)
+    mean /= np.maximum(count, 1)[:, None]
+    away = codes.mean - mean[garment]
+    within = away.T @ away / len(away) + np.diag(np.exp(codes.log_variance).mean(axis=0))
+    # With about as many garments as dimensions the covariance alone would be near singular.
+    even = np.trace(within) / len(within) * np.eye(len(within))
+    factor = np.linalg.cholesky((1 - _SHRINKAGE) * within + _SHRINKAGE * even)
+    return GarmentTypes(count / count.sum(), mean, factor)
+
+
+@dataclass(frozen=True)
+class Request:
+    """A garment that is asked for.
+
+    Attributes:
+        garment: one of `GARMENTS`, or "prior": whatever the code turns out to be.
+        gender: "female" or "male".
+        shape: (10,) of the wearer.
+        tightness: (2,) as drawn; the sign of the gender is put on when it is used.
+    """
+
+    garment: str
+    gender: str
+    shape: np.ndarray
+    tightness: np.ndarray
+
+    @property
+    def cvar(self) -> np.ndarray:
+        """(13,) float32 conditions of the static VAE."""
+        gender = GENDERS.index(self.gender)
+        signed = signed_tightness(self.tightness, self.gender)
+        return np.array([*self.shape, gender, *signed], dtype=np.float32)
+
+
+def draw_requests(
+    seed: int,
+    count: int,
+    garments: Sequence[str],
+    *,
+    female_share: float,
+    shape: Sequence[float] | None,
+    shape_range: float,
+    tightness: Sequence[float] | None,
+    tightness_range: Sequence[float],
+) -> dict[str, Request]:
+    """Name -> request, as many as asked for, turn by turn over the garments.
+
+    Args:
+        seed: with a sample's name it fixes the sample; another count leaves the first ones alone.
+        count: of samples.
+        garments: types, or "prior".
+        female_share: chance of a female body.
+        shape, tightness: the same for all samples, or None to draw them in the ranges.
+    """
+    requests = {}
+    for index in range(count):
+        name = f"{index + 1:05d}"
+        rng = rng_for(seed, "sampled garment", name, "conditions")
+        gender = GENDERS[int(rng.random() >= female_share)]
+        drawn = rng.uniform(-shape_range, shape_range, 10), rng.uniform(*tightness_range, 2)
+        requests[name] = Request(
+            garments[index % len(garments)],
+            gender,
+            drawn[0] if shape is None else np.asarray(shape, dtype=float),
+            drawn[1] if tightness is None else np.asarray(tightness, dtype=float),
+        )
+    return requests
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A sampled garment.
+
+    Attributes:
+        name: of the sample.
+        request: what was asked for.
+        garment: its type.
+        z: (Z,) its code.
+        decoded: the garment as decoded.
+        mesh: its largest connected piece.
+        body: (V, 3) rest body that it was decoded on.
+    """
+
+    name: str
+    request: Request
+    garment: str
+    z: np.ndarray
+    decoded: Mesh
+    mesh: Mesh
+    body: np.ndarray
+
+
+def sample_garments(
+    model: StaticVae, types: GarmentTypes, requests: Mapping[str, Request], seed: int
+) -> list[Sampled]:
+    """Draw a code for every request and decode it.
+
+    Only pieces other than the largest are taken off; no vertex is moved.
+    """
+    codes, found = [], []
+    for name, request in requests.items():
+        rng = rng_for(seed, "sampled garment", name, "code")
+        if request.garment == PRIOR:
+            z = rng.standard_normal(types.mean.shape[1])
+            found.append(int(types.most_likely(z[None])[0]))
+        else:
+            z = types.draw(rng, request.garment)
+            found.append(GARMENTS.index(request.garment))
+        codes.append(z)
+    topology = topology_codes(np.array(found))
+    cvar = np.stack([request.cvar for request in requests.values()])
+    sampled = []
+    for (name, request), z, garment, (offsets, mask), code in zip(
+        requests.items(),
+        codes,
+        found,
+        decode_codes(model, np.stack(codes), cvar, topology),
+        topology,
+        strict=True,
+    ):
+        body = rest_body(model, request.cvar)
+        inside = np.ones(len(body), dtype=bool) if mask is None else mask
+        mesh = garment_mesh(body + offsets, model.domain.faces[TOPOLOGIES[code]], inside)
+        sampled.append(
+            Sampled(name, request, GARMENTS[garment], z, mesh, largest_piece(mesh), body)
+        )
+    return sampled
+
+
+def sample_table(
+    sampled: Sequence[Sampled], body_faces: np.ndarray
+) -> list[dict[str, str | float]]:
+    """A row per sample: what was asked for, what came, and its measures before and after."""
+    rows = []
+    for sample in sampled:
+        before = shape_measures(sample.decoded, sample.body, body_faces)
+        after = shape_measures(sample.mesh, sample.body, body_faces)
+        kept = len(sample.mesh.vertices) / max(len(sample.decoded.vertices), 1)
+        rows.append(
+            {
+                "name": sample.name,
+                "asked": sample.request.garment,
+                "garment": sample.garment,
+                "gender": sample.request.gender,
+                "vertices": len(sample.mesh.vertices),
+                "pieces_before": int(before["pieces"]),
+                "pieces": int(after["pieces"]),
+                "kept_share": kept,
+                "inside_1cm_share_before": before["inside_1cm_share"],
+                "inside_1cm_share": after["inside_1cm_share"],
+                "inside_share": after["inside_share"],
+                "inside_depth_mm": after["inside_depth_mm"],
+                "tightness_0": float(sample.request.tightness[0]),
+                "tightness_1": float(sample.request.tightness[1]),
+            }
+        )
+    return rows
+
+
+def wearer_mesh(bodies: Mapping[str, BodyModel], cvar: np.ndarray) -> Mesh:
+    """The whole rest body, head, hands and feet included, of conditions (13,).
+
+    Genders between 0 (female) and 1 (male) are between the two bodies.
+    """
+    female, male = (posed_vertices(bodies[g], cvar[:10], REST_POSE[None])[0][0] for g in GENDERS)
+    return Mesh(female + cvar[10] * (male - female), bodies[GENDERS[0]].faces)
+
+
+def save_samples(
+    folder: str | Path,
+    sampled: Sequence[Sampled],
+    bodies: Mapping[str, BodyModel],
+    body_faces: np.ndarray,
+) -> list[dict[str, str | float]]:
+    """Write `{name}.obj` and `{name}.glb` (with its wearer) per sample, `samples.tsv`, `codes.npz`.
+
+    Args:
+        folder: to write.
+        bodies: gender -> the whole body.
+        body_faces: (F, 3) of the body that garments were decoded on.
+
+    Returns:
+        The rows of `samples.tsv`.
+    """
+    rows = sample_table(sampled, body_faces)
+    with whole_folder(folder) as scratch:
+        for sample in sampled:
+            save_obj(scratch / f"{sample.name}.obj", sample.mesh)
+            parts = [_still("Body", wearer_mesh(bodies, sample.request.cvar), SKIN_COLOUR)]
+            if len(sample.mesh.faces):
+                parts.append(_still(sample.garment, sample.mesh, PLAIN_COLOUR))
+            write_glb(scratch / f"{sample.name}.glb", parts)
+        save_npz(
+            scratch / "codes.npz",
+            name=np.array([s.name for s in sampled]),
+            z=np.stack([s.z for s in sampled]).astype(np.float32),
+            cvar=np.stack([s.request.cvar for s in sampled]),
+        )
+        with (
+            whole_file(scratch / "samples.tsv") as table,
+            open(table, "w", newline="") as stream,
+        ):
+            writer = csv.DictWriter(stream, rows[0], delimiter="\t", lineterminator="\n")
+            writer.writeheader()
+            for row in rows:
+                writer.writerow(
+                    {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+                )
+    return rows
+
+
+def _still(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> Part:
+    return Part(name, mesh, colour, lambda start, stop: mesh.vertices[None], 1)

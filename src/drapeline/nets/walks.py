@@ -1,0 +1,124 @@
+"""Straight ways through codes and conditions, decoded step by step (CLOTH3D figure 9)."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.mesh import Mesh
+from drapeline.metrics.garment_metrics import garment_mesh
+from drapeline.nets.domain import TOPOLOGIES, topology_codes
+from drapeline.nets.gcvae_training import StaticVae
+from drapeline.nets.represent import Codes, StaticGarments, decode_codes, rest_body
+from drapeline.nets.sampling import GarmentTypes
+from drapeline.outfits.outfit import GARMENTS
+
+_SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
+
+
+class Step(NamedTuple):
+    """A garment on a way.
+
+    Attributes:
+        garment: as decoded, in rest pose.
+        cvar: (13,) conditions it was decoded with.
+        type: index into `GARMENTS` of what its code is most likely.
+    """
+
+    garment: Mesh
+    cvar: np.ndarray
+    type: int
+
+
+def walk(
+    model: StaticVae,
+    types: GarmentTypes,
+    start: tuple[np.ndarray, np.ndarray],
+    end: tuple[np.ndarray, np.ndarray],
+    steps: int,
+) -> list[Step]:
+    """Decode evenly spaced points between two pairs of code (Z,) and conditions (13,).
+
+    The topology of each point is that of the type its code is most likely of, so a way from one
+    topology to the other changes it once, where the types meet.
+    """
+    share = np.linspace(0, 1, steps)[:, None]
+    z, cvar = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+    found = types.most_likely(z)
+    topology = topology_codes(found)
+    out = []
+    for (offsets, mask), condition, code, kind in zip(
+        decode_codes(model, z, cvar, topology), cvar, topology, found.tolist(), strict=True
+    ):
+        body = rest_body(model, condition)
+        inside = np.ones(len(body), dtype=bool) if mask is None else mask
+        faces = model.domain.faces[TOPOLOGIES[code]]
+        out.append(Step(garment_mesh(body + offsets, faces, inside), condition, kind))
+    return out
+
+
+def paper_walks(
+    model: StaticVae,
+    types: GarmentTypes,
+    garments: StaticGarments,
+    rows: np.ndarray,
+    codes: Codes,
+    steps: int,
+) -> dict[str, list[Step]]:
+    """The rows of figure 9: shape, tightness, cloth, cloth across topologies, and all at once.
+
+    Args:
+        rows: (n,) held-out garments to begin and end at; a way that needs a type that is not
+            among them is left out.
+        codes: their (n, Z) codes.
+
+    Returns:
+        What changes -> steps.
+    """
+    kinds = np.asarray(garments.garment)[rows]
+    cvar = garments.cvar(rows)
+    first: Mapping[str, int] = {
+        name: int(np.flatnonzero(kinds == index)[0])
+        for index, name in enumerate(GARMENTS)
+        if (kinds == index).any()
+    }
+
+    def at(name: str, **changed: object) -> tuple[np.ndarray, np.ndarray]:
+        """A held-out garment's code and conditions, with another shape or tightness."""
+        condition = cvar[first[name]].copy()
+        for part, value in changed.items():
+            condition[_PLACES[part]] = value
+        return codes.mean[first[name]], condition
+
+    def tightness(name: str, value: float) -> list[float]:
+        female = cvar[first[name]][10] == 0
+        return [-value if female else value, value]
+
+    average = np.zeros(10)
+    ends = np.zeros((2, 10))
+    ends[:, 0] = ends[:, 1] = (-_SHAPE_SPAN, _SHAPE_SPAN)
+    ways: dict[str, tuple[str, ...]] = {
+        "shape": ("Dress",),
+        "tightness": ("Tshirt",),
+        "cloth": ("Top", "Jumpsuit"),
+        "topology": ("Jumpsuit", "Dress"),
+        "all": ("Skirt", "Tshirt"),
+    }
+    made = {
+        "shape": lambda a: (at(a, shape=ends[0]), at(a, shape=ends[1])),
+        "tightness": lambda a: (
+            at(a, shape=average, tightness=tightness(a, _TIGHT)),
+            at(a, shape=average, tightness=tightness(a, _LOOSE)),
+        ),
+        "cloth": lambda a, b: (at(a), (codes.mean[first[b]], at(a)[1])),
+        "topology": lambda a, b: (at(a), (codes.mean[first[b]], at(a)[1])),
+        "all": lambda a, b: (at(a), at(b)),
+    }
+    return {
+        name: walk(model, types, *made[name](*needed), steps)
+        for name, needed in ways.items()
+        if all(kind in first for kind in needed)
+    }
+
+
+_PLACES = {"shape": slice(0, 10), "tightness": slice(11, 13)}

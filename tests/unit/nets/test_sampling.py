@@ -1,0 +1,265 @@
+"""Sampling and ways through the codes, on a network that was not even trained."""
+
+import csv
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from drapeline.frames import GENDERS
+from drapeline.mesh import load_obj
+from drapeline.metrics.garment_metrics import faces_within
+from drapeline.nets import sampling
+from drapeline.nets.domain import topology_codes
+from drapeline.nets.gcvae import GcvaeNetwork
+from drapeline.nets.gcvae_training import GcvaeTraining, StaticVae, VaeSettings
+from drapeline.nets.represent import (
+    Codes,
+    decode_codes,
+    encode_garments,
+    measure_static,
+    rest_body,
+)
+from drapeline.nets.sampling import (
+    draw_requests,
+    fit_types,
+    sample_garments,
+    sample_table,
+    save_samples,
+    wearer_mesh,
+)
+from drapeline.nets.walks import paper_walks, walk
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.seeding import rng_for
+from gcvae_toys import AROUND, VERTICES, ToyGarments, toy_domain
+
+SETTINGS = VaeSettings(
+    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4),
+    training=GcvaeTraining(normal_parts=2),
+)
+DRESS, TROUSERS = GARMENTS.index("Dress"), GARMENTS.index("Trousers")
+
+
+class Typed(ToyGarments):
+    """Toy garments whose type fits their topology, all types among the held-out ones."""
+
+    def __init__(self):
+        super().__init__()
+        skirted = np.flatnonzero(topology_codes(np.arange(6)))
+        others = np.setdiff1d(np.arange(6), skirted)
+        turn = np.arange(len(self.codes)) // 2
+        self.codes = np.arange(len(self.codes)) % 2
+        self.garment = np.where(
+            self.codes == 1, skirted[turn % len(skirted)], others[turn % len(others)]
+        )
+        self.split[-12:] = "test"
+
+
+@pytest.fixture(scope="module")
+def garments():
+    return Typed()
+
+
+@pytest.fixture(scope="module")
+def model():
+    return StaticVae(SETTINGS, toy_domain()).eval()
+
+
+@pytest.fixture(scope="module")
+def types():
+    """Codes of two types: a dress is above 2 in the first number of the code, trousers below -2."""
+    rng = rng_for(0, "codes")
+    garment = np.repeat([DRESS, TROUSERS], 100)
+    mean = rng.normal(size=(200, 5)) * 0.5
+    mean[:, 0] += np.where(garment == DRESS, 3, -3)
+    return fit_types(Codes(mean, np.full((200, 5), -6.0)), garment)
+
+
+def requests(count=4, garments=("prior", "Dress"), **changed):
+    settings = {
+        "female_share": 0.5,
+        "shape": None,
+        "shape_range": 1.0,
+        "tightness": None,
+        "tightness_range": (-1.5, 0.5),
+    }
+    return draw_requests(0, count, garments, **{**settings, **changed})
+
+
+def test_types_are_told_apart_and_drawn_where_they_are(types):
+    rng = rng_for(1, "draws")
+    for name in ("Dress", "Trousers"):
+        drawn = np.stack([types.draw(rng, name) for _ in range(300)])
+        assert (types.most_likely(drawn) == GARMENTS.index(name)).all()
+        np.testing.assert_allclose(drawn.mean(0), types.mean[GARMENTS.index(name)], atol=0.15)
+        np.testing.assert_allclose(drawn.std(0), 0.5, atol=0.1)
+    assert types.share[[DRESS, TROUSERS]].tolist() == [0.5, 0.5]
+
+
+def test_a_type_without_garments_is_never_found(types):
+    anywhere = 10 * rng_for(0, "anywhere").normal(size=(1000, 5))
+    assert set(types.most_likely(anywhere)) == {DRESS, TROUSERS}
+
+
+def test_more_samples_leave_the_first_ones_alone():
+    few, many = requests(3), requests(9)
+    for name, request in few.items():
+        np.testing.assert_array_equal(request.cvar, many[name].cvar)
+    assert [r.garment for r in many.values()] == ["prior", "Dress"] * 4 + ["prior"]
+
+
+def test_conditions_are_in_their_ranges_or_as_asked():
+    drawn = np.stack([r.cvar for r in requests(200).values()])
+    assert (np.abs(drawn[:, :10]) <= 1).all()
+    assert np.abs(drawn[:, :10]).max() > 0.9
+    assert set(drawn[:, 10]) == {0, 1}
+    female = drawn[:, 10] == 0
+    assert ((drawn[female, 11] >= -0.5) & (drawn[female, 11] <= 1.5)).all()  # the sign is turned
+    assert ((drawn[:, 12] >= -1.5) & (drawn[:, 12] <= 0.5)).all()
+    asked = requests(5, female_share=0, shape=np.arange(10) / 10, tightness=[-1, 0.25])
+    for request in asked.values():
+        np.testing.assert_allclose(request.cvar, [*np.arange(10) / 10, 1, -1, 0.25], atol=1e-6)
+
+
+def test_samples_are_decoded_on_the_topology_of_their_type(model, types):
+    asked = requests(12, ("prior", "Dress", "Trousers"))
+    sampled = sample_garments(model, types, asked, seed=3)
+    for sample in sampled:
+        assert sample.garment in ("Dress", "Trousers")
+        if sample.request.garment != "prior":
+            assert sample.garment == sample.request.garment
+        else:
+            assert GARMENTS.index(sample.garment) == types.most_likely(sample.z[None])[0]
+        np.testing.assert_array_equal(sample.body, rest_body(model, sample.request.cvar))
+    again = sample_garments(model, types, asked, seed=3)
+    other = sample_garments(model, types, asked, seed=4)
+    np.testing.assert_array_equal(again[0].decoded.vertices, sampled[0].decoded.vertices)
+    assert not np.array_equal(other[0].z, sampled[0].z)
+
+
+def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
+    def with_a_gap(*args):
+        """Rings 0-3 and 6-15 are garment: two pieces."""
+        for offsets, mask in decode_codes(*args):
+            mask[:] = (np.arange(VERTICES) // AROUND < 4) | (np.arange(VERTICES) // AROUND >= 6)
+            yield offsets, mask
+
+    monkeypatch.setattr(sampling, "decode_codes", with_a_gap)
+    sampled = sample_garments(model, types, requests(6), seed=0)
+    rows = sample_table(sampled, model.domain.faces["body"])
+    for sample, row in zip(sampled, rows, strict=True):
+        assert (row["pieces_before"], row["pieces"]) == (2, 1)
+        assert row["vertices"] == 10 * AROUND
+        before = {tuple(v) for v in sample.decoded.vertices.tolist()}
+        assert {tuple(v) for v in sample.mesh.vertices.tolist()} <= before
+        assert row["kept_share"] == pytest.approx(
+            len(sample.mesh.vertices) / max(len(before), 1), abs=1e-9
+        )
+
+
+def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
+    bodies = dict.fromkeys(GENDERS, toy_body)
+    sampled = sample_garments(model, types, requests(3), seed=0)
+    save_samples(tmp_path / "out", sampled, bodies, model.domain.faces["body"])
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert names == {f"0000{i}.{e}" for i in (1, 2, 3) for e in ("obj", "glb")} | {
+        "samples.tsv",
+        "codes.npz",
+    }
+    with open(tmp_path / "out/samples.tsv") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    for sample, row in zip(sampled, rows, strict=True):
+        mesh = load_obj(tmp_path / "out" / f"{sample.name}.obj")
+        np.testing.assert_allclose(mesh.vertices, sample.mesh.vertices, atol=1e-6)
+        assert int(row["vertices"]) == len(mesh.vertices)
+    data = (tmp_path / "out/00001.glb").read_bytes()
+    (length,) = struct.unpack("<I", data[12:16])
+    meshes = json.loads(data[20 : 20 + length])["meshes"]
+    assert [m["name"] for m in meshes] == ["Body", sampled[0].garment]
+
+
+def test_a_wearer_between_the_genders_is_between_their_bodies(toy_body):
+    from dataclasses import replace
+
+    bodies = {"female": toy_body, "male": replace(toy_body, v_template=1.2 * toy_body.v_template)}
+    cvar = np.zeros(13)
+    made = []
+    for gender in (0, 0.5, 1):
+        cvar[10] = gender
+        made.append(wearer_mesh(bodies, cvar).vertices)
+    np.testing.assert_allclose(made[1], (made[0] + made[2]) / 2, atol=1e-6)
+    assert not np.allclose(made[0], made[2])
+
+
+def test_codes_do_not_depend_on_the_batch(model, garments):
+    rows = np.arange(40)
+    codes = encode_garments(model, garments, rows)
+    some = encode_garments(model, garments, rows[[30, 3, 17]])
+    np.testing.assert_allclose(some.mean, codes.mean[[30, 3, 17]], atol=1e-5)
+    assert codes.log_variance.shape == (40, 5)
+
+
+def test_measures_are_those_of_the_network(model, garments):
+    """The metrics of a whole split agree with what Lightning logs in validation, batch by batch."""
+    rows = garments.rows("test")
+    codes = encode_garments(model, garments, rows)
+    measures = measure_static(model, garments, rows, codes)
+    import torch
+
+    batch = {
+        k: torch.from_numpy(v) if isinstance(v, np.ndarray) else v
+        for k, v in garments.batch(rows).items()
+    }
+    offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
+    true = batch["mask"]
+    error = (offsets.detach() - batch["offsets"]).norm(dim=2)
+    for i, row in enumerate(measures):
+        assert row["surface_error_mm"] == pytest.approx(
+            1000 * error[i][true[i]].mean().item(), rel=1e-4
+        )
+        seen = mask[i] > 0.5
+        both, either = (seen & true[i]).sum(), (seen | true[i]).sum()
+        assert row["mask_iou"] == pytest.approx((both / either).item(), abs=1e-6)
+        assert row["kl"] > 0
+
+
+def test_a_walk_begins_and_ends_at_its_garments(model, types, garments):
+    rows = garments.rows("test")
+    codes = encode_garments(model, garments, rows)
+    start, end = ((codes.mean[i], garments.cvar(rows)[i]) for i in (0, 1))
+    steps = walk(model, types, start, end, 5)
+    np.testing.assert_allclose(
+        [s.cvar for s in (steps[0], steps[-1])], [start[1], end[1]], atol=1e-6
+    )
+    np.testing.assert_allclose(steps[2].cvar, (start[1] + end[1]) / 2, atol=1e-6)
+
+
+def test_a_walk_across_types_changes_topology_once(model, types):
+    start, end = types.mean[TROUSERS], types.mean[DRESS]
+    cvar = np.zeros(13)
+    steps = walk(model, types, (start, cvar), (end, cvar), 8)
+    kinds = [step.type for step in steps]
+    assert kinds == [TROUSERS] * 4 + [DRESS] * 4
+    faces = model.domain.faces
+    for step in steps:
+        possible = faces["skirt" if step.type == DRESS else "body"]
+        full = faces_within(possible, np.ones(possible.max() + 1, dtype=bool))
+        assert len(step.garment.faces) <= len(full)
+
+
+def test_paper_walks_change_what_they_say(model, types, garments):
+    rows = garments.rows("test")
+    codes = encode_garments(model, garments, rows)
+    ways = paper_walks(model, types, garments, rows, codes, 4)
+    assert list(ways) == ["shape", "tightness", "cloth", "topology", "all"]
+    spans = {name: np.ptp([s.cvar for s in steps], axis=0) for name, steps in ways.items()}
+    assert (spans["shape"][:2] == 5).all()
+    assert (spans["shape"][10:] == 0).all()
+    assert (spans["tightness"][:11] == 0).all()
+    assert (spans["tightness"][11:] == 2).all()
+    assert (spans["cloth"] == 0).all()
+    assert (spans["topology"] == 0).all()
+    tops = rows[garments.garment[rows] == GARMENTS.index("Top")]
+    few = paper_walks(model, types, garments, tops, encode_garments(model, garments, tops), 3)
+    assert few == {}
