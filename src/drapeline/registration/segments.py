@@ -69,7 +69,7 @@ def segment_body(
         right, each group from the top downwards.
     """
     graph = _graph(rest, faces, skirt_faces, variability)
-    share = _areas(rest, faces) * variability
+    share = vertex_areas(rest, faces) * variability
     tree = KDTree(rest)
     middle, left = _first_seeds(rest, graph, tree)
     for _ in range(_PASSES):
@@ -113,7 +113,7 @@ def _graph(
     return csr_matrix((lengths, pairs.T), shape=(count, count))
 
 
-def _areas(rest: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def vertex_areas(rest: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(V,) a third of the faces around each vertex, square metres."""
     a, b, c = (rest[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
@@ -123,7 +123,7 @@ def _areas(rest: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _in_plane(rest: np.ndarray) -> np.ndarray:
     """(V,) bool, vertices in the plane of symmetry, or near it where a mesh has none there."""
     reach = np.abs(rest[:, 0])
-    return reach < max(1e-5, 2 * np.sort(reach)[len(reach) // 100])
+    return reach < max(1e-5, 2 * np.sort(reach)[len(reach) // 200])
 
 
 def _first_seeds(rest: np.ndarray, graph: csr_matrix, tree: KDTree) -> tuple[list[int], list[int]]:
