@@ -113,6 +113,8 @@ def toy_domain() -> Domain:
         faces=faces,
         offset_mean=garments.offsets[train].mean(0),
         offset_std=garments.offsets[train].std(0) + 5e-3,
+        base_mean=tube().astype(np.float32),
+        base_std=np.full((VERTICES, 3), 0.02, dtype=np.float32),
         body_mean=tube().astype(np.float32),
         body_std=np.full((VERTICES, 3), 0.02, dtype=np.float32),
         body_basis=body_basis(),

@@ -92,6 +92,10 @@ class ChebConv(nn.Module):
 
     def forward(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:
         """(N, B, inputs) -> (N, B, outputs)."""
+        return self.rows(x, laplacian).view(*x.shape[:2], -1)
+
+    def rows(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:
+        """(N, B, inputs) -> (N * B, outputs), no view of anything: safe to change in place."""
         if self.weight.shape[1] <= self.weight.shape[2]:
             return self._recurrence(x, laplacian)
         return self._clenshaw(x, laplacian)
@@ -99,11 +103,11 @@ class ChebConv(nn.Module):
     def _recurrence(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:
         before, term = x, laplacian(x)
         out = torch.addmm(self.bias, x.flatten(0, 1), self.weight[0])
-        out = torch.addmm(out, term.flatten(0, 1), self.weight[1])
+        out.addmm_(term.flatten(0, 1), self.weight[1])
         for weight in self.weight[2:]:
             before, term = term, 2 * laplacian(term) - before
-            out = torch.addmm(out, term.flatten(0, 1), weight)
-        return out.view(*x.shape[:2], -1)
+            out.addmm_(term.flatten(0, 1), weight)
+        return out
 
     def _clenshaw(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:
         rows, shape = x.flatten(0, 1), (*x.shape[:2], -1)
@@ -111,8 +115,9 @@ class ChebConv(nn.Module):
         for weight in self.weight[1:-1].flip(0):
             step = (rows @ weight).view(shape) + 2 * laplacian(term)
             after, term = term, step if after is None else step - after
-        out = torch.addmm(self.bias, rows, self.weight[0]).view(shape) + laplacian(term)
-        return out if after is None else out - after
+        out = torch.addmm(self.bias, rows, self.weight[0])
+        out.add_(laplacian(term).flatten(0, 1))
+        return out if after is None else out.sub_(after.flatten(0, 1))
 
 
 class UnpoolConv(nn.Module):
@@ -128,13 +133,17 @@ class UnpoolConv(nn.Module):
         self.bias = nn.Parameter(torch.zeros(outputs))
 
     def forward(self, x: torch.Tensor, unpool: SparseMatrix) -> torch.Tensor:
-        """(n, B, inputs) on coarse nodes -> (N, B, outputs) on fine ones.
+        """(n, B, inputs) on coarse nodes -> (N, B, outputs) on fine ones."""
+        return self.rows(x, unpool).view(-1, x.shape[1], self.bias.shape[0])
+
+    def rows(self, x: torch.Tensor, unpool: SparseMatrix) -> torch.Tensor:
+        """(n, B, inputs) -> (N * B, outputs), no view of anything: safe to change in place.
 
         Args:
             unpool: (N, (order + 1) * n) matrices T_k(L) U side by side, `graph.unpool_matrix`.
         """
         wide = torch.matmul(x.flatten(0, 1), self.weight)  # (order + 1, n * B, outputs)
-        return unpool(wide.view(-1, x.shape[1], wide.shape[-1])) + self.bias
+        return unpool(wide.view(-1, x.shape[1], wide.shape[-1])).flatten(0, 1) + self.bias
 
 
 def drawn(shape: tuple[int, ...], inputs: int, rng: torch.Generator) -> torch.Tensor:

@@ -9,8 +9,9 @@ import torch
 from drapeline.errors import InputError
 from drapeline.nets.domain import Domain
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
+from drapeline.nets.linear_vae import LinearVae
 
-_KINDS = {cls.kind: cls for cls in (StaticVae, DynamicVae)}
+_KINDS = {cls.kind: cls for cls in (StaticVae, DynamicVae, LinearVae)}
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:

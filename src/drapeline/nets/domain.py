@@ -31,7 +31,8 @@ class Domain:
         parents: topology -> (n_l,) of each level but the last.
         faces: topology -> (F, 3).
         offset_mean, offset_std: (V, 3) metres.
-        body_mean, body_std: (V, 3) metres of the rest body.
+        base_mean, base_std: (V, 3) metres, of what offsets are added to.
+        body_mean, body_std: (V, 3) metres, of the rest body.
         body_basis: (2 * 11, V, 3), `rest_basis`.
         cvar_mean, cvar_std: (C,).
     """
@@ -41,6 +42,8 @@ class Domain:
     faces: Mapping[str, np.ndarray]
     offset_mean: np.ndarray
     offset_std: np.ndarray
+    base_mean: np.ndarray
+    base_std: np.ndarray
     body_mean: np.ndarray
     body_std: np.ndarray
     body_basis: np.ndarray

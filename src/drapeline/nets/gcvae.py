@@ -66,8 +66,11 @@ class Residual(nn.Module):
 
     def forward(self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module) -> torch.Tensor:
         """(n, B, F) -> (N, B, width); `operator` is what the first convolution needs."""
-        x = torch.relu_(self.first(x, operator))
-        return torch.relu_(self.second(x, laplacian).add_(x))
+        batch = x.shape[1]
+        # In place on rows: autograd would copy whole gradients for a change of a view.
+        x = torch.relu_(self.first.rows(x, operator)).unflatten(0, (-1, batch))
+        rows = self.second.rows(x, laplacian).add_(x.flatten(0, 1))
+        return torch.relu_(rows).unflatten(0, (-1, batch))
 
 
 class Encoder(nn.Module):

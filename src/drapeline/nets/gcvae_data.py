@@ -27,6 +27,14 @@ class Garments(Protocol):
         """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,), `names`, ..."""
 
 
+def as_tensors(batch: Batch) -> Batch:
+    """The same with arrays as tensors."""
+    return {
+        key: torch.from_numpy(np.ascontiguousarray(value)) if hasattr(value, "dtype") else value
+        for key, value in batch.items()
+    }
+
+
 class _Rows(Dataset):
     """Whole batches at once: one fancy index per array in place of one per sample."""
 
@@ -37,10 +45,7 @@ class _Rows(Dataset):
         rows = np.sort(np.asarray(rows))
         # Rows of one topology side by side, as the network takes them.
         rows = rows[np.argsort(self.garments.topology(rows), kind="stable")]
-        return {
-            key: torch.from_numpy(value) if isinstance(value, np.ndarray) else value
-            for key, value in self.garments.batch(rows).items()
-        }
+        return as_tensors(self.garments.batch(rows))
 
 
 class _Batches(Sampler):

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import torch
 import torch.nn.functional as F
 
+_SMALL_M = 1e-5
+
 
 @dataclass(frozen=True)
 class GcvaeLoss:
@@ -24,6 +26,8 @@ class GcvaeLoss:
         kl_rise: what lambda_KL gains over one hundredth of training after it.
         kl_max: cap of lambda_KL; the printed schedule ends at 0.25.
         mask_form: "l1" on the mask's probability, or "bce".
+        offsets_form: "l1" of normalised offsets, or "distance": the Euclidean distance in
+            centimetres, which is the surface error.
         offsets_within: "mask" counts vertices of the true mask only, "all" counts every vertex.
     """
 
@@ -35,6 +39,7 @@ class GcvaeLoss:
     kl_rise: float = 0.005
     kl_max: float = 0.25
     mask_form: str = "l1"
+    offsets_form: str = "l1"
     offsets_within: str = "mask"
 
     def kl_weight(self, share: float) -> float:
@@ -56,6 +61,16 @@ def offset_sums(
     if mask is None:
         return torch.stack([error.sum(), error.new_tensor(3.0 * error.numel())])
     return torch.stack([(error * mask).sum(), 3 * mask.sum().to(error.dtype)])
+
+
+def distance_sums(
+    predicted: torch.Tensor, true: torch.Tensor, mask: torch.Tensor | None
+) -> torch.Tensor:
+    """Sum of the distances in centimetres between (V, 3, B) metres in a mask (V, B), and count."""
+    distance = ((predicted - true).square().sum(1) + _SMALL_M**2).sqrt() * 100
+    if mask is None:
+        return torch.stack([distance.sum(), distance.new_tensor(float(distance.numel()))])
+    return torch.stack([(distance * mask).sum(), mask.sum().to(distance.dtype)])
 
 
 def normal_sums(predicted: torch.Tensor, true: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:

@@ -12,9 +12,10 @@ from drapeline.errors import InputError
 from drapeline.nets.conditioning import ConditioningAutoencoder
 from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
 from drapeline.nets.gcvae import Code, Gcvae, GcvaeNetwork
-from drapeline.nets.gcvae_data import Batch
+from drapeline.nets.gcvae_data import Batch, Garments
 from drapeline.nets.gcvae_loss import (
     GcvaeLoss,
+    distance_sums,
     kl_nats,
     mask_sums,
     normal_sums,
@@ -35,6 +36,8 @@ class GcvaeTraining:
         schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
         normal_parts: each step takes the normals of one of so many parts of all faces.
         mask: whether the decoder predicts the mask.
+        version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
+            the static garment. An SVAE has "rest".
         seed: of weights, order and noise.
     """
 
@@ -44,6 +47,7 @@ class GcvaeTraining:
     schedule: str = "constant"
     normal_parts: int = 4
     mask: bool = True
+    version: str = "rest"
     seed: int = 0
 
 
@@ -71,6 +75,8 @@ class Part(NamedTuple):
 
     Attributes:
         rows: (B_t,) their places in the batch.
+        names: of the samples.
+        cvar: (B_t, C) conditions.
         offsets: (V, 3, B_t) metres.
         mask: (V, B_t) bool.
         base: (V, 3, B_t) metres, what the offsets are added to.
@@ -79,6 +85,8 @@ class Part(NamedTuple):
     """
 
     rows: torch.Tensor
+    names: list[str]
+    cvar: torch.Tensor
     offsets: torch.Tensor
     mask: torch.Tensor
     base: torch.Tensor
@@ -100,17 +108,9 @@ class GarmentVae(lightning.LightningModule):
     def __init__(self, settings: VaeSettings, domain: Domain, *, inputs: int) -> None:
         super().__init__()
         self.settings, self.domain = settings, domain
-        seed, size = settings.training.seed, settings.network
+        seed = settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
-        self.conditioning = ConditioningAutoencoder(
-            len(domain.cvar_mean),
-            2 * size.condition,
-            size.condition,
-            mean=torch.from_numpy(domain.cvar_mean),
-            std=torch.from_numpy(domain.cvar_std),
-            rng=rng,
-        ).requires_grad_(False)
-        self.network = Gcvae(domain, size, inputs=inputs, mask=settings.training.mask, rng=rng)
+        self.build(domain, inputs, rng)
         self.normals = torch.nn.ModuleDict(
             {
                 name: FaceNormals(
@@ -122,11 +122,32 @@ class GarmentVae(lightning.LightningModule):
                 for name in TOPOLOGIES
             }
         )
-        for name in ("offset_mean", "offset_std", "body_mean", "body_std", "body_basis"):
-            table = torch.from_numpy(np.asarray(getattr(domain, name), dtype=np.float32))
-            self.register_buffer(name, table, persistent=False)
+        for name in ("offset", "base", "body"):
+            for moment in ("mean", "std"):
+                self._constant(f"{name}_{moment}")
+        self._constant("body_basis")
 
-    # ---- what SVAE and DVAE do differently
+    def _constant(self, name: str) -> None:
+        table = torch.from_numpy(np.asarray(getattr(self.domain, name), dtype=np.float32))
+        self.register_buffer(name, table, persistent=False)
+
+    # ---- what kinds of networks do differently
+
+    def build(self, domain: Domain, inputs: int, rng: torch.Generator) -> None:
+        """Make the networks."""
+        size = self.settings.network
+        self.conditioning = ConditioningAutoencoder(
+            len(domain.cvar_mean),
+            2 * size.condition,
+            size.condition,
+            mean=torch.from_numpy(domain.cvar_mean),
+            std=torch.from_numpy(domain.cvar_std),
+            rng=rng,
+        ).requires_grad_(False)
+        self.network = Gcvae(domain, size, inputs=inputs, mask=self.settings.training.mask, rng=rng)
+
+    def prepare(self, garments: Garments) -> None:
+        """What is found from the training rows before training."""
 
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
@@ -145,9 +166,11 @@ class GarmentVae(lightning.LightningModule):
                 continue
             offsets = planes(batch["offsets"][rows])
             base, inputs = self.base_and_inputs(batch, rows)
-            target = (offsets - self.offset_mean[..., None]) / self.offset_std[..., None]
+            target = self.normalised(offsets, "offset")
             parts[name] = Part(
                 rows=rows,
+                names=[batch["names"][row] for row in rows.tolist()],
+                cvar=batch["cvar"][rows],
                 offsets=offsets,
                 mask=batch["mask"][rows].T,
                 base=base,
@@ -200,6 +223,11 @@ class GarmentVae(lightning.LightningModule):
         offsets = self.metres(out[:, :3]).permute(2, 0, 1)
         return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
 
+    def normalised(self, x: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) metres -> by the mean and deviation per vertex of `name`."""
+        mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
+        return (x - mean[..., None]) / std[..., None]
+
     def metres(self, normalised: torch.Tensor) -> torch.Tensor:
         """(V, 3, B) normalised offsets -> metres."""
         return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
@@ -209,21 +237,16 @@ class GarmentVae(lightning.LightningModule):
     def training_step(self, batch: Batch, _: int) -> torch.Tensor:
         """Loss of equation 3 for one batch."""
         parts = self.parts(batch)
-        order = torch.cat([part.rows for part in parts.values()])
-        cvar = batch["cvar"][order]
+        cvar, counts = conditions_of(parts)
         code = self.encode_parts(parts)
         z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
-        out = self.decode_parts(z, cvar, {name: len(p.rows) for name, p in parts.items()})
-        weights, share = self.settings.loss, self.share_done()
+        out = self.decode_parts(z, cvar, counts)
         terms = self.garment_terms(parts, out, self.global_step % len(self.normals["body"].edges))
-        terms["condition"] = (code.condition - self.conditioning(cvar)).abs().mean()
-        terms["kl"] = kl_nats(code.mean, code.log_variance).mean() / code.mean.shape[1]
-        loss = (
-            terms["offsets"]
-            + weights.normals * terms["normals"]
-            + weights.mask * terms["mask"]
-            + weights.condition * terms["condition"]
-            + weights.kl_weight(share) * terms["kl"]
+        terms |= self.code_terms(code, cvar)
+        scale = {"offsets": 1.0, "kl": self.settings.loss.kl_weight(self.share_done())}
+        loss = sum(
+            (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
+            for key, term in terms.items()
         )
         if not torch.isfinite(loss):
             values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
@@ -232,8 +255,15 @@ class GarmentVae(lightning.LightningModule):
                 f" is {float(loss.detach())} ({values}) for samples {', '.join(batch['names'])};"
                 " expected a finite loss"
             )
-        self._log("train", {"loss": loss, **terms}, len(order))
+        self._log("train", {"loss": loss, **terms}, len(cvar))
         return loss
+
+    def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The other terms of equation 3."""
+        return {
+            "condition": (code.condition - self.conditioning(cvar)).abs().mean(),
+            "kl": kl_nats(code.mean, code.log_variance).mean() / code.mean.shape[1],
+        }
 
     def garment_terms(
         self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor], faces: int
@@ -244,7 +274,11 @@ class GarmentVae(lightning.LightningModule):
         for name, part in parts.items():
             x = out[name]
             inside = part.mask if weights.offsets_within == "mask" else None
-            sums["offsets"] = sums["offsets"] + offset_sums(x[:, :3], part.target, inside)
+            if weights.offsets_form == "l1":
+                sums["offsets"] = sums["offsets"] + offset_sums(x[:, :3], part.target, inside)
+            else:
+                made = self.metres(x[:, :3])
+                sums["offsets"] = sums["offsets"] + distance_sums(made, part.offsets, inside)
             if weights.normals:
                 normals = self.normals[name]
                 true = normals(part.base + part.offsets, faces)
@@ -258,10 +292,9 @@ class GarmentVae(lightning.LightningModule):
     def validation_step(self, batch: Batch, _: int) -> None:
         """L_o + 0.1 KL, by which the best weights are chosen, and metrics; all at the mean code."""
         parts = self.parts(batch)
-        order = torch.cat([part.rows for part in parts.values()])
+        cvar, counts = conditions_of(parts)
         code = self.encode_parts(parts)
-        counts = {name: len(part.rows) for name, part in parts.items()}
-        out = self.decode_parts(code.mean, batch["cvar"][order], counts)
+        out = self.decode_parts(code.mean, cvar, counts)
         nats = kl_nats(code.mean, code.log_variance).mean()
         offsets = self.garment_terms(parts, out, 0)["offsets"]
         values = {
@@ -270,7 +303,7 @@ class GarmentVae(lightning.LightningModule):
             "kl_nats": nats,
             **self._metrics(parts, out),
         }
-        self._log("val", values, len(order))
+        self._log("val", values, len(cvar))
 
     def _metrics(
         self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor]
@@ -338,6 +371,12 @@ def learning_rate(training: GcvaeTraining, share: float) -> float:
     return training.learning_rate * 0.5 * (1 + float(np.cos(np.pi * fall)))
 
 
+def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:
+    """Conditions (B, C) in the order of the parts, and how many samples each part has."""
+    cvar = torch.cat([part.cvar for part in parts.values()])
+    return cvar, {name: len(part.rows) for name, part in parts.items()}
+
+
 def planes(x: torch.Tensor) -> torch.Tensor:
     """(B, V, C) -> (V, C, B), contiguous."""
     return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
@@ -362,23 +401,33 @@ class StaticVae(GarmentVae):
         self, batch: Batch, rows: torch.Tensor
     ) -> tuple[torch.Tensor, list[torch.Tensor]]:
         """Offsets are added to the rest body T, which the encoder sees too."""
-        body = self.bodies(batch["cvar"][rows])
-        return body, [(body - self.body_mean[..., None]) / self.body_std[..., None]]
-
-    def bodies(self, cvar: torch.Tensor) -> torch.Tensor:
-        """(B, C) conditions -> (V, 3, B) rest bodies."""
-        return rest_bodies(self.body_basis, cvar)
+        body = rest_bodies(self.body_basis, batch["cvar"][rows])
+        return body, [self.normalised(body, "base")]
 
 
 class DynamicVae(GarmentVae):
-    """DVAE: garments in motion, conditioned on pose and on the garment's static code as well.
+    """DVAE: garments in motion, conditioned on poses and on the garment's static code as well.
 
-    The mask is the static garment's, so there is no mask branch. In the "posed" version offsets
-    are added to the posed body, which is the encoder's second input; in the "unposed" version they
-    are added to the static garment C_s, and the rest body T is a third input.
+    The mask is that of the static garment, so there is no mask branch. Version "posed": offsets
+    C_d - T_d are added to the posed body, which the encoder sees too. Version "unposed": offsets
+    K^-1(C_d) - C_s are added to the static garment, and the encoder sees it and the rest body.
+    A batch brings what its offsets are added to as `base` (B, V, 3).
     """
 
     kind = "dynamic"
 
     def __init__(self, settings: VaeSettings, domain: Domain) -> None:
-        super().__init__(settings, domain, inputs=6)
+        super().__init__(
+            settings, domain, inputs=9 if settings.training.version == "unposed" else 6
+        )
+
+    def base_and_inputs(
+        self, batch: Batch, rows: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """The posed body; or the static garment, with the rest body besides."""
+        base = planes(batch["base"][rows])
+        inputs = [self.normalised(base, "base")]
+        if self.settings.training.version == "unposed":
+            body = rest_bodies(self.body_basis, batch["cvar"][rows])
+            inputs.append(self.normalised(body, "body"))
+        return base, inputs

@@ -1,0 +1,151 @@
+"""Our own static garment VAE: a closed-form linear one, and a graph network that refines it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+
+from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
+from drapeline.nets.gcvae import Code
+from drapeline.nets.gcvae_data import Garments, as_tensors
+from drapeline.nets.gcvae_training import Part, StaticVae, conditions_of
+from drapeline.nets.graph import MeshGraph
+from drapeline.nets.linear_path import CHANNELS, LinearPath, blurred, fit_linear
+from drapeline.nets.refiner import Refiner
+from drapeline.seeding import rng_for
+
+
+@dataclass(frozen=True)
+class LinearSize:
+    """Constants of the linear path and of its refiner.
+
+    Attributes:
+        blur: passes that turn the mask into a ramp; its width grows with their root.
+        field: weight of the mask's channel against normalised offsets.
+        rounds: of filling in what is missing.
+        ridge: penalty of the regression on the conditions, in samples.
+        noise: factor on the noise that the fit finds: neighbours err alike, so they are less
+            evidence than their number.
+        rows: the fit uses at most so many training rows.
+        vertices: the posterior looks at so many vertices, evenly drawn.
+        widths: of the refiner, finest first.
+        steepness: of the mask's logit against its ramp.
+    """
+
+    blur: int = 30
+    field: float = 2.0
+    rounds: int = 10
+    ridge: float = 5.0
+    noise: float = 4.0
+    rows: int = 2000
+    vertices: int = 3000
+    widths: tuple[int, ...] = (16, 32, 64)
+    steepness: float = 6.0
+
+
+SIZE = LinearSize()
+
+
+class LinearVae(StaticVae):
+    """Probabilistic PCA of partly missing fields as a conditional VAE, refined by a graph U-Net.
+
+    Posterior and decoder of the linear path are exact and found before training. Training fits
+    the refiner, from the field of a drawn code and the rest body to offsets and mask, so decoding
+    needs z and the conditions only, as in the paper's network.
+    """
+
+    kind = "linear"
+
+    def build(self, domain: Domain, inputs: int, rng: torch.Generator) -> None:
+        """Graphs, linear path and refiner."""
+        network, vertices = self.settings.network, len(domain.offset_mean)
+        count = min(SIZE.vertices, vertices)
+        drawn = rng_for(self.settings.training.seed, "posterior").permutation(vertices)[:count]
+        self.graphs = nn.ModuleDict(
+            {
+                name: MeshGraph(domain.edges[name], domain.parents[name], network.order)
+                for name in TOPOLOGIES
+            }
+        )
+        self.linear = LinearPath(
+            vertices, len(domain.cvar_mean), network.latent, torch.from_numpy(np.sort(drawn))
+        )
+        for moment in ("mean", "std"):
+            self._constant(f"cvar_{moment}")
+        self.refiner = Refiner(CHANNELS + 3, CHANNELS, SIZE.widths, network.order, rng)
+        self._codes: dict[str, tuple[torch.Tensor, torch.Tensor]] = {}
+
+    @torch.no_grad()
+    def prepare(self, garments: Garments) -> None:
+        """Fit the linear path to the training rows."""
+        rows = garments.rows("train")
+        if len(rows) > SIZE.rows:
+            rng = rng_for(self.settings.training.seed, "linear rows")
+            rows = np.sort(rng.choice(rows, SIZE.rows, replace=False))
+        parts = self.parts(as_tensors(garments.batch(rows)))
+        cvar, _ = conditions_of(parts)
+        fields = torch.cat([self._fields(name, part) for name, part in parts.items()], 2)
+        mask = torch.cat([part.mask for part in parts.values()], 1)
+        known = mask[:, None].repeat(1, CHANNELS, 1)
+        known[:, 3] = True
+        fit = fit_linear(
+            fields.flatten(0, 1).T.contiguous(),
+            known.flatten(0, 1).T.contiguous(),
+            self._conditions(cvar),
+            latent=self.settings.network.latent,
+            rounds=SIZE.rounds,
+            ridge=SIZE.ridge,
+        )
+        self.linear.take(fit._replace(noise=fit.noise * SIZE.noise))
+
+    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+        """The exact posterior of the linear path; it does not change, so training looks it up."""
+        means, log_variances = [], []
+        for name, part in parts.items():
+            if self._trainer is not None and all(n in self._codes for n in part.names):
+                pairs = [self._codes[n] for n in part.names]
+                mean, log_variance = (torch.stack(half) for half in zip(*pairs, strict=True))
+            else:
+                mean, log_variance = self.linear.posterior(
+                    self._fields(name, part), part.mask, self._conditions(part.cvar)
+                )
+                if self._trainer is not None:
+                    self._codes |= zip(
+                        part.names, zip(mean, log_variance, strict=True), strict=True
+                    )
+            means.append(mean)
+            log_variances.append(log_variance)
+        mean = torch.cat(means)
+        return Code(mean, torch.cat(log_variances), mean[:, :0])
+
+    def decode_parts(
+        self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
+    ) -> dict[str, torch.Tensor]:
+        """Topology -> (V, 4, B_t) normalised offsets and mask logit."""
+        field = self.linear(z, self._conditions(cvar))
+        body = self.normalised(rest_bodies(self.body_basis, cvar), "base")
+        seen = torch.cat([field, body], 1)
+        out, start = {}, 0
+        for name, count in counts.items():
+            part = slice(start, start + count)
+            change = self.refiner(
+                self.graphs[name], seen[..., part].transpose(1, 2).contiguous()
+            ).transpose(1, 2)
+            ramp = field[:, 3:, part] * (SIZE.steepness / SIZE.field)
+            out[name] = torch.cat([field[:, :3, part], ramp], 1) + change
+            start += count
+        return out
+
+    def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
+        """None: nothing of the encoder is trained."""
+        return {}
+
+    def _conditions(self, cvar: torch.Tensor) -> torch.Tensor:
+        return (cvar - self.cvar_mean) / self.cvar_std
+
+    def _fields(self, name: str, part: Part) -> torch.Tensor:
+        """(V, 4, B_t): normalised offsets and the ramp of the mask."""
+        ramp = blurred(part.mask, self.graphs[name].laplacians[0], SIZE.blur)
+        return torch.cat([part.target, SIZE.field * ramp[:, None]], 1)
