@@ -59,14 +59,12 @@ def measure_predictions(
 
 def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
     """What the ground truth itself reaches of the metrics that need no comparison."""
-    return [
-        shape_measures(
-            garment_mesh(truth.body(row) + truth.offsets[row], truth.faces(row), truth.mask[row]),
-            truth.body(row),
-            truth.body_faces,
-        )
-        for row in rows
-    ]
+    found = []
+    for row in rows:
+        body = truth.body(row)
+        mesh = garment_mesh(body + truth.offsets[row], truth.faces(row), truth.mask[row])
+        found.append(shape_measures(mesh, body, truth.body_faces))
+    return found
 
 
 def with_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict[str, float]]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.mesh import Mesh, edges, face_normals
+from drapeline.mesh import Mesh, face_normals
 
 DEEP_M = 0.01
 # Metric -> unit; "1" for shares and counts.
@@ -74,11 +74,9 @@ def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> M
 
 def piece_of(mesh: Mesh) -> np.ndarray:
     """(V,) number of the connected piece that each vertex belongs to, 0 for the largest."""
-    pairs = edges(mesh.faces)
+    start, end = mesh.faces[:, :2].ravel(), mesh.faces[:, 1:3].ravel()
     count = len(mesh.vertices)
-    links = coo_matrix(
-        (np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), (count, count)
-    )
+    links = coo_matrix((np.ones(len(start), dtype=bool), (start, end)), (count, count))
     pieces, piece = connected_components(links, directed=False)
     rank = np.zeros(pieces, dtype=np.int64)
     rank[np.argsort(-np.bincount(piece, minlength=pieces), kind="stable")] = np.arange(pieces)
@@ -98,16 +96,20 @@ def surface_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
     """
     if not len(predicted.faces):
         return float("nan"), float("nan")
-    return _distance_mm(predicted.vertices, true), _distance_mm(true.vertices, predicted)
+    return (
+        float(distances_mm(predicted.vertices, true).mean()),
+        float(distances_mm(true.vertices, predicted).mean()),
+    )
 
 
-def _distance_mm(points: np.ndarray, mesh: Mesh) -> float:
+def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(P,) distance of points (P, 3) to the surface of a triangle mesh."""
     squared = igl.point_mesh_squared_distance(
         points.astype(np.float64),
         mesh.vertices.astype(np.float64),
         np.ascontiguousarray(mesh.faces, dtype=np.int64),
     )[0]
-    return float(1000 * np.sqrt(squared).mean())
+    return 1000 * np.sqrt(squared)
 
 
 def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:

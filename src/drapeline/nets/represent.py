@@ -1,11 +1,13 @@
 """Datasets of garments through a trained static VAE: to codes, and from codes to garments."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
 
+from drapeline.dataset.splits import SPLITS
 from drapeline.metrics.evaluation import (
     Prediction,
     StaticRows,
@@ -14,11 +16,12 @@ from drapeline.metrics.evaluation import (
     static_summary,
     with_kl,
 )
-from drapeline.metrics.table import MetricRow
 from drapeline.metrics.garment_metrics import gaussian_kl
-from drapeline.nets.domain import TOPOLOGIES
+from drapeline.metrics.table import MetricRow
+from drapeline.nets.domain import TOPOLOGIES, rest_bodies
 from drapeline.nets.gcvae_data import Garments
 from drapeline.nets.gcvae_training import GarmentVae, StaticVae
+from drapeline.storage import load_npz, save_npz
 
 _BATCH = 16
 
@@ -36,6 +39,10 @@ class Codes(NamedTuple):
 
     mean: np.ndarray
     log_variance: np.ndarray
+
+    def of(self, rows: np.ndarray) -> "Codes":
+        """Those of some rows."""
+        return Codes(self.mean[rows], self.log_variance[rows])
 
 
 def encode_garments(model: GarmentVae, garments: Garments, rows: Sequence[int]) -> Codes:
@@ -80,10 +87,8 @@ def decode_codes(
 
 def rest_body(model: StaticVae, cvar: np.ndarray) -> np.ndarray:
     """(V, 3) rest body of one condition (C,), metres."""
-    with torch.inference_mode():
-        return model.bodies(torch.from_numpy(np.asarray(cvar, dtype=np.float32))[None])[
-            ..., 0
-        ].numpy()
+    basis = torch.from_numpy(model.domain.body_basis)
+    return rest_bodies(basis, torch.from_numpy(cvar.astype(np.float32))[None])[..., 0].numpy()
 
 
 def static_truth(model: StaticVae, garments: StaticGarments) -> Truth:
@@ -110,15 +115,45 @@ def measure_static(
 
 
 def static_vae_summary(
-    model: StaticVae, garments: StaticGarments, variant: str, splits: Sequence[str]
+    model: StaticVae, garments: StaticGarments, codes: Codes, variant: str, splits: Sequence[str]
 ) -> list[MetricRow]:
-    """Rows of the table of metrics for a trained static VAE."""
+    """Rows of the table of metrics for a trained static VAE.
+
+    Args:
+        codes: (N, Z) of all rows of the dataset.
+        splits: to measure on.
+    """
     seed = model.settings.training.seed
     found = []
     for split in splits:
         rows = garments.rows(split)
-        measures = measure_static(model, garments, rows, encode_garments(model, garments, rows))
+        measures = measure_static(model, garments, rows, codes.of(rows))
         found += static_summary(
             garments, rows, measures, model="svae", variant=variant, split=split, seed=seed
         )
     return found
+
+
+def save_codes(path: str | Path, codes: Codes, garments: StaticGarments) -> None:
+    """Write the codes of all rows with their `garment`, `outfit` and `split`."""
+    split = np.full(len(garments.garment), "", dtype="U5")
+    for name in SPLITS:
+        split[garments.rows(name)] = name
+    save_npz(
+        path,
+        mean=codes.mean,
+        log_variance=codes.log_variance,
+        garment=np.asarray(garments.garment),
+        outfit=np.asarray(garments.outfit),
+        split=split,
+    )
+
+
+def load_codes(path: str | Path) -> tuple[Codes, dict[str, np.ndarray]]:
+    """Codes (N, Z), and `garment`, `outfit` and `split` (N,) of the same rows.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    about = load_npz(path, "mean", "log_variance", "garment", "outfit", "split")
+    return Codes(about.pop("mean"), about.pop("log_variance")), about

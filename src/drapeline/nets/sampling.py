@@ -9,6 +9,7 @@ import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.parts import PLAIN_COLOUR, SKIN_COLOUR, Part
 from drapeline.frames import GENDERS, REST_POSE
-from drapeline.mesh import Mesh, save_obj
+from drapeline.mesh import Mesh, load_obj, save_obj
 from drapeline.metrics.garment_metrics import (
     garment_mesh,
     largest_piece,
@@ -28,7 +29,7 @@ from drapeline.nets.represent import Codes, decode_codes, rest_body
 from drapeline.outfits.fit import signed_tightness
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.seeding import rng_for
-from drapeline.storage import save_npz, whole_file, whole_folder
+from drapeline.storage import load_npz, save_npz, whole_folder
 
 PRIOR = "prior"
 _SHRINKAGE = 0.2
@@ -78,6 +79,12 @@ def fit_types(codes: Codes, garment: np.ndarray) -> GarmentTypes:
     even = np.trace(within) / len(within) * np.eye(len(within))
     factor = np.linalg.cholesky((1 - _SHRINKAGE) * within + _SHRINKAGE * even)
     return GarmentTypes(count / count.sum(), mean, factor)
+
+
+def train_types(codes: Codes, about: Mapping[str, np.ndarray]) -> GarmentTypes:
+    """Learn the types from the training rows of what `load_codes` returns."""
+    train = np.flatnonzero(about["split"] == "train")
+    return fit_types(codes.of(train), about["garment"][train])
 
 
 @dataclass(frozen=True)
@@ -246,6 +253,8 @@ def save_samples(
 ) -> list[dict[str, str | float]]:
     """Write `{name}.obj` and `{name}.glb` (with its wearer) per sample, `samples.tsv`, `codes.npz`.
 
+    A code that decodes to nothing has no OBJ, and its glTF file holds the wearer alone.
+
     Args:
         folder: to write.
         bodies: gender -> the whole body.
@@ -257,21 +266,20 @@ def save_samples(
     rows = sample_table(sampled, body_faces)
     with whole_folder(folder) as scratch:
         for sample in sampled:
-            save_obj(scratch / f"{sample.name}.obj", sample.mesh)
             parts = [_still("Body", wearer_mesh(bodies, sample.request.cvar), SKIN_COLOUR)]
             if len(sample.mesh.faces):
+                save_obj(scratch / f"{sample.name}.obj", sample.mesh)
                 parts.append(_still(sample.garment, sample.mesh, PLAIN_COLOUR))
             write_glb(scratch / f"{sample.name}.glb", parts)
         save_npz(
             scratch / "codes.npz",
             name=np.array([s.name for s in sampled]),
+            garment=np.array([s.garment for s in sampled]),
+            asked=np.array([s.request.garment != PRIOR for s in sampled]),
             z=np.stack([s.z for s in sampled]).astype(np.float32),
             cvar=np.stack([s.request.cvar for s in sampled]),
         )
-        with (
-            whole_file(scratch / "samples.tsv") as table,
-            open(table, "w", newline="") as stream,
-        ):
+        with open(scratch / "samples.tsv", "w", newline="") as stream:
             writer = csv.DictWriter(stream, rows[0], delimiter="\t", lineterminator="\n")
             writer.writeheader()
             for row in rows:
@@ -279,6 +287,42 @@ def save_samples(
                     {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
                 )
     return rows
+
+
+class SavedSample(NamedTuple):
+    """A sample as read from its files.
+
+    Attributes:
+        name: of the sample.
+        garment: its type; `asked` says whether it was asked for or the prior's choice.
+        mesh: the garment; no faces where nothing was decoded.
+        cvar: (13,) conditions.
+    """
+
+    name: str
+    garment: str
+    asked: bool
+    mesh: Mesh
+    cvar: np.ndarray
+
+
+def load_samples(folder: str | Path) -> list[SavedSample]:
+    """Read what `save_samples` wrote.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    folder = Path(folder)
+    about = load_npz(folder / "codes.npz", "name", "cvar", "garment", "asked")
+    nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    samples = []
+    for name, garment, asked, cvar in zip(
+        *(about[key] for key in ("name", "garment", "asked", "cvar")), strict=True
+    ):
+        path = folder / f"{name}.obj"
+        mesh = load_obj(path) if path.is_file() else nothing
+        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, cvar))
+    return samples
 
 
 def _still(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> Part:

@@ -1,19 +1,23 @@
 """Figures 7 to 10 of the CLOTH3D paper for our models: errors, codes, transitions, wrinkles."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.colors import to_rgb
 from PIL import Image, ImageDraw, ImageFont
 
 from drapeline.mesh import Mesh
+from drapeline.metrics.garment_metrics import distances_mm, faces_within, garment_mesh
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.report.camera import Camera, look_at
+from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.studio import Painted, studio_picture
 from drapeline.report.style import SERIES, saved_figure
 from drapeline.report.tsne import tsne
+from drapeline.rule_log import progress
 from drapeline.storage import whole_file
 
 GARMENT_COLOURS = dict(zip(GARMENTS, SERIES, strict=True))
@@ -23,6 +27,7 @@ _HEAT_LEVELS = 40
 _SKIN = (0.83, 0.69, 0.6)
 _DISTANCE_M = 7.0
 _SEEN_HEIGHT_M = 2.1
+_TARGET_HEIGHT_M = 0.95
 _TURN_DEG = 24.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.12
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
@@ -40,7 +45,8 @@ class View:
         colour: sRGB of the garment in 0-1.
         error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
         floor_z: height of the floor in the garment's frame.
-        front: (2,) horizontal direction that the wearer faces.
+        middle: (x, y) that is in the middle of the picture.
+        front: (x, y) direction that the wearer faces.
     """
 
     garment: Mesh | None
@@ -48,6 +54,7 @@ class View:
     colour: Sequence[float] = (0.45, 0.6, 0.8)
     error_mm: np.ndarray | None = None
     floor_z: float = -0.95
+    middle: tuple[float, float] = (0.0, 0.0)
     front: tuple[float, float] = (0.0, -1.0)
 
 
@@ -67,18 +74,15 @@ def view_picture(
             parts += _heat_parts(vertices, faces, view.error_mm)
     if not parts:
         return np.full((size[1], size[0], 3), 237, dtype=np.uint8)
-    camera = _camera(parts, view.front, size)
-    target = camera.position + _DISTANCE_M * camera.axes[2]
-    return studio_picture(parts, camera, floor_centre=target[:2], samples=samples)
+    camera = _camera(view, size)
+    return studio_picture(parts, camera, floor_centre=view.middle, samples=samples)
 
 
-def _camera(parts: Sequence[Painted], front: Sequence[float], size: tuple[int, int]) -> Camera:
-    points = np.concatenate([part.vertices for part in parts])
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    angle = np.arctan2(front[1], front[0]) + np.radians(_TURN_DEG)
+def _camera(view: View, size: tuple[int, int]) -> Camera:
+    angle = np.arctan2(view.front[1], view.front[0]) + np.radians(_TURN_DEG)
     direction = np.array([np.cos(angle), np.sin(angle), _RISE])
     direction /= np.linalg.norm(direction)
-    target = np.array([middle[0], middle[1], 0.95])
+    target = np.array([*view.middle, _TARGET_HEIGHT_M])
     return look_at(
         target + _DISTANCE_M * direction,
         target,
@@ -222,18 +226,88 @@ def plot_codes(
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, markerscale=1.6)
 
 
-def plot_walk(
-    path: str | Path, rows: Mapping[str, Sequence[View]], *, columns: Sequence[str] = ()
+def error_views(
+    original: Mesh,
+    true: np.ndarray,
+    mask: np.ndarray,
+    predicted: np.ndarray,
+    predicted_mask: np.ndarray | None,
+    faces: np.ndarray,
+    scene: View,
+) -> list[View]:
+    """A row of figure 7: original, registered, their difference, reconstruction, its error.
+
+    Args:
+        original: the garment before registration, triangles.
+        true: (V, 3) registered vertices within `mask` (V,).
+        predicted: (V, 3) reconstruction; its error is drawn on the true mask.
+        predicted_mask: (V,), or None for the true one.
+        faces: (F, 3) of the garment's topology.
+        scene: wearer, floor and direction of view.
+    """
+    registered = garment_mesh(true, faces, mask)
+    error_mm = 1000 * np.linalg.norm(predicted - true, axis=1)
+    made = garment_mesh(predicted, faces, mask if predicted_mask is None else predicted_mask)
+    heat = replace(scene, body=None)
+    return [
+        replace(scene, garment=original),
+        replace(scene, garment=registered),
+        replace(heat, garment=original, error_mm=distances_mm(original.vertices, registered)),
+        replace(scene, garment=made),
+        replace(
+            heat,
+            garment=garment_mesh(predicted, faces, mask),
+            error_mm=error_mm[np.unique(faces_within(faces, mask))],
+        ),
+    ]
+
+
+ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
+
+
+def plot_views(
+    path: str | Path,
+    rows: Mapping[str, Sequence[View]],
+    *,
+    columns: Sequence[str] = (),
+    heat: bool = False,
 ) -> None:
-    """Figures 9 and 10: rows of views, each under the name of what changes along it."""
-    grid_sheet(
-        path,
-        [[view_picture(view) for view in views] for views in rows.values()],
-        labels=list(rows),
-        columns=columns,
-    )
+    """Figures 7, 9 and 10: rows of views under their names.
+
+    Args:
+        path: the PNG.
+        rows: label -> views; a newline breaks the label.
+        columns: titles above.
+        heat: add the colour bar of the errors.
+    """
+    pictures = [
+        [view_picture(view) for view in views]
+        for views in progress(rows.values(), total=len(rows), label="pictures")
+    ]
+    grid_sheet(path, pictures, labels=list(rows), columns=columns, heat=heat)
 
 
-def animate_walk(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
+def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 6) -> None:
+    """A sheet of sampled garments, each under its caption."""
+    pictures = [(view_picture(view), name) for name, view in views.items()]
+    contact_sheet(path, pictures, columns)
+
+
+def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
     """A transition as a moving picture."""
-    save_moving(path, [view_picture(v, size=(240, 260), samples=10) for v in views], frame_ms)
+    save_moving(path, [view_picture(v, size=(250, 260), samples=10) for v in views], frame_ms)
+
+
+def standing(wearer: Mesh, colour: Sequence[float] = View.colour) -> View:
+    """A scene for garments in rest pose: the wearer, on the floor, seen from the front."""
+    return View(None, wearer, colour, floor_z=float(wearer.vertices[:, 2].min()))
+
+
+def type_colour(garment: str) -> tuple[float, float, float]:
+    """sRGB of a garment type, the same in every figure."""
+    return to_rgb(GARMENT_COLOURS[garment])
+
+
+def walk_view(garment: Mesh, wearer: Mesh, kind: str) -> View:
+    """A step of a transition: the garment on its wearer in the colour of its type."""
+    return replace(standing(wearer, type_colour(kind)), garment=garment)

@@ -1,0 +1,24 @@
+"""Rule `evaluate_svae`: codes of all static garments, and metrics of their reconstructions."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from drapeline.registration.static_data import StaticData
+
+from drapeline.metrics.table import write_metrics
+from drapeline.nets.checkpoints import load_vae
+from drapeline.nets.fitting import BEST
+from drapeline.nets.represent import encode_garments, save_codes, static_vae_summary
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    model = load_vae(Path(snakemake.input.model) / BEST)
+    data = StaticData(snakemake.input.data)
+    codes = encode_garments(model, data, np.arange(len(data.garment)))
+    save_codes(snakemake.output.codes, codes, data)
+    splits, variant = snakemake.params.splits, snakemake.wildcards.variant
+    write_metrics(snakemake.output.metrics, static_vae_summary(model, data, codes, variant, splits))

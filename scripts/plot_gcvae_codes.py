@@ -1,0 +1,16 @@
+"""Rule `plot_gcvae_codes`: figure 8, the codes of static garments in the plane."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.nets.represent import load_codes
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.report.gcvae_figures import plot_codes
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    codes, about = load_codes(snakemake.input[0])
+    kinds = [GARMENTS[kind] for kind in about["garment"]]
+    plot_codes(snakemake.output[0], codes.mean, kinds, about["split"])

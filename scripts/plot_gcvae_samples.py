@@ -1,0 +1,20 @@
+"""Rule `plot_gcvae_samples`: a sheet of sampled garments on their wearers."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.nets.sampling import load_samples, wearer_mesh
+from drapeline.report.gcvae_figures import plot_samples, walk_view
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
+    views = {}
+    for sample in load_samples(snakemake.input.samples)[: snakemake.params.count]:
+        caption = f"{sample.name} {sample.garment}" + " (asked)" * sample.asked
+        views[caption] = walk_view(sample.mesh, wearer_mesh(bodies, sample.cvar), sample.garment)
+    plot_samples(snakemake.output[0], views)

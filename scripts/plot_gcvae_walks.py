@@ -1,0 +1,39 @@
+"""Rule `plot_gcvae_walks`: figure 9, transitions of static garments, one of them in motion."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drapeline.registration.static_data import StaticData
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.nets.checkpoints import load_vae
+from drapeline.nets.fitting import BEST
+from drapeline.nets.represent import load_codes
+from drapeline.nets.sampling import train_types, wearer_mesh
+from drapeline.nets.walks import paper_walks
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.report.gcvae_figures import animate_views, plot_views, walk_view
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    model = load_vae(Path(snakemake.input.model) / BEST)
+    codes, about = load_codes(snakemake.input.codes)
+    bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
+    data = StaticData(snakemake.input.data)
+    types, rows = train_types(codes, about), data.rows("test")
+
+    def views(steps):
+        return [
+            walk_view(step.garment, wearer_mesh(bodies, step.cvar), GARMENTS[step.type])
+            for step in steps
+        ]
+
+    ways = paper_walks(model, types, data, rows, codes.of(rows), snakemake.params.steps)
+    plot_views(snakemake.output.sheet, {name: views(steps) for name, steps in ways.items()})
+    ways = paper_walks(model, types, data, rows, codes.of(rows), snakemake.params.frames)
+    moving = next(ways[name] for name in ("topology", "cloth", "shape", *ways) if name in ways)
+    animate_views(snakemake.output.moving, views(moving))

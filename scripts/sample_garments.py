@@ -1,0 +1,33 @@
+"""Rule `sample_garments`: new garments from the prior, as OBJ and glTF files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.nets.checkpoints import load_vae
+from drapeline.nets.fitting import BEST
+from drapeline.nets.represent import load_codes
+from drapeline.nets.sampling import (
+    draw_requests,
+    sample_garments,
+    save_samples,
+    train_types,
+)
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    model = load_vae(Path(snakemake.input.model) / BEST)
+    types = train_types(*load_codes(snakemake.input.codes))
+    bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
+    seed = snakemake.params.seed
+    requests = draw_requests(seed, **snakemake.params.conditions)
+    sampled = sample_garments(model, types, requests, seed)
+    rows = save_samples(snakemake.output[0], sampled, bodies, model.domain.faces["body"])
+    good = sum(row["inside_1cm_share"] <= 0.05 for row in rows)
+    log.info(
+        "%d of %d garments have at most 5 %% of their vertices deeper than 1 cm", good, len(rows)
+    )

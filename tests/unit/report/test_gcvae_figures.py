@@ -1,0 +1,177 @@
+"""Figures of the garment VAE: what is in the pictures, not that there are any."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from drapeline.mesh import Mesh
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.report.gcvae_figures import (
+    HEAT_SPAN_MM,
+    View,
+    error_views,
+    grid_sheet,
+    heat_colour,
+    plot_codes,
+    plot_views,
+    save_moving,
+    standing,
+    view_picture,
+    walk_view,
+)
+from drapeline.report.tsne import POINTS_MAX, tsne
+from drapeline.seeding import rng_for
+from gcvae_toys import tube, tube_faces
+
+TUBE = Mesh((2 * tube() - [0, 0, 0.6]).astype(np.float32), tube_faces(False))
+BACKDROP = 237
+
+
+def shown(view, **settings):
+    return view_picture(view, size=(60, 64), samples=6, **settings).astype(int)
+
+
+def coloured(picture):
+    return np.ptp(picture, axis=2) > 25
+
+
+def test_heat_goes_from_dark_blue_to_yellow_and_stays_there():
+    low, high = heat_colour(0), heat_colour(HEAT_SPAN_MM)
+    assert low[2] > low[1]
+    assert (high[:2] > 0.8).all()
+    assert high[2] < 0.3
+    np.testing.assert_array_equal(heat_colour(10 * HEAT_SPAN_MM), high)
+
+
+def test_error_is_drawn_where_it_is():
+    error = np.where(TUBE.vertices[:, 2] > 0, HEAT_SPAN_MM, 0.0)
+    picture = shown(View(TUBE, None, error_mm=error))
+    rows = np.flatnonzero(coloured(picture).any(axis=1))
+    top, bottom = picture[rows[: len(rows) // 3]], picture[rows[-len(rows) // 3 :]]
+    yellow = lambda p: ((p[..., 0] - p[..., 2]) > 60).sum()  # noqa: E731
+    blue = lambda p: ((p[..., 2] - p[..., 1]) > 15).sum()  # noqa: E731
+    assert yellow(top) > 50 > 5 > yellow(bottom)
+    assert blue(bottom) > 50 > 5 > blue(top)
+
+
+def test_views_of_one_size_have_one_scale():
+    tall = Mesh(TUBE.vertices * 1.5, TUBE.faces)
+    heights = [
+        np.count_nonzero(coloured(shown(View(mesh, None, (0.2, 0.4, 0.9)))).any(axis=1))
+        for mesh in (TUBE, tall)
+    ]
+    assert heights[1] / heights[0] == pytest.approx(1.5, rel=0.1)
+
+
+def test_nothing_to_draw_is_an_even_picture():
+    nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    assert (shown(View(nothing, None)) == BACKDROP).all()
+
+
+def test_the_wearer_stands_on_the_floor():
+    high = Mesh(TUBE.vertices + [0, 0, 5], TUBE.faces)
+    np.testing.assert_allclose(shown(standing(high)), shown(standing(TUBE)), atol=2)
+
+
+def test_types_have_colours_of_their_own():
+    pictures = [shown(walk_view(TUBE, TUBE, kind)) for kind in GARMENTS]
+    for i, one in enumerate(pictures):
+        for other in pictures[:i]:
+            assert np.abs(one - other).max() > 40
+
+
+def test_error_row_shows_each_error_on_the_mesh_that_has_it():
+    mask = TUBE.vertices[:, 2] > -0.3
+    original = Mesh(TUBE.vertices + [0.01, 0, 0], TUBE.faces)
+    predicted = TUBE.vertices + np.where(TUBE.vertices[:, 2:] > 0, 0.02, 0)
+    views = error_views(original, TUBE.vertices, mask, predicted, ~mask, TUBE.faces, standing(TUBE))
+    assert len(views) == 5
+    assert views[2].garment is original
+    assert len(views[2].error_mm) == len(original.vertices)
+    assert views[2].error_mm.max() > 9
+    error = views[4].error_mm
+    assert len(error) == len(views[4].garment.vertices) == mask.sum()
+    high = views[4].garment.vertices[:, 2] > 0.03
+    np.testing.assert_allclose(error[high], 20 * np.sqrt(3), rtol=1e-4)
+    assert error[views[4].garment.vertices[:, 2] <= 0].max() < 1e-3
+    # The reconstruction itself has the predicted mask.
+    assert views[3].garment.vertices[:, 2].max() < views[1].garment.vertices[:, 2].min() + 0.1
+
+
+def test_sheet_holds_every_picture_titles_labels_and_the_bar(tmp_path):
+    red, green = (np.full((40, 30, 3), c, np.uint8) for c in ((255, 0, 0), (0, 255, 0)))
+    path = tmp_path / "sheet.png"
+    grid_sheet(path, [[red, green], [red]], columns=["a", "b"], labels=["one\ntwo", "x"])
+    sheet = np.asarray(Image.open(path))
+    assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 1200
+    assert (sheet == [0, 255, 0]).all(-1).sum() == 1200
+    left = np.flatnonzero((sheet == [255, 0, 0]).all(-1).any(axis=0))[0]
+    assert (sheet[:, :left] < 100).any()  # the labels
+    grid_sheet(path, [[red, red, red, red, red]], heat=True)
+    heated = np.asarray(Image.open(path)).astype(int)
+    for end in (0, HEAT_SPAN_MM):
+        colour = np.round(255 * heat_colour(end))
+        assert (np.abs(heated - colour).max(-1) <= 2).sum() >= 16
+
+
+def test_views_are_written_row_by_row(tmp_path):
+    plot_views(tmp_path / "v.png", {"a": [View(TUBE, None)] * 2, "b": [View(TUBE, None)]})
+    one, three = Image.open(tmp_path / "v.png").size, (2, 2)
+    assert one[0] > three[0] * 240
+    assert one[1] > three[1] * 250
+
+
+def test_a_moving_picture_runs_to_and_fro(tmp_path):
+    pictures = [np.full((20, 20, 3), value, np.uint8) for value in (0, 80, 160, 240)]
+    save_moving(tmp_path / "m.png", pictures, 50)
+    with Image.open(tmp_path / "m.png") as image:
+        assert image.n_frames == 6
+        assert image.info["loop"] == 0
+        seen = []
+        for frame in range(6):
+            image.seek(frame)
+            seen.append(int(np.asarray(image.convert("RGB"))[0, 0, 0]))
+    np.testing.assert_allclose(seen, [0, 80, 160, 240, 160, 80], atol=4)
+
+
+@pytest.fixture(scope="module")
+def clusters():
+    rng = rng_for(0, "clusters")
+    kind = np.arange(150) % 3
+    return rng.normal(size=(3, 20))[kind] * 3 + rng.normal(size=(150, 20)) * 0.5, kind
+
+
+def test_tsne_keeps_neighbours_together_and_needs_no_luck(clusters):
+    points, kind = clusters
+    place = tsne(points, steps=400)
+    distance = np.linalg.norm(place[:, None] - place, axis=2)
+    np.fill_diagonal(distance, np.inf)
+    assert (kind[distance.argmin(axis=1)] == kind).all()
+    within = [
+        np.linalg.norm(place[kind == k] - place[kind == k].mean(0), axis=1).max() for k in range(3)
+    ]
+    middles = np.stack([place[kind == k].mean(0) for k in range(3)])
+    apart = np.linalg.norm(middles[:, None] - middles, axis=2)[np.triu_indices(3, 1)]
+    assert apart.min() > 1.5 * max(within)
+    np.testing.assert_array_equal(tsne(points, steps=400), place)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 5])
+def test_tsne_of_few_points(count):
+    place = tsne(rng_for(0, "few").normal(size=(count, 4)), steps=20)
+    assert place.shape == (count, 2)
+    assert np.isfinite(place).all()
+
+
+def test_tsne_refuses_what_would_take_hours():
+    with pytest.raises(ValueError, match=f"expected at most {POINTS_MAX}"):
+        tsne(np.zeros((POINTS_MAX + 1, 2)))
+
+
+def test_codes_are_drawn_in_the_colours_of_their_types(clusters, tmp_path):
+    points, kind = clusters
+    names = [GARMENTS[k] for k in kind]
+    plot_codes(tmp_path / "codes.svg", points, names, ["train"] * 100 + ["test"] * 50)
+    text = (tmp_path / "codes.svg").read_text()
+    for name in GARMENTS:
+        assert (f">{name}<" in text) == (name in names)
