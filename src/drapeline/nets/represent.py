@@ -19,7 +19,7 @@ from drapeline.metrics.evaluation import (
 from drapeline.metrics.garment_metrics import gaussian_kl
 from drapeline.metrics.table import MetricRow
 from drapeline.nets.domain import TOPOLOGIES, rest_bodies
-from drapeline.nets.gcvae_data import Garments
+from drapeline.nets.gcvae_data import Garments, as_tensors
 from drapeline.nets.gcvae_training import GarmentVae, StaticVae
 from drapeline.storage import load_npz, save_npz
 
@@ -50,12 +50,7 @@ def encode_garments(model: GarmentVae, garments: Garments, rows: Sequence[int]) 
     means, log_variances = [], []
     for start in range(0, len(rows), _BATCH):
         part = np.asarray(rows[start : start + _BATCH])
-        batch = {
-            key: torch.from_numpy(np.ascontiguousarray(value))
-            if isinstance(value, np.ndarray)
-            else value
-            for key, value in garments.batch(part).items()
-        }
+        batch = as_tensors(garments.batch(part))
         code = model.encode(batch)
         means.append(code.mean.numpy())
         log_variances.append(code.log_variance.numpy())

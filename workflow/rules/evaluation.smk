@@ -1,0 +1,267 @@
+# Test rows are read by the rules of this file alone.
+SVAE_ABLATIONS = [
+    *["svae", "svae_no_normals", "svae_no_mask", "svae_no_cvar"],
+    *["svae_uniform_pooling", "svae_ours"],
+]
+DVAE_ABLATIONS = ["dvae_posed_1", "dvae_posed_4", "dvae_unposed_1", "dvae_unposed_4"]
+# Which models each table of metrics holds.
+METRIC_TABLES = {
+    "metrics": ["svae", "svae_ours", "dvae_unposed_4"],
+    "metrics_ablations": SVAE_ABLATIONS + DVAE_ABLATIONS,
+}
+EVALUATED_SPLITS = ["val", "test"]
+SUPER_BODIES = {g: f"{RESULTS}/registration/body/{g}.npz" for g in GENDERS}
+WHOLE_BODIES = {g: body_file(g) for g in GENDERS}
+GCVAE_FILES = [
+    f"{RESULTS}/metrics.tsv",
+    f"{RESULTS}/report/gcvae_metrics.html",
+    *expand(
+        f"{RESULTS}/report/gcvae_{{name}}.png",
+        name=["errors", "codes", "walks", "walk_moving", "wrinkles", "samples"],
+    ),
+]
+
+
+wildcard_constraints:
+    svae="|".join(SVAE_ABLATIONS),
+    dvae="|".join(DVAE_ABLATIONS),
+    table="|".join(METRIC_TABLES),
+
+
+def metric_files(wildcards):
+    """Metrics of the baselines and of every model of a table."""
+    names = ["baselines", "dynamic_baselines", *METRIC_TABLES[wildcards.table]]
+    return [f"{RESULTS}/metrics/{name}.tsv" for name in names]
+
+
+def shown_svae():
+    """The static model that figures and samples are made with."""
+    return config["gcvae"]["sampling"]["variant"]
+
+
+rule evaluate_baselines:
+    input:
+        **SUPER_BODIES,
+        data=f"{RESULTS}/static/data",
+        topology=f"{RESULTS}/registration/topology.npz",
+    output:
+        f"{RESULTS}/metrics/baselines.tsv",
+    log:
+        f"{LOGS}/evaluate_baselines.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_baselines.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 2
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        splits=EVALUATED_SPLITS,
+        components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
+        seed=config["seed"],
+        code=source_hash("evaluate_baselines"),
+    script:
+        "../../scripts/evaluate_baselines.py"
+
+
+rule evaluate_svae:
+    input:
+        model=f"{RESULTS}/gcvae/{{svae}}",
+        data=f"{RESULTS}/static/data",
+    output:
+        metrics=f"{RESULTS}/metrics/{{svae}}.tsv",
+        codes=f"{RESULTS}/codes/{{svae}}.npz",
+    log:
+        f"{LOGS}/evaluate_svae/{{svae}}.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_svae/{{svae}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        splits=EVALUATED_SPLITS,
+        code=source_hash("evaluate_svae"),
+    script:
+        "../../scripts/evaluate_svae.py"
+
+
+rule collect_metrics:
+    input:
+        metric_files,
+    output:
+        f"{RESULTS}/{{table}}.tsv",
+    log:
+        f"{LOGS}/collect_metrics/{{table}}.log",
+    benchmark:
+        f"{BENCHMARKS}/collect_metrics/{{table}}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("collect_metrics"),
+    script:
+        "../../scripts/collect_metrics.py"
+
+
+rule tabulate_gcvae:
+    input:
+        f"{RESULTS}/{{table}}.tsv",
+    output:
+        page=report(
+            f"{RESULTS}/report/gcvae_{{table}}.html",
+            caption="../report/gcvae_tables.rst",
+            category="Garment VAE",
+            labels={"shows": "tables 3 and 4 ({table})"},
+        ),
+        table=f"{RESULTS}/report/gcvae_{{table}}_beside_paper.tsv",
+    log:
+        f"{LOGS}/tabulate_gcvae/{{table}}.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_gcvae/{{table}}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("tabulate_gcvae"),
+    script:
+        "../../scripts/tabulate_gcvae.py"
+
+
+rule ablations:
+    # Trains and evaluates every row of tables 3a and 4; nothing of it is part of the default.
+    input:
+        f"{RESULTS}/metrics_ablations.tsv",
+        f"{RESULTS}/report/gcvae_metrics_ablations.html",
+
+
+rule sample_garments:
+    input:
+        **WHOLE_BODIES,
+        model=f"{RESULTS}/gcvae/{shown_svae()}",
+        codes=f"{RESULTS}/codes/{shown_svae()}.npz",
+    output:
+        directory(f"{RESULTS}/sampled_garments"),
+    log:
+        f"{LOGS}/sample_garments.log",
+    benchmark:
+        f"{BENCHMARKS}/sample_garments.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        seed=config["seed"],
+        conditions={
+            **{
+                key: config["gcvae"]["sampling"][key]
+                for key in ("count", "garments", "female_share", "shape", "tightness")
+            },
+            "shape_range": config["body"]["shape_range"],
+            "tightness_range": config["outfits"]["tightness_range"],
+        },
+        code=source_hash("sample_garments"),
+    script:
+        "../../scripts/sample_garments.py"
+
+
+rule plot_gcvae_samples:
+    input:
+        **WHOLE_BODIES,
+        samples=f"{RESULTS}/sampled_garments",
+    output:
+        report(
+            f"{RESULTS}/report/gcvae_samples.png",
+            caption="../report/gcvae_samples.rst",
+            category="Garment VAE",
+            labels={"shows": "sampled garments"},
+        ),
+    log:
+        f"{LOGS}/plot_gcvae_samples.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_gcvae_samples.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        count=24,
+        code=source_hash("plot_gcvae_samples"),
+    script:
+        "../../scripts/plot_gcvae_samples.py"
+
+
+rule plot_gcvae_codes:
+    input:
+        f"{RESULTS}/codes/{shown_svae()}.npz",
+    output:
+        report(
+            f"{RESULTS}/report/gcvae_codes.png",
+            caption="../report/gcvae_codes.rst",
+            category="Garment VAE",
+            labels={"shows": "figure 8: codes of static garments"},
+        ),
+    log:
+        f"{LOGS}/plot_gcvae_codes.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_gcvae_codes.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        code=source_hash("plot_gcvae_codes"),
+    script:
+        "../../scripts/plot_gcvae_codes.py"
+
+
+rule plot_gcvae_walks:
+    input:
+        **WHOLE_BODIES,
+        model=f"{RESULTS}/gcvae/{shown_svae()}",
+        codes=f"{RESULTS}/codes/{shown_svae()}.npz",
+        data=f"{RESULTS}/static/data",
+    output:
+        sheet=report(
+            f"{RESULTS}/report/gcvae_walks.png",
+            caption="../report/gcvae_walks.rst",
+            category="Garment VAE",
+            labels={"shows": "figure 9: transitions"},
+        ),
+        moving=report(
+            f"{RESULTS}/report/gcvae_walk_moving.png",
+            caption="../report/gcvae_walks.rst",
+            category="Garment VAE",
+            labels={"shows": "figure 9: a transition in motion"},
+        ),
+    log:
+        f"{LOGS}/plot_gcvae_walks.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_gcvae_walks.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        steps=7,
+        frames=15,
+        code=source_hash("plot_gcvae_walks"),
+    script:
+        "../../scripts/plot_gcvae_walks.py"
