@@ -19,6 +19,9 @@ from drapeline.mesh import boundary_loops, edge_counts, edges
 # Vertices that lie this deep below the hull around both legs belong to their inner sides.
 INNER_DEPTH_M = 0.004
 _SLICE_M = 0.02
+BOUNDARIES = 4  # a neck, two wrists, the hem around both ankles
+# On rough meshes the line may touch itself: then one a little in front or behind is tried.
+_SHIFTS_M = (0.0, 0.002, -0.002, 0.004, -0.004, 0.006, -0.006, 0.009, -0.009, 0.012, -0.012)
 
 
 @dataclass(frozen=True)
@@ -49,15 +52,20 @@ def skirt_topology(rest: np.ndarray, faces: np.ndarray, hips: float) -> SkirtTop
     Raises:
         ValueError: no strip of faces leads from one ankle to the other.
     """
-    strip, front, back = _strip(rest, faces, hips)
-    kept = np.delete(faces, strip, axis=0)
-    used = {tuple(pair) for pair in edges(kept).tolist()}
-    added = []
-    for chain in (front, back):
-        added += _zipped(rest, kept, chain, used)
-    joined = np.concatenate([kept, np.array(added, dtype=faces.dtype)]).astype(np.int32)
-    inner = _inner_leg(rest, joined, np.concatenate([front, back]), hips)
-    return SkirtTopology(joined, len(added), np.sort(strip), inner)
+    levels = _levels(rest, faces, hips)
+    ahead = _ahead(rest, faces, levels)
+    failure = ValueError()
+    for shift in _SHIFTS_M:
+        try:
+            joined, strip, chains = _joined(rest, faces, ahead > shift, hips)
+        except ValueError as error:
+            failure = error
+        else:
+            added = len(joined) - len(faces) + len(strip)
+            return SkirtTopology(
+                joined, added, strip, _inner_leg(rest, faces, joined, chains, levels)
+            )
+    raise failure
 
 
 def smoothing(faces: np.ndarray, moved: np.ndarray) -> csr_matrix:
@@ -119,16 +127,32 @@ def _levels(rest: np.ndarray, faces: np.ndarray, top: float) -> np.ndarray:
     return np.linspace(bottom, top, max(4, round((top - bottom) / _SLICE_M)))
 
 
+def _joined(
+    rest: np.ndarray, faces: np.ndarray, before: np.ndarray, hips: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The second topology's faces, ids of the faces left out, and the vertices along these."""
+    strip, *chains = _strip(rest, faces, before, hips)
+    kept = np.delete(faces, strip, axis=0)
+    used = {tuple(pair) for pair in edges(kept).tolist()}
+    added = [triangle for chain in chains for triangle in _zipped(rest, kept, chain, used)]
+    joined = np.concatenate([kept, np.array(added)]).astype(np.int32)
+    if len(boundary_loops(joined)) != BOUNDARIES or edge_counts(joined)[1].max() > 2:
+        raise ValueError("the legs do not make one tube")
+    return joined, np.sort(strip), np.concatenate(chains)
+
+
 def _strip(
-    rest: np.ndarray, faces: np.ndarray, hips: float
+    rest: np.ndarray, faces: np.ndarray, before: np.ndarray, hips: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The faces along the legs' inner-most lines, from the left ankle to the right one.
+
+    Args:
+        before: (V,) whether a vertex lies in front of that line.
 
     Returns:
         Their ids, and the chains of vertices before and behind them, both from left to right.
     """
     left, right = (set(loop.tolist()) for loop in _ankles(rest, faces))
-    before = _before(rest, faces, hips)
     mixed = before[faces].any(axis=1) & ~before[faces].all(axis=1)
     ways: dict[tuple[int, int], list[int]] = {}  # edges across the line, and their faces
     for face in np.flatnonzero(mixed & (rest[faces, 2] < hips).all(axis=1)).tolist():
@@ -146,14 +170,13 @@ def _strip(
     raise ValueError("no strip of faces leads along the inner legs from one ankle to the other")
 
 
-def _before(rest: np.ndarray, faces: np.ndarray, hips: float) -> np.ndarray:
-    """(V,) whether a vertex lies in front of the middle of the legs at its height."""
+def _ahead(rest: np.ndarray, faces: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """(V,) metres that a vertex lies in front of the middle of the legs at its height."""
     pairs = edges(faces)
-    levels = _levels(rest, faces, hips)
     extent = [_section(rest, pairs, z)[:, 1] for z in levels]
     middle = np.array([(y.min() + y.max()) / 2 for y in extent])
     middle = np.convolve(np.pad(middle, 3, mode="edge"), np.ones(7) / 7, mode="valid")
-    return rest[:, 1] < np.interp(rest[:, 2], levels, middle)
+    return np.interp(rest[:, 2], levels, middle) - rest[:, 1]
 
 
 def _pairs(corners: list[int]) -> list[tuple[int, int]]:
@@ -221,18 +244,24 @@ def _key(a: int, b: int) -> tuple[int, int]:
     return (int(min(a, b)), int(max(a, b)))
 
 
-def _inner_leg(rest: np.ndarray, faces: np.ndarray, chains: np.ndarray, hips: float) -> np.ndarray:
+def _inner_leg(
+    rest: np.ndarray,
+    faces: np.ndarray,
+    joined: np.ndarray,
+    chains: np.ndarray,
+    levels: np.ndarray,
+) -> np.ndarray:
     """(V,) vertices of the inner sides: deep below the hull around both legs, in one piece."""
     pairs = edges(faces)
-    levels = _levels(rest, faces, hips)
     deep = np.zeros(len(rest), dtype=bool)
-    below = np.flatnonzero(rest[:, 2] < hips)
+    below = np.flatnonzero(rest[:, 2] < levels[-1])
     nearest = np.abs(rest[below, 2, None] - levels).argmin(axis=1)
     for index, level in enumerate(levels):
         here = below[nearest == index]
         walls = ConvexHull(_section(rest, pairs, level)).equations  # outward normals, offsets
         depth = -(rest[here, :2] @ walls[:, :2].T + walls[:, 2]).max(axis=1)
         deep[here] = depth > INNER_DEPTH_M
+    pairs = edges(joined)
     deep[chains] = True
     inner = pairs[deep[pairs].all(axis=1)]
     graph = csr_matrix((np.ones(len(inner)), inner.T), shape=(len(rest),) * 2)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.model import posed_vertices
+from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.registration.inner_legs import Smoother, skirt_topology
 from drapeline.registration.segments import garment_variability, segment_body
@@ -55,13 +56,17 @@ def build_topology(body: SuperBody) -> Topology:
     """Derive both topologies and the segments from the bodies' mean in the rest pose.
 
     Raises:
-        ValueError: the legs cannot be joined.
+        InputError: the legs cannot be joined.
     """
     posed = [posed_vertices(b, np.zeros(10), REST_POSE[None]) for b in body.bodies.values()]
     rest = np.mean([vertices[0] for vertices, _ in posed], axis=0).astype(np.float64)
     joints = np.mean([places[0] for _, places in posed], axis=0)
     hips = float(joints[[JOINT_NAMES.index(f"{s}_hip") for s in ("left", "right")], 2].mean())
-    skirt = skirt_topology(rest, body.faces, hips)
+    try:
+        skirt = skirt_topology(rest, body.faces, hips)
+    except ValueError as error:
+        names = " and ".join(b.name for b in body.bodies.values())
+        raise InputError(f"{names}: {error}, expected two legs apart") from error
     variability = garment_variability(rest, joints)
     return Topology(
         faces=body.faces,
