@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.blender.simulate import simulate_outfit
+from drapeline.blender.threads import seen_cores
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.outfits.outfit import load_outfit
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
+    with seen_cores(snakemake.threads):
+        from drapeline.blender.simulate import simulate_outfit
     status = simulate_outfit(
         snakemake.output[0],
         body=load_body(snakemake.input.body),
@@ -21,6 +23,5 @@ with rule_log(snakemake.log[0]) as log:
         outfit=load_outfit(snakemake.input.outfit, snakemake.input.parameters),
         settings=SimulationSettings(**snakemake.params.settings),
         bounds=HealthBounds(**snakemake.params.bounds),
-        threads=snakemake.threads,
     )
     log.info("%s %s", status["status"], status["reason"])

@@ -44,7 +44,7 @@ class SamplePlan:
     @property
     def removable(self) -> str:
         """Which parts of the body the outfit surely leaves bare, for self-collisions (3.1)."""
-        return "arms" if self.kind.startswith("Top") else "hands"
+        return "forearms" if self.kind.startswith("Top") else "hands"
 
 
 def sub_sequences(

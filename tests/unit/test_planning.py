@@ -93,4 +93,4 @@ def test_nothing_to_wear_is_named():
 def test_sub_sequences_are_named_as_in_cloth3d_and_tops_leave_the_arms_bare():
     for sample in plan().values():
         assert sample.sub_sequence == f"{sample.sequence}_s{sample.start // 60}"
-        assert (sample.removable == "arms") == ("Top" in sample.kind)
+        assert (sample.removable == "forearms") == ("Top" in sample.kind)

@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 
 from drapeline.blender.picture import add_mesh, new_scene
-from drapeline.blender.threads import limited_threads
 from drapeline.frames import FPS
 from drapeline.simulation.fabrics import ClothParameters
 
@@ -71,7 +70,6 @@ def simulate_cloth(
     *,
     frames: int,
     solver: Solver,
-    threads: int,
 ) -> Iterator[list[np.ndarray]]:
     """Yield the vertices (V, 3) of every piece, frame after frame.
 
@@ -84,7 +82,6 @@ def simulate_cloth(
         body_faces: (F, 3) outward.
         body_cache: `.pc2` of the body, one entry per frame.
         frames: frames to yield, the first being the state given.
-        threads: of the machine to use.
     """
     scene = new_scene()
     scene.render.fps, scene.render.fps_base = FPS, 1.0
@@ -105,12 +102,11 @@ def simulate_cloth(
             colliders = bpy.data.collections.new(f"under {len(cloths)}")
             for thing in inner:
                 colliders.objects.link(thing)
-    with limited_threads(threads):
-        scene.frame_set(1)
-        for frame in range(1, frames + 1):
-            scene.frame_set(frame)
-            graph = bpy.context.evaluated_depsgraph_get()
-            yield [_vertices(cloth.evaluated_get(graph)) for cloth in cloths]
+    scene.frame_set(1)
+    for frame in range(1, frames + 1):
+        scene.frame_set(frame)
+        graph = bpy.context.evaluated_depsgraph_get()
+        yield [_vertices(cloth.evaluated_get(graph)) for cloth in cloths]
 
 
 def _play(thing: bpy.types.Object, cache: Path) -> None:

@@ -27,6 +27,7 @@ from drapeline.simulation.health import (
     HealthMonitor,
     out_of_bounds,
     summary,
+    surely_out_of_bounds,
 )
 from drapeline.simulation.holding import Carrier, gathering
 from drapeline.simulation.reach import parts_within_reach
@@ -36,11 +37,14 @@ from drapeline.storage import save_npz, whole_folder, write_json
 
 LOGGER = logging.getLogger("drapeline")
 _PIN_WEIGHT = 0.9
-_HOPELESS_SHARE = 0.3  # of vertices inside the body: the attempt is not carried on
 
 
-class Unstable(Exception):
-    """The cloth left all bounds of sense in some frame."""
+class NotFinite(Exception):
+    """The solver gave a vertex that is not a number."""
+
+
+class OutOfBounds(Exception):
+    """Whatever the frames to come, the sample is going to be out of bounds."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,6 @@ def simulate_outfit(
     outfit: Outfit,
     settings: SimulationSettings,
     bounds: HealthBounds,
-    threads: int,
 ) -> dict[str, Any]:
     """Simulate an outfit on a moving body and judge the result (CLOTH3D 3.3).
 
@@ -73,7 +76,6 @@ def simulate_outfit(
         body_record: the wearer, free of self-collisions.
         outfit: garments in rest pose, root-relative, from inner to outer.
         bounds: what an accepted sample holds.
-        threads: of the machine to use.
 
     Returns:
         What `status.json` holds: status "accepted", "rejected" or "failed", reason, attempts.
@@ -85,18 +87,10 @@ def simulate_outfit(
         limit = 0 if body_record.outcome == "rejected" else settings.attempts
         for number in range(limit):
             attempt = _attempt(number, body_record, outfit, settings)
-            report, arrays = _try(folder, body, body_record, outfit, attempt, threads)
+            report, arrays = _try(folder, body, body_record, outfit, attempt, bounds)
             tried.append({**asdict(attempt), **report})
-            if arrays:
-                report["measures"] = tried[-1]["measures"] = summary(arrays)
-                wrong = out_of_bounds(report["measures"], bounds)
-                tried[-1]["reason"] = "; ".join(wrong)
-            status = {
-                "status": "rejected" if arrays else "failed",
-                "reason": tried[-1]["reason"],
-            }
-            if arrays and not wrong:
-                status = {"status": "accepted", "reason": ""}
+            status = {key: report[key] for key in ("status", "reason")}
+            if status["status"] == "accepted":
                 save_npz(folder / "health.npz", **arrays)
                 break
             LOGGER.info("attempt %d: %s", number + 1, status["reason"])
@@ -152,21 +146,32 @@ def _try(
     record: BodySequence,
     outfit: Outfit,
     attempt: Attempt,
-    threads: int,
+    bounds: HealthBounds,
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """One simulation: a report, and health arrays unless it broke down."""
+    """One simulation: a report, and health of every frame simulated."""
     started = time.perf_counter()
     monitor = HealthMonitor(
         [_watched(g) for g in outfit.garments],
         collision_faces(body, record),
     )
+    report: dict[str, Any]
     try:
         with TemporaryDirectory(dir=folder) as scratch:
-            _simulate(folder, Path(scratch), monitor, body, record, outfit, attempt, threads)
-    except (Unstable, RuntimeError, ValueError, np.linalg.LinAlgError) as error:
+            _simulate(folder, Path(scratch), monitor, body, record, outfit, attempt, bounds)
+    except OutOfBounds as error:
+        report = {"status": "rejected", "reason": str(error)}
+    except (NotFinite, RuntimeError, ValueError, np.linalg.LinAlgError) as error:
         LOGGER.exception("the simulation broke down")
-        return {"reason": f"{error}", **_speed(monitor, started)}, {}
-    return _speed(monitor, started), monitor.arrays()
+        report = {"status": "failed", "reason": str(error)}
+    else:
+        measures = summary(monitor.arrays())
+        wrong = out_of_bounds(measures, bounds)
+        report = {
+            "status": "rejected" if wrong else "accepted",
+            "reason": "; ".join(wrong),
+            "measures": measures,
+        }
+    return {**report, **_speed(monitor, started)}, monitor.arrays()
 
 
 def _speed(monitor: HealthMonitor, started: float) -> dict[str, float]:
@@ -182,7 +187,7 @@ def _simulate(
     record: BodySequence,
     outfit: Outfit,
     attempt: Attempt,
-    threads: int,
+    bounds: HealthBounds,
 ) -> None:
     """Run the solver; write and measure the frames of the sequence as they come."""
     lead = attempt.shape_frames + 1 + attempt.pose_frames
@@ -213,23 +218,20 @@ def _simulate(
             cache,
             frames=len(moving),
             solver=attempt.solver,
-            threads=threads,
         )
         for index, frame in enumerate(progress(cloths, total=len(moving), label="cloth")):
             if not all(np.isfinite(cloth).all() for cloth in frame):
-                raise Unstable(f"a vertex is not finite {index - lead} frames into the sequence")
+                raise NotFinite(f"a vertex is not finite {index - lead} frames into the sequence")
             if index < lead:
                 continue
             trans = record.trans[index - lead].astype(np.float32)
             relative = [cloth - trans for cloth in frame]
             for writer, cloth in zip(writers, relative, strict=True):
                 writer.append(cloth)
-            row = monitor.add(relative, moving.frames(index, index + 1)[0] - trans)
-            if max(row["inside_share"]) > _HOPELESS_SHARE:
-                raise Unstable(
-                    f"{100 * max(row['inside_share']):.0f} % of a garment is inside the body"
-                    f" in frame {index - lead}"
-                )
+            monitor.add(relative, moving.frames(index, index + 1)[0] - trans)
+            surely = surely_out_of_bounds(monitor.arrays(), bounds, len(record.poses))
+            if surely:
+                raise OutOfBounds(f"{'; '.join(surely)} (by frame {index - lead})")
 
 
 def _moving_body(

@@ -35,7 +35,7 @@ def render_gallery(
     *,
     still_size: tuple[int, int] = (480, 640),
     moving_size: tuple[int, int] = (240, 320),
-    moving_frames: int = 20,
+    moving_frames: int = 16,
 ) -> None:
     """Render a sample's middle frame and an animation of it, at the same scale for all samples.
 

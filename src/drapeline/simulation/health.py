@@ -251,10 +251,36 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
     }
 
 
+def surely_out_of_bounds(
+    arrays: Mapping[str, np.ndarray], bounds: HealthBounds, frames: int
+) -> list[str]:
+    """What will be out of bounds at the end, even if every frame to come is without fault.
+
+    Args:
+        arrays: of the frames so far, (n, garments) each.
+        frames: of the whole sequence.
+    """
+    missing = ((0, frames - len(arrays["inside_share"])), (0, 0))
+    best = {
+        name: np.pad(arrays[name], missing)
+        for name in ("inside_share", "depth_max_m", "slip_m", "layer_share")
+    }
+    measures = {
+        "inside_share_mean": float(best["inside_share"].mean(axis=0).max()),
+        "inside_share_max": float(best["inside_share"].max()),
+        "depth_m": float(np.percentile(best["depth_max_m"], 95, axis=0).max()),
+        "slip_m": float(best["slip_m"].max()),
+        "layer_share_mean": float(best["layer_share"].mean(axis=0).max()),
+    }
+    return out_of_bounds(measures, bounds)
+
+
 def out_of_bounds(measures: Mapping[str, float], bounds: HealthBounds) -> list[str]:
     """One phrase per measure that is outside its bound, with both values."""
     found = []
     for name in bounds.__dataclass_fields__:
+        if name not in measures:
+            continue
         value, bound = measures[name], getattr(bounds, name)
         low = name == "stretch_low"
         if not (value >= bound if low else value <= bound):

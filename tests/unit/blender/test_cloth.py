@@ -37,9 +37,7 @@ def run(tmp_path, pieces, frames, path=lambda frame: np.zeros(3), radius=0.1, **
     write_point_cache(cache, [body + path(k) for k in range(frames)])
     half = GAP_M / 2
     solver = Solver(**{"steps": 8, "body_distance_m": half, "layer_distance_m": half} | changes)
-    found = simulate_cloth(
-        pieces, body + path(0), ball.faces, cache, frames=frames, solver=solver, threads=1
-    )
+    found = simulate_cloth(pieces, body + path(0), ball.faces, cache, frames=frames, solver=solver)
     return [np.stack(cloth) for cloth in zip(*found, strict=True)]
 
 

@@ -57,7 +57,6 @@ def sample(toy_body):
         "body_record": make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0),
         "outfit": Outfit((skirt(),), np.zeros(10), np.zeros(2), np.zeros(2), "female"),
         "settings": SHORT,
-        "threads": 1,
     }
 
 
@@ -84,6 +83,15 @@ def test_out_of_bounds_is_tried_finer_and_then_rejected_with_its_reason(tmp_path
     first, second = (a["solver"]["steps"] for a in status["attempts"])
     assert second > first
     assert [p.name for p in folder.iterdir()] == ["status.json"]
+
+
+def test_an_attempt_that_cannot_come_back_into_bounds_ends_at_once(tmp_path, sample):
+    bounds = HealthBounds(stretch_low=0, stretch_high=9, inside_share_max=-1)
+    status = simulate_outfit(tmp_path / "00001", bounds=bounds, **sample)
+    assert status["status"] == "rejected"
+    assert "inside_share_max" in status["reason"]
+    assert "(by frame 0)" in status["reason"]
+    assert "measures" not in status["attempts"][0]
 
 
 def test_a_breakdown_is_a_result_with_its_reason(tmp_path, sample, monkeypatch):

@@ -4,6 +4,7 @@ import trimesh
 
 from drapeline.frames import FPS
 from drapeline.mesh import edges
+from drapeline.seeding import rng_for
 from drapeline.simulation.health import (
     HealthBounds,
     HealthGarment,
@@ -15,6 +16,7 @@ from drapeline.simulation.health import (
     signed_parts,
     stretch,
     summary,
+    surely_out_of_bounds,
 )
 
 
@@ -138,3 +140,22 @@ def test_only_what_is_out_of_bounds_is_named(ball):
 def test_a_value_that_is_not_a_number_is_out_of_bounds(ball):
     measures = summary(watch(ball, [1.02 * ball[0]] * 3)) | {"slip_m": float("nan")}
     assert len(out_of_bounds(measures, HealthBounds())) == 1
+
+
+def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
+    frames = 20
+    rng = rng_for(5, "health")
+    names = ("inside_share", "depth_max_m", "slip_m", "layer_share")
+    values = {name: rng.random((frames, 2)).astype(np.float32) for name in names}
+    bounds = HealthBounds(
+        inside_share_mean=0.3, inside_share_max=2, depth_m=0.5, slip_m=2, layer_share_mean=2
+    )
+    told = [
+        bool(surely_out_of_bounds({k: v[:n] for k, v in values.items()}, bounds, frames))
+        for n in range(1, frames + 1)
+    ]
+    assert not told[0]
+    assert told[-1]
+    assert told == sorted(told)
+    worst = values["inside_share"].mean(axis=0).max()
+    assert worst > bounds.inside_share_mean
