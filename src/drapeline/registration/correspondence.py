@@ -214,19 +214,29 @@ def _draw_to_rim(mesh, mask, body, laid, rim, spacing, corner, bary) -> None:
     border = np.flatnonzero(mesh.border(mask))
     if not len(border) or not len(rim):
         return
-    start, end = laid[rim[:, 0]], laid[rim[:, 1]]
-    axis = end - start
-    along = np.einsum("bri,ri->br", body[border][:, None] - start, axis)
-    along = np.clip(along / np.maximum((axis**2).sum(1), 1e-20), 0, 1)
-    gap = body[border][:, None] - (start + along[..., None] * axis)
-    distance = np.linalg.norm(gap, axis=-1)
-    best = distance.argmin(axis=1)
-    rows = np.arange(len(border))
+    edge, share, distance = nearest_on_edges(body[border], laid, rim)
     limit = np.where(mesh.ends[border], _END_M, 1.5 * spacing[border] + 0.005)
-    near = distance[rows, best] < limit
-    chosen, edge, share = border[near], rim[best[near]], along[rows, best][near]
-    corner[chosen] = np.column_stack([edge, edge[:, :1]])
-    bary[chosen] = np.column_stack([1 - share, share, np.zeros(len(share))])
+    near = distance < limit
+    corner[border[near]], bary[border[near]] = edge[near], share[near]
+
+
+def nearest_on_edges(
+    points: np.ndarray, vertices: np.ndarray, pairs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Closest places of points (P, 3) on edges (E, 2) of vertices (V, 3).
+
+    Returns:
+        Corners (P, 3), of which the last repeats the first, weights (P, 3) and distances (P,).
+    """
+    start, axis = vertices[pairs[:, 0]], vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
+    gap = points[:, None] - start
+    along = np.einsum("pei,ei->pe", gap, axis) / np.maximum((axis**2).sum(1), 1e-20)
+    along = np.clip(along, 0, 1)
+    distance = np.linalg.norm(gap - along[..., None] * axis, axis=-1)
+    best, rows = distance.argmin(axis=1), np.arange(len(points))
+    share = along[rows, best]
+    corner = pairs[best][:, [0, 1, 0]]
+    return corner, np.column_stack([1 - share, share, 0 * share]), distance[rows, best]
 
 
 @wp.func
@@ -301,6 +311,16 @@ def _find(
                     face[index] = other
                     weights[index] = w
         size = 2.0 * reach if best <= size else 2.0 * size
+
+
+def nearest_places(
+    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Closest places of points (P, 3) on a mesh: corners (P, 3) and weights (P, 3)."""
+    face, weights = _nearest(points, np.zeros_like(points), vertices, triangles, -1.1)
+    if (face < 0).any():
+        raise ValueError(f"{(face < 0).sum()} points are further than {_REACH_M} m from the mesh")
+    return triangles[face], weights
 
 
 def _nearest(

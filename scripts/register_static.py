@@ -1,0 +1,23 @@
+"""Rule `register_static`: the garments of a shard as offsets from the super-resolved body."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.outfits.static import load_static
+from drapeline.registration.registrar import Registrar, register_shard, save_shard, write_errors
+from drapeline.registration.topology import load_topology
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    arrays, errors = register_shard(
+        Registrar(load_topology(snakemake.input.topology)),
+        load_static(snakemake.input.outfits),
+        {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
+    )
+    write_errors(snakemake.output.errors, errors)
+    save_shard(snakemake.output.offsets, arrays)
+    log.info("%d garments", len(arrays["garment"]))

@@ -1,0 +1,27 @@
+"""Rule `static_outfits`: a shard of outfits in rest pose, each on a body of its own."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.outfits.ranges import OutfitRanges
+from drapeline.outfits.static import StaticPlan, make_static, save_static
+from drapeline.outfits.templates import load_templates
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    wanted = snakemake.params
+    outfits = make_static(
+        [StaticPlan(**plan) for plan in wanted.plans],
+        {gender: load_templates(snakemake.input[f"{gender}_templates"]) for gender in GENDERS},
+        {gender: load_body(snakemake.input[f"{gender}_body"]) for gender in GENDERS},
+        seed=wanted.seed,
+        shape_range=wanted.shape_range,
+        edge_length_m=wanted.edge_length_m,
+        ranges=OutfitRanges(tightness=tuple(wanted.tightness_range)),
+    )
+    save_static(snakemake.output.arrays, outfits)
+    log.info("%d garments", sum(len(outfit.garments) for _, _, outfit in outfits))

@@ -1,0 +1,192 @@
+"""All registered static garments as arrays that are mapped, not read."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.outfits.fit import rest_body
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.registration.topology import SKIRTS
+from drapeline.rule_log import progress
+from drapeline.storage import load_npz, save_npz, whole_folder
+
+# A vertex that hardly ever wears cloth has no deviation to speak of: dividing by it would blow up
+# a millimetre to the size of a sleeve.
+STD_FLOOR_M = 0.005
+BODY_STD_FLOOR_M = 0.001
+_ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
+
+
+def collect_static(
+    output: str | Path, shards: Sequence[str | Path], bodies: dict[str, BodyModel]
+) -> int:
+    """Join registered shards into one folder with statistics of the training rows.
+
+    Args:
+        output: folder, replaced as a whole.
+        shards: `.npz` files of `register_shard`.
+        bodies: super-resolved, by gender.
+
+    Returns:
+        Number of garments.
+
+    Raises:
+        InputError: a shard lacks arrays, counts other vertices, or no row is for training.
+    """
+    about = [load_npz(path, "offsets", "mask", *_ROWS) for path in shards]
+    counts = {part["offsets"].shape[1] for part in about}
+    if len(counts) != 1:
+        raise InputError(
+            f"{output}: shards count {sorted(counts)} body vertices, expected one count;"
+            " register them anew"
+        )
+    rows = {key: np.concatenate([part[key] for part in about]) for key in _ROWS}
+    train = rows["split"] == "train"
+    if not train.any():
+        raise InputError(f"{output}: no garment is for training, expected one or more")
+    offsets = np.concatenate([part.pop("offsets") for part in about])
+    mask = np.concatenate([part.pop("mask") for part in about])
+    mean, std = _offset_statistics(offsets[train], mask[train])
+    body_mean, body_std = _body_statistics(rows, np.flatnonzero(train), bodies)
+    with whole_folder(output) as scratch:
+        np.save(scratch / "offsets.npy", offsets)
+        np.save(scratch / "mask.npy", mask)
+        save_npz(scratch / "rows.npz", **rows)
+        save_npz(
+            scratch / "statistics.npz", mean=mean, std=std, body_mean=body_mean, body_std=body_std
+        )
+    return len(mask)
+
+
+def _offset_statistics(offsets: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and deviation (V, 3) where masked; vertices without two such rows take the median."""
+    count = mask.sum(axis=0)[:, None]
+    total = np.zeros((*mask.shape[1:], 3))
+    square = np.zeros_like(total)
+    for row, worn in zip(offsets, mask, strict=True):
+        total[worn] += row[worn]
+        square[worn] += row[worn].astype(np.float64) ** 2
+    mean = total / np.maximum(count, 1)
+    std = np.sqrt(np.maximum(square / np.maximum(count, 1) - mean**2, 0))
+    enough = count[:, 0] > 1
+    if enough.any():
+        std[~enough] = np.median(std[enough], axis=0)
+    return mean.astype(np.float32), np.maximum(std, STD_FLOOR_M).astype(np.float32)
+
+
+def _body_statistics(
+    rows: dict[str, np.ndarray], chosen: np.ndarray, bodies: dict[str, BodyModel]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and deviation (V, 3) of the rest bodies of rows, each outfit counted once."""
+    _, first = np.unique(rows["outfit"][chosen], return_index=True)
+    total = square = 0.0
+    for row in progress(chosen[first], total=len(first), label="bodies"):
+        body = rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
+        total, square = total + body, square + body**2
+    mean = total / len(first)
+    std = np.sqrt(np.maximum(square / len(first) - mean**2, 0))
+    return mean.astype(np.float32), np.maximum(std, BODY_STD_FLOOR_M).astype(np.float32)
+
+
+class StaticData:
+    """What `collect_static` wrote.
+
+    Attributes:
+        offsets: (N, V, 3) float32 metres, memory-mapped.
+        mask: (N, V) bool, memory-mapped.
+        shape: (N, 10) float32.
+        gender: (N,) int8, 0 female, 1 male.
+        tightness: (N, 2) float32, with the gender's sign.
+        garment: (N,) int8, index into `GARMENTS`.
+        outfit, split: (N,) str.
+        mean, std: (V, 3) float32 of the offsets, over training rows where masked.
+        body_mean, body_std: (V, 3) float32 of the rest bodies, over training rows.
+    """
+
+    def __init__(self, folder: str | Path, bodies: dict[str, BodyModel] | None = None) -> None:
+        """Open a folder.
+
+        Args:
+            folder: of the rule `collect_static`.
+            bodies: super-resolved, by gender, for `rest_bodies`.
+
+        Raises:
+            InputError: a file is missing or the files count different rows.
+        """
+        self.folder = Path(folder)
+        self._bodies = bodies
+        rows = load_npz(self.folder / "rows.npz", *_ROWS)
+        statistics = load_npz(
+            self.folder / "statistics.npz", "mean", "std", "body_mean", "body_std"
+        )
+        self.shape, self.gender, self.tightness = rows["shape"], rows["gender"], rows["tightness"]
+        self.garment, self.outfit, self.split = rows["garment"], rows["outfit"], rows["split"]
+        self.mean, self.std = statistics["mean"], statistics["std"]
+        self.body_mean, self.body_std = statistics["body_mean"], statistics["body_std"]
+        self.offsets, self.mask = self._mapped("offsets"), self._mapped("mask")
+
+    def __len__(self) -> int:
+        return len(self.garment)
+
+    def _mapped(self, name: str) -> np.ndarray:
+        path = self.folder / f"{name}.npy"
+        try:
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: not readable as an array ({error})") from error
+        if array.shape[:2] != (len(self), len(self.mean)):
+            raise InputError(
+                f"{path}: has shape {array.shape}, expected {len(self)} rows"
+                f" of {len(self.mean)} vertices"
+            )
+        return array
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of "train", "val" or "test"."""
+        return np.flatnonzero(self.split == split)
+
+    def cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, 13) float32 conditions: shape, gender, signed tightness."""
+        return np.concatenate(
+            [self.shape[rows], self.gender[rows, None], self.tightness[rows]], axis=1
+        ).astype(np.float32)
+
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) 1 where the garment uses the second topology, else 0."""
+        skirts = [GARMENTS.index(name) for name in SKIRTS]
+        return np.isin(self.garment[rows], skirts).astype(np.int64)
+
+    def names(self, rows: np.ndarray) -> list[str]:
+        """Outfit and garment of rows, for messages."""
+        return [
+            f"{outfit}/{GARMENTS[kind]}"
+            for outfit, kind in zip(self.outfit[rows], self.garment[rows], strict=True)
+        ]
+
+    def batch(self, rows: np.ndarray) -> dict[str, np.ndarray | list[str]]:
+        """Arrays of rows: `offsets`, `mask`, `cvar`, `topology`, `garment` and `names`."""
+        return {
+            "offsets": np.asarray(self.offsets[rows]),
+            "mask": np.asarray(self.mask[rows]),
+            "cvar": self.cvar(rows),
+            "topology": self.topology(rows),
+            "garment": self.garment[rows],
+            "names": self.names(rows),
+        }
+
+    def rest_bodies(self, rows: np.ndarray) -> np.ndarray:
+        """(n, V, 3) float32 super-resolved bodies T of rows in the rest pose, metres.
+
+        Raises:
+            ValueError: no bodies were given.
+        """
+        if self._bodies is None:
+            raise ValueError(f"{self.folder}: opened without bodies, which rest bodies need")
+        return np.array(
+            [rest_body(self._bodies[GENDERS[self.gender[r]]], self.shape[r]) for r in rows],
+            dtype=np.float32,
+        )

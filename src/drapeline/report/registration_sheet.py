@@ -1,0 +1,117 @@
+"""Figures 5 and 7 of CLOTH3D: garments, how they are laid on the body, and what is rebuilt."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.mesh import triangulate, vertex_normals
+from drapeline.outfits.fit import rest_body
+from drapeline.outfits.outfit import GARMENTS, Garment, Outfit
+from drapeline.outfits.static import StaticOutfit
+from drapeline.registration.registrar import Registrar, Registration
+from drapeline.registration.round_trip import rebuilt, surface_distance
+from drapeline.registration.topology import Topology
+from drapeline.report.camera import Camera, look_at
+from drapeline.report.contact_sheet import contact_sheet
+from drapeline.report.studio import Painted, studio_picture
+
+_SIZE = (300, 400)
+_SKIN, _CLOTH, _LAID, _REBUILT = (
+    (0.80, 0.70, 0.64),
+    (0.33, 0.5, 0.74),
+    (0.84, 0.6, 0.3),
+    (0.4, 0.62, 0.5),
+)
+_FLOAT_M = 0.004  # what lies on the body is shown this far above it
+_SCALE_MM = 5.0
+
+
+def plot_registration(
+    path: str | Path,
+    topology: Topology,
+    bodies: Mapping[str, BodyModel],
+    outfits: Iterable[StaticOutfit],
+) -> None:
+    """Write a PNG with a row per garment type: garment, registered, rebuilt, errors.
+
+    Args:
+        path: the PNG.
+        topology: of the super-resolved body.
+        bodies: super-resolved, by gender.
+        outfits: the first garment of each type among them is shown.
+    """
+    registrar = Registrar(topology)
+    pictures = []
+    for garment, outfit in _first_of_each(outfits):
+        body = rest_body(bodies[outfit.gender], outfit.shape)
+        done = registrar.register(garment.name, garment.vertices, garment.faces, body)
+        pictures += _row(garment, body, topology, done)
+    contact_sheet(path, pictures, 4)
+
+
+def _first_of_each(outfits: Iterable[StaticOutfit]) -> list[tuple[Garment, Outfit]]:
+    found: dict[str, tuple[Garment, Outfit]] = {}
+    for _, _, outfit in outfits:
+        for garment in outfit.garments:
+            found.setdefault(garment.name, (garment, outfit))
+        if len(found) == len(GARMENTS):
+            break
+    return [found[name] for name in GARMENTS if name in found]
+
+
+def _row(
+    garment: Garment, body: np.ndarray, topology: Topology, done: Registration
+) -> list[tuple[np.ndarray, str]]:
+    faces, triangles = topology.faces_of(garment.name), triangulate(garment.faces)
+    laid = done.laid + _FLOAT_M * vertex_normals(done.laid, triangles)
+    vertices, kept = rebuilt(body, faces, done.match.mask, done.offsets)
+    error, _, _ = surface_distance(garment.vertices.astype(float), triangles, vertices, kept)
+    values = {m.metric: m.value for m in done.measures}
+    skin = Painted(body, topology.faces, _SKIN)
+    views = [
+        ([skin, Painted(garment.vertices, garment.faces, _CLOTH)], f"{garment.name}: garment"),
+        ([skin, Painted(laid, triangles, _LAID)], "registered to the body"),
+        (
+            [skin, Painted(vertices, kept, _REBUILT)],
+            f"rebuilt, {values['garment_to_rebuilt_mean_mm']:.2f} mm mean error",
+        ),
+        (
+            [skin, *_heat(garment.vertices, triangles, error)],
+            f"error, 0 to {_SCALE_MM:g} mm and more; max {values['garment_to_rebuilt_max_mm']:.1f}",
+        ),
+    ]
+    camera = _camera(body)
+    lift = -body[:, 2].min()
+    return [
+        (studio_picture([_lifted(p, lift) for p in parts], camera, samples=24), caption)
+        for parts, caption in views
+    ]
+
+
+def _heat(vertices: np.ndarray, triangles: np.ndarray, error_m: np.ndarray) -> list[Painted]:
+    """Faces in a few steps of colour by their error (F,)."""
+    steps = 16
+    level = np.minimum((1e3 * error_m / _SCALE_MM * steps).astype(int), steps - 1)
+    colours = matplotlib.colormaps["viridis"](np.linspace(0, 1, steps))[:, :3]
+    return [
+        Painted(vertices, triangles[level == k], colours[k].tolist())
+        for k in range(steps)
+        if (level == k).any()
+    ]
+
+
+def _lifted(part: Painted, height: float) -> Painted:
+    return Painted(part.vertices + [0, 0, height], part.faces, part.colour)
+
+
+def _camera(body: np.ndarray) -> Camera:
+    height = float(np.ptp(body[:, 2]))
+    return look_at(
+        np.array([0.0, -4.6, 1.25 * height / 1.5]),
+        np.array([0.0, 0.0, 0.5 * height]),
+        focal_px=1.9 * _SIZE[1] * 1.5 / max(height, 1.5),
+        size=_SIZE,
+    )
