@@ -44,3 +44,37 @@ rule build_hierarchy:
         code=source_hash("build_hierarchy"),
     script:
         "../../scripts/build_hierarchy.py"
+
+
+rule plot_hierarchy:
+    input:
+        topology=f"{RESULTS}/registration/topology.npz",
+        segments=f"{RESULTS}/registration/hierarchy_segments.npz",
+        uniform=f"{RESULTS}/registration/hierarchy_uniform.npz",
+    output:
+        topologies=report(
+            f"{RESULTS}/report/topologies.png",
+            caption="../report/topologies.rst",
+            category="Registration",
+            labels={"shows": "the two topologies, as figure 5"},
+        ),
+        hierarchy=report(
+            f"{RESULTS}/report/hierarchy.png",
+            caption="../report/hierarchy.rst",
+            category="Registration",
+            labels={"shows": "mesh hierarchy for pooling, as figure 6"},
+        ),
+    log:
+        f"{LOGS}/plot_hierarchy.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_hierarchy.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        code=source_hash("plot_hierarchy"),
+    script:
+        "../../scripts/plot_hierarchy.py"
