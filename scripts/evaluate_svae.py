@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from drapeline.registration.static_data import StaticData
 
 from drapeline.metrics.table import write_metrics
 from drapeline.nets.checkpoints import load_vae
 from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import encode_garments, save_codes, static_vae_summary
+from drapeline.registration.static_data import StaticData
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -20,5 +20,5 @@ with rule_log(snakemake.log[0]):
     data = StaticData(snakemake.input.data)
     codes = encode_garments(model, data, np.arange(len(data.garment)))
     save_codes(snakemake.output.codes, codes, data)
-    splits, variant = snakemake.params.splits, snakemake.wildcards.variant
+    splits, variant = snakemake.params.splits, snakemake.wildcards.svae
     write_metrics(snakemake.output.metrics, static_vae_summary(model, data, codes, variant, splits))

@@ -11,9 +11,7 @@ from drapeline.frames import GENDERS
 from drapeline.mesh import load_obj
 from drapeline.metrics.garment_metrics import faces_within
 from drapeline.nets import sampling
-from drapeline.nets.domain import topology_codes
-from drapeline.nets.gcvae import GcvaeNetwork
-from drapeline.nets.gcvae_training import GcvaeTraining, StaticVae, VaeSettings
+from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import (
     Codes,
     decode_codes,
@@ -32,33 +30,15 @@ from drapeline.nets.sampling import (
 from drapeline.nets.walks import paper_walks, walk
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.seeding import rng_for
-from gcvae_toys import AROUND, VERTICES, ToyGarments, toy_domain
+from gcvae_files import SETTINGS, TypedGarments
+from gcvae_toys import AROUND, VERTICES, toy_domain
 
-SETTINGS = VaeSettings(
-    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4),
-    training=GcvaeTraining(normal_parts=2),
-)
 DRESS, TROUSERS = GARMENTS.index("Dress"), GARMENTS.index("Trousers")
-
-
-class Typed(ToyGarments):
-    """Toy garments whose type fits their topology, all types among the held-out ones."""
-
-    def __init__(self):
-        super().__init__()
-        skirted = np.flatnonzero(topology_codes(np.arange(6)))
-        others = np.setdiff1d(np.arange(6), skirted)
-        turn = np.arange(len(self.codes)) // 2
-        self.codes = np.arange(len(self.codes)) % 2
-        self.garment = np.where(
-            self.codes == 1, skirted[turn % len(skirted)], others[turn % len(others)]
-        )
-        self.split[-12:] = "test"
 
 
 @pytest.fixture(scope="module")
 def garments():
-    return Typed()
+    return TypedGarments()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,64 @@
+"""The rules that sample garments and draw them."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.bake import save_body
+from drapeline.frames import GENDERS
+from drapeline.mesh import load_obj
+from drapeline.nets.represent import encode_garments, save_codes
+from gcvae_files import save_model, save_static_data
+
+
+@pytest.fixture
+def sampled(run_rule, tmp_path, toy_body):
+    garments = save_static_data(tmp_path / "data")
+    model = save_model(tmp_path / "model")
+    codes = encode_garments(model, garments, np.arange(len(garments.garment)))
+    save_codes(tmp_path / "codes.npz", codes, garments)
+    for gender in GENDERS:
+        save_body(tmp_path / f"{gender}.npz", toy_body)
+    bodies = {gender: tmp_path / f"{gender}.npz" for gender in GENDERS}
+    run_rule(
+        "sample_garments",
+        input={"model": tmp_path / "model", "codes": tmp_path / "codes.npz", **bodies},
+        output=[tmp_path / "samples"],
+        params={
+            "seed": 0,
+            "conditions": {
+                "count": 5,
+                "garments": ["prior", "Dress"],
+                "female_share": 1,
+                "shape": None,
+                "shape_range": 2.0,
+                "tightness": [0.0, 0.0],
+                "tightness_range": [-1.5, 0.5],
+            },
+        },
+    )
+    return tmp_path / "samples", bodies
+
+
+def test_samples_are_files_with_a_table(sampled):
+    folder, _ = sampled
+    with open(folder / "samples.tsv") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    assert [row["asked"] for row in rows] == ["prior", "Dress", "prior", "Dress", "prior"]
+    assert {row["gender"] for row in rows} == {"female"}
+    for row in rows:
+        assert len(load_obj(folder / f"{row['name']}.obj").vertices) == int(row["vertices"])
+        assert (folder / f"{row['name']}.glb").read_bytes()[:4] == b"glTF"
+        assert 0 <= float(row["inside_1cm_share"]) <= float(row["inside_share"]) <= 1
+
+
+def test_samples_are_drawn(run_rule, sampled, tmp_path):
+    folder, bodies = sampled
+    run_rule(
+        "plot_gcvae_samples",
+        input={"samples": folder, **bodies},
+        output=[tmp_path / "samples.png"],
+        params={"count": 3},
+    )
+    assert (tmp_path / "samples.png").stat().st_size > 1000
