@@ -316,8 +316,8 @@ def _masks(pattern: Pattern, name: str, about: Mapping[str, Any]) -> tuple[np.nd
     """Held vertices and gathered ends, by distance from their ring at the mean shape."""
     points = pattern.vertices
     pin, gathered = np.zeros(len(points), np.float32), np.zeros(len(points), np.float32)
-    if about["parameters"].get("upper", {}).get("front") == "open":
-        # Nothing but its yoke holds an open shirt on the shoulders.
+    if "upper" in about["parameters"]:
+        # A wide neck or an open front slides off shoulders that friction alone would have to hold.
         pin[pattern.marks["shoulders"]] = 1
     if name in ("Trousers", "Skirt"):
         waist = points[pattern.marks["waist"], 2].mean()
