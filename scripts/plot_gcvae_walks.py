@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drapeline.registration.static_data import StaticData
+import numpy as np
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
@@ -13,6 +13,7 @@ from drapeline.nets.represent import load_codes
 from drapeline.nets.sampling import train_types, wearer_mesh
 from drapeline.nets.walks import paper_walks
 from drapeline.outfits.outfit import GARMENTS
+from drapeline.registration.static_data import StaticData
 from drapeline.report.gcvae_figures import animate_views, plot_views, walk_view
 from drapeline.rule_log import rule_log
 
@@ -24,7 +25,9 @@ with rule_log(snakemake.log[0]):
     codes, about = load_codes(snakemake.input.codes)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     data = StaticData(snakemake.input.data)
-    types, rows = train_types(codes, about), data.rows("test")
+    types = train_types(codes, about)
+    # Held-out garments where there is one of a type.
+    rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
 
     def views(steps):
         return [

@@ -1,17 +1,23 @@
 # Test rows are read by the rules of this file alone.
-SVAE_ABLATIONS = [
-    *["svae", "svae_no_normals", "svae_no_mask", "svae_no_cvar"],
-    *["svae_uniform_pooling", "svae_ours"],
-]
-DVAE_ABLATIONS = ["dvae_posed_1", "dvae_posed_4", "dvae_unposed_1", "dvae_unposed_4"]
 # Which models each table of metrics holds.
 METRIC_TABLES = {
     "metrics": ["svae", "svae_ours", "dvae_unposed_4"],
-    "metrics_ablations": SVAE_ABLATIONS + DVAE_ABLATIONS,
+    "metrics_ablations": [*SVAE_VARIANTS, *DVAE_VARIANTS],
 }
 EVALUATED_SPLITS = ["val", "test"]
 SUPER_BODIES = {g: f"{RESULTS}/registration/body/{g}.npz" for g in GENDERS}
 WHOLE_BODIES = {g: body_file(g) for g in GENDERS}
+MOVING_INPUTS = {
+    "samples": per_sample("{results}/samples/{sample}"),
+    "registrations": per_sample("{results}/registration/samples/{sample}"),
+    "topology": f"{RESULTS}/registration/topology.npz",
+}
+# The dynamic model that figures are made with.
+SHOWN_DVAE = {
+    "dvae": f"{RESULTS}/gcvae/dvae_unposed_4",
+    "dynamic": f"{RESULTS}/dynamic/unposed",
+    "static": static_model(),
+}
 GCVAE_FILES = [
     f"{RESULTS}/metrics.tsv",
     f"{RESULTS}/report/gcvae_metrics.html",
@@ -23,8 +29,6 @@ GCVAE_FILES = [
 
 
 wildcard_constraints:
-    svae="|".join(SVAE_ABLATIONS),
-    dvae="|".join(DVAE_ABLATIONS),
     table="|".join(METRIC_TABLES),
 
 
@@ -87,6 +91,57 @@ rule evaluate_svae:
         code=source_hash("evaluate_svae"),
     script:
         "../../scripts/evaluate_svae.py"
+
+
+rule evaluate_dynamic_baselines:
+    input:
+        **MOVING_INPUTS,
+        **SUPER_BODIES,
+    output:
+        f"{RESULTS}/metrics/dynamic_baselines.tsv",
+    log:
+        f"{LOGS}/evaluate_dynamic_baselines.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_dynamic_baselines.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        splits=EVALUATED_SPLITS,
+        step=lookup(dpath="gcvae/dvae/frame_step", within=config),
+        seed=config["seed"],
+        code=source_hash("evaluate_dynamic_baselines"),
+    script:
+        "../../scripts/evaluate_dynamic_baselines.py"
+
+
+rule evaluate_dvae:
+    input:
+        **MOVING_INPUTS,
+        model=f"{RESULTS}/gcvae/dvae_{{version}}_{{frames}}",
+        data=f"{RESULTS}/dynamic/{{version}}",
+        static=static_model(),
+        **SUPER_BODIES,
+    output:
+        f"{RESULTS}/metrics/dvae_{{version}}_{{frames}}.tsv",
+    log:
+        f"{LOGS}/evaluate_dvae/{{version}}_{{frames}}.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_dvae/{{version}}_{{frames}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        splits=EVALUATED_SPLITS,
+        code=source_hash("evaluate_dvae"),
+    script:
+        "../../scripts/evaluate_dvae.py"
 
 
 rule collect_metrics:
@@ -265,3 +320,69 @@ rule plot_gcvae_walks:
         code=source_hash("plot_gcvae_walks"),
     script:
         "../../scripts/plot_gcvae_walks.py"
+
+
+rule plot_gcvae_errors:
+    input:
+        **MOVING_INPUTS,
+        **SHOWN_DVAE,
+        svae=f"{RESULTS}/gcvae/{shown_svae()}",
+        codes=f"{RESULTS}/codes/{shown_svae()}.npz",
+        data=f"{RESULTS}/static/data",
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        **WHOLE_BODIES,
+        **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
+    output:
+        report(
+            f"{RESULTS}/report/gcvae_errors.png",
+            caption="../report/gcvae_errors.rst",
+            category="Garment VAE",
+            labels={"shows": "figure 7: reconstructions and their errors"},
+        ),
+    log:
+        f"{LOGS}/plot_gcvae_errors.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_gcvae_errors.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        frames=4,
+        code=source_hash("plot_gcvae_errors"),
+    script:
+        "../../scripts/plot_gcvae_errors.py"
+
+
+rule plot_gcvae_wrinkles:
+    input:
+        **MOVING_INPUTS,
+        **SHOWN_DVAE,
+        **WHOLE_BODIES,
+        **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
+    output:
+        report(
+            f"{RESULTS}/report/gcvae_wrinkles.png",
+            caption="../report/gcvae_wrinkles.rst",
+            category="Garment VAE",
+            labels={"shows": "figure 10: wrinkle codes elsewhere"},
+        ),
+    log:
+        f"{LOGS}/plot_gcvae_wrinkles.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_gcvae_wrinkles.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        frames=4,
+        columns=6,
+        seed=config["seed"],
+        code=source_hash("plot_gcvae_wrinkles"),
+    script:
+        "../../scripts/plot_gcvae_wrinkles.py"

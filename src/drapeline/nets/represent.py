@@ -1,12 +1,13 @@
-"""Datasets of garments through a trained static VAE: to codes, and from codes to garments."""
+"""Datasets of garments through trained VAEs: to codes, and from codes to garments."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
 
+from drapeline.bodies.model import BodyModel
 from drapeline.dataset.splits import SPLITS
 from drapeline.metrics.evaluation import (
     Prediction,
@@ -17,10 +18,16 @@ from drapeline.metrics.evaluation import (
     with_kl,
 )
 from drapeline.metrics.garment_metrics import gaussian_kl
+from drapeline.metrics.motion import MovingGarment, measure_motion, moving_summary
 from drapeline.metrics.table import MetricRow
-from drapeline.nets.domain import TOPOLOGIES, rest_bodies
+from drapeline.nets.domain import STATIC_CVAR, TOPOLOGIES, rest_bodies
+from drapeline.nets.dynamic_data import DynamicGarments
 from drapeline.nets.gcvae_data import Garments, as_tensors
-from drapeline.nets.gcvae_training import GarmentVae, StaticVae
+from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.registration.dynamic import dressed
+from drapeline.registration.topology import Topology
+from drapeline.rule_log import progress
 from drapeline.storage import load_npz, save_npz
 
 _BATCH = 16
@@ -126,6 +133,82 @@ def static_vae_summary(
         found += static_summary(
             garments, rows, measures, model="svae", variant=variant, split=split, seed=seed
         )
+    return found
+
+
+def moving_points(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    rows: np.ndarray,
+    moving: MovingGarment,
+    body: BodyModel,
+    z: np.ndarray,
+    pose_rows: np.ndarray | None = None,
+) -> np.ndarray:
+    """Registered points (n, M, 3) of one garment, decoded and put into poses.
+
+    Args:
+        rows: (n,) frames of the garment `moving`; they give the conditions.
+        body: super-resolved, of the wearer's gender.
+        z: (n, Z) wrinkle codes.
+        pose_rows: (n,) frames of any garment to take the poses from; `rows` if None.
+    """
+    if pose_rows is None:
+        pose_rows = rows
+    cvar, poses = garments.cvar(rows), garments.data.poses[pose_rows]
+    cvar[:, STATIC_CVAR : STATIC_CVAR + 72 * garments.frames] = poses[:, : garments.frames].reshape(
+        len(rows), -1
+    )
+    decoded = decode_codes(model, z, cvar, garments.topology(rows))
+    return dressed(
+        moving.registered,
+        np.stack([offsets for offsets, _ in decoded]),
+        body,
+        moving.shape,
+        poses[:, 0],
+        garments.data.version,
+    )
+
+
+def rows_of(garments: DynamicGarments, moving: MovingGarment) -> np.ndarray:
+    """Rows of a dataset that are frames of one garment, in their order."""
+    data = garments.data
+    wearer = np.flatnonzero(
+        (data.sample == moving.sample) & (data.garment == GARMENTS.index(moving.name))
+    )
+    return np.flatnonzero(np.isin(data.wearer, wearer))
+
+
+def dynamic_vae_summary(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    movings: Sequence[MovingGarment],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+    variant: str,
+    splits: Sequence[str],
+) -> list[MetricRow]:
+    """Rows of the table of metrics for a trained dynamic VAE.
+
+    Args:
+        garments: every frame that is measured.
+        movings: the same garments with their simulation and their skinning weights.
+        bodies: super-resolved, by gender.
+        splits: to measure on.
+    """
+    seed = model.settings.training.seed
+    found = []
+    for split in splits:
+        measured = []
+        for moving in progress([m for m in movings if m.split == split], label=split):
+            rows, body = rows_of(garments, moving), bodies[moving.gender]
+            codes = encode_garments(model, garments, rows)
+            points = moving_points(model, garments, rows, moving, body, codes.mean)
+            frames = garments.data.frame[rows]
+            measures = measure_motion(moving, frames, points, body, topology)
+            kl = gaussian_kl(codes.mean, codes.log_variance)
+            measured.append((moving, with_kl(measures, kl)))
+        found += moving_summary(measured, model="dvae", variant=variant, split=split, seed=seed)
     return found
 
 

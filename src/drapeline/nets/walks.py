@@ -68,8 +68,8 @@ def paper_walks(
     """The rows of figure 9: shape, tightness, cloth, cloth across topologies, and all at once.
 
     Args:
-        rows: (n,) held-out garments to begin and end at; a way that needs a type that is not
-            among them is left out.
+        rows: (n,) garments to begin and end at, the first of each type; a way that needs a type
+            that is not among them is left out.
         codes: their (n, Z) codes.
 
     Returns:
@@ -84,7 +84,7 @@ def paper_walks(
     }
 
     def at(name: str, **changed: object) -> tuple[np.ndarray, np.ndarray]:
-        """A held-out garment's code and conditions, with another shape or tightness."""
+        """A garment's code and conditions, with another shape or tightness."""
         condition = cvar[first[name]].copy()
         for part, value in changed.items():
             condition[_PLACES[part]] = value

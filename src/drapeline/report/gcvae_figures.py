@@ -8,8 +8,10 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial.transform import Rotation
 
 from drapeline.mesh import Mesh
+from drapeline.metrics.cases import GarmentCase, WornGarment
 from drapeline.metrics.garment_metrics import distances_mm, faces_within, garment_mesh
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.report.camera import Camera, look_at
@@ -226,40 +228,40 @@ def plot_codes(
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, markerscale=1.6)
 
 
-def error_views(
-    original: Mesh,
-    true: np.ndarray,
-    mask: np.ndarray,
-    predicted: np.ndarray,
-    predicted_mask: np.ndarray | None,
-    faces: np.ndarray,
-    scene: View,
-) -> list[View]:
+def error_views(case: GarmentCase) -> list[View]:
     """A row of figure 7: original, registered, their difference, reconstruction, its error.
 
-    Args:
-        original: the garment before registration, triangles.
-        true: (V, 3) registered vertices within `mask` (V,).
-        predicted: (V, 3) reconstruction; its error is drawn on the true mask.
-        predicted_mask: (V,), or None for the true one.
-        faces: (F, 3) of the garment's topology.
-        scene: wearer, floor and direction of view.
+    Errors are drawn without the wearer; that of the reconstruction on the true mask.
     """
-    registered = garment_mesh(true, faces, mask)
-    error_mm = 1000 * np.linalg.norm(predicted - true, axis=1)
-    made = garment_mesh(predicted, faces, mask if predicted_mask is None else predicted_mask)
+    scene = standing(case.wearer, front=_front(case.root_rotation))
+    registered = garment_mesh(case.true, case.faces, case.mask)
+    made = garment_mesh(case.predicted, case.faces, case.predicted_mask)
+    error_mm = 1000 * np.linalg.norm(case.predicted - case.true, axis=1)
     heat = replace(scene, body=None)
     return [
-        replace(scene, garment=original),
+        replace(scene, garment=case.original),
         replace(scene, garment=registered),
-        replace(heat, garment=original, error_mm=distances_mm(original.vertices, registered)),
+        replace(
+            heat,
+            garment=case.original,
+            error_mm=distances_mm(case.original.vertices, registered),
+        ),
         replace(scene, garment=made),
         replace(
             heat,
-            garment=garment_mesh(predicted, faces, mask),
-            error_mm=error_mm[np.unique(faces_within(faces, mask))],
+            garment=garment_mesh(case.predicted, case.faces, case.mask),
+            error_mm=error_mm[np.unique(faces_within(case.faces, case.mask))],
         ),
     ]
+
+
+def _front(root_rotation: np.ndarray) -> tuple[float, float]:
+    """Horizontal direction that a body faces; of one that lies, where its head points from."""
+    turn = Rotation.from_rotvec(np.array(root_rotation))
+    front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    if np.hypot(*front[:2]) < 0.5:
+        front = np.array([-upwards[1], upwards[0], 0.0])
+    return float(front[0]), float(front[1])
 
 
 ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
@@ -298,9 +300,15 @@ def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: int = 90
     save_moving(path, [view_picture(v, size=(250, 260), samples=10) for v in views], frame_ms)
 
 
-def standing(wearer: Mesh, colour: Sequence[float] = View.colour) -> View:
-    """A scene for garments in rest pose: the wearer, on the floor, seen from the front."""
-    return View(None, wearer, colour, floor_z=float(wearer.vertices[:, 2].min()))
+def standing(
+    wearer: Mesh,
+    colour: Sequence[float] = View.colour,
+    front: tuple[float, float] = View.front,
+) -> View:
+    """A scene without a garment yet: the wearer on the floor, in the middle of the picture."""
+    low, high = wearer.vertices.min(axis=0), wearer.vertices.max(axis=0)
+    middle = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2)
+    return View(None, wearer, colour, floor_z=float(low[2]), middle=middle, front=front)
 
 
 def type_colour(garment: str) -> tuple[float, float, float]:
@@ -311,3 +319,9 @@ def type_colour(garment: str) -> tuple[float, float, float]:
 def walk_view(garment: Mesh, wearer: Mesh, kind: str) -> View:
     """A step of a transition: the garment on its wearer in the colour of its type."""
     return replace(standing(wearer, type_colour(kind)), garment=garment)
+
+
+def worn_view(worn: WornGarment) -> View:
+    """A garment in motion on its wearer, in the colour of its type."""
+    scene = standing(worn.wearer, type_colour(worn.kind), _front(worn.root_rotation))
+    return replace(scene, garment=worn.garment)

@@ -1,0 +1,25 @@
+"""Rule `evaluate_dynamic_baselines`: what trivial predictions of garments in motion reach."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.metrics.motion import load_moving, moving_baseline_summary
+from drapeline.metrics.table import write_metrics
+from drapeline.registration.topology import load_topology
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    splits = snakemake.params.splits
+    rows = moving_baseline_summary(
+        load_moving(snakemake.input.samples, snakemake.input.registrations, ["train", *splits]),
+        {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
+        load_topology(snakemake.input.topology),
+        splits,
+        step=snakemake.params.step,
+        seed=snakemake.params.seed,
+    )
+    write_metrics(snakemake.output[0], rows)

@@ -1,0 +1,41 @@
+"""Rule `plot_gcvae_errors`: figure 7, reconstructions and their errors, at rest and in motion."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.metrics.motion import shown_moving
+from drapeline.nets.cases import moving_cases, static_cases
+from drapeline.nets.checkpoints import load_vae
+from drapeline.nets.dynamic_data import dynamic_garments
+from drapeline.nets.fitting import BEST
+from drapeline.nets.represent import load_codes
+from drapeline.registration.static_data import StaticData
+from drapeline.registration.topology import load_topology
+from drapeline.report.gcvae_figures import ERROR_COLUMNS, error_views, plot_views
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given = snakemake.input
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    cases = static_cases(
+        load_vae(Path(given.svae) / BEST),
+        StaticData(given.data),
+        load_codes(given.codes)[0],
+        given.outfits,
+        bodies,
+    )
+    cases += moving_cases(
+        load_vae(Path(given.dvae) / BEST),
+        dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
+        shown_moving(given.samples, given.registrations),
+        {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS},
+        bodies,
+        load_topology(given.topology),
+    )
+    rows = {case.label: error_views(case) for case in cases}
+    plot_views(snakemake.output[0], rows, columns=ERROR_COLUMNS, heat=True)

@@ -1,0 +1,248 @@
+"""Simulated garments in motion: their ground truth, trivial predictions, and how good any are."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.splits import SPLITS
+from drapeline.errors import InputError
+from drapeline.metrics.evaluation import MovingTruth, measure_moving
+from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.registration.dynamic import (
+    SampleGarment,
+    dressed,
+    dynamic_offsets,
+    load_sample_garment,
+)
+from drapeline.registration.topology import Topology
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+from drapeline.storage import read_json
+
+CONTACT_EVERY = 10
+STILL, MEAN = "skinned_static", "skinned_mean"
+
+
+@dataclass(frozen=True)
+class MovingGarment:
+    """A garment of a simulated sample.
+
+    Attributes:
+        sample, split, name: which one; `name` is its type.
+        gender: of the wearer.
+        shape: (10,).
+        poses: (N, 72) rad.
+        registered: its registration in rest pose.
+        faces: (F, 3) triangles of the simulated garment.
+        cloth: (N, C, 3) float32 its vertices, root-relative metres.
+    """
+
+    sample: str
+    split: str
+    name: str
+    gender: str
+    shape: np.ndarray
+    poses: np.ndarray
+    registered: SampleGarment
+    faces: np.ndarray
+    cloth: np.ndarray
+
+    def points(self, frames: np.ndarray) -> np.ndarray:
+        """(n, M, 3) where the registered points are."""
+        return self.registered.points(self.cloth[frames])
+
+    def on_vertices(self, points: np.ndarray) -> np.ndarray:
+        """(M, 3) points -> (V, 3), zero outside of the mask."""
+        out = np.zeros((len(self.registered.mask), 3), dtype=np.float32)
+        out[self.registered.vertex] = points
+        return out
+
+
+def load_moving(
+    samples: Iterable[str | Path], registrations: Iterable[str | Path], splits: Sequence[str]
+) -> list[MovingGarment]:
+    """Garments of the accepted samples of some splits.
+
+    Args:
+        samples: folders as `write_sample` leaves them.
+        registrations: folders of the same samples as `register_sample` leaves them.
+        splits: to load.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    found = []
+    for folder, registration in zip(samples, registrations, strict=True):
+        status = read_json(Path(registration) / "status.json")
+        if status["status"] != "accepted" or status["split"] not in splits:
+            continue
+        with Sample(folder) as sample:
+            for name in sample.garments:
+                found.append(
+                    MovingGarment(
+                        sample=status["id"],
+                        split=status["split"],
+                        name=name,
+                        gender=sample.gender,
+                        shape=np.asarray(sample.info.shape),
+                        poses=np.asarray(sample.info.poses),
+                        registered=load_sample_garment(Path(registration) / f"{name}.npz"),
+                        faces=sample.mesh(name).triangles,
+                        cloth=sample.vertices(name, frame="root"),
+                    )
+                )
+    return found
+
+
+def shown_moving(
+    samples: Sequence[str | Path], registrations: Sequence[str | Path]
+) -> list[MovingGarment]:
+    """Garments for pictures: of the test split, or where that has none of the next best one.
+
+    Raises:
+        InputError: a file is unusable, or no sample was accepted.
+    """
+    for split in reversed(SPLITS):
+        found = load_moving(samples, registrations, [split])
+        if found:
+            return found
+    raise InputError(
+        f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
+        " expected one or more"
+    )
+
+
+def measure_motion(
+    moving: MovingGarment,
+    frames: np.ndarray,
+    predicted: np.ndarray,
+    body: BodyModel,
+    topology: Topology,
+) -> list[dict[str, float]]:
+    """Metrics of frames of one garment; what is inside the body only every tenth frame.
+
+    Args:
+        frames: (n,) to measure.
+        predicted: (n, M, 3) registered points, root-relative metres.
+        body: super-resolved, of the wearer's gender.
+        topology: of the super-resolved bodies.
+    """
+    true = moving.points(frames)
+
+    def posed(row: int) -> np.ndarray:
+        return posed_vertices(body, moving.shape, moving.poses[frames[row]][None])[0][0]
+
+    faces = topology.faces_of(moving.name)
+    truth = MovingTruth(
+        vertices=lambda row: moving.on_vertices(true[row]),
+        mask=lambda row: moving.registered.mask,
+        body=posed,
+        faces=lambda row: faces,
+        body_faces=topology.faces,
+    )
+    pairs = ((row, moving.on_vertices(points)) for row, points in enumerate(predicted))
+    return measure_moving(truth, pairs, contact_every=CONTACT_EVERY)
+
+
+def moving_summary(
+    measured: Sequence[tuple[MovingGarment, Sequence[Mapping[str, float]]]],
+    *,
+    model: str,
+    variant: str,
+    split: str,
+    seed: int,
+) -> list[MetricRow]:
+    """Rows of the table of metrics over all frames; samples are resampled as wholes."""
+    return summary_rows(
+        rng_for(seed, "intervals", variant, split),
+        [row for _, rows in measured for row in rows],
+        [moving.name for moving, rows in measured for _ in rows],
+        [moving.sample for moving, rows in measured for _ in rows],
+        model=model,
+        variant=variant,
+        split=split,
+        seed=seed,
+    )
+
+
+def mean_wrinkles(
+    garments: Iterable[MovingGarment], bodies: Mapping[str, BodyModel], step: int
+) -> np.ndarray:
+    """(types, V, 3) mean pose-invariant offsets of training garments, per type and vertex.
+
+    Args:
+        step: of the frames looked at.
+
+    Raises:
+        InputError: there are none.
+    """
+    found = list(garments)
+    if not found:
+        raise InputError("no sample of the training split was accepted, expected one or more")
+    vertices = len(found[0].registered.mask)
+    total = np.zeros((len(GARMENTS), vertices, 3))
+    count = np.zeros((len(GARMENTS), vertices, 1))
+    for moving in progress(found, label="mean wrinkles"):
+        frames = np.arange(0, len(moving.poses), step)
+        offsets = dynamic_offsets(
+            moving.registered,
+            moving.cloth[frames],
+            bodies[moving.gender],
+            moving.shape,
+            moving.poses[frames],
+            "unposed",
+        )
+        kind = GARMENTS.index(moving.name)
+        total[kind] += offsets.sum(axis=0)
+        count[kind] += len(frames) * moving.registered.mask[:, None]
+    return (total / np.maximum(count, 1)).astype(np.float32)
+
+
+def moving_baseline_summary(
+    garments: Sequence[MovingGarment],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+    splits: Sequence[str],
+    *,
+    step: int,
+    seed: int,
+) -> list[MetricRow]:
+    """The static garment moved by its skinning weights, without and with the type's mean wrinkles.
+
+    Args:
+        garments: of the training split and of those to measure.
+        bodies: super-resolved, by gender.
+        splits: to measure on.
+        step: of the frames measured, and of those that the mean is learned from.
+        seed: of the intervals.
+    """
+    mean = mean_wrinkles((g for g in garments if g.split == "train"), bodies, step)
+    found = []
+    for split in splits:
+        measured: dict[str, list] = {"moving": [], STILL: [], MEAN: []}
+        for moving in progress([g for g in garments if g.split == split], label=split):
+            body, frames = bodies[moving.gender], np.arange(0, len(moving.poses), step)
+            wrinkles = mean[GARMENTS.index(moving.name)] * moving.registered.mask[:, None]
+            for name, offsets in ((STILL, np.zeros_like(wrinkles)), (MEAN, wrinkles)):
+                points = dressed(
+                    moving.registered,
+                    np.broadcast_to(offsets, (len(frames), *offsets.shape)),
+                    body,
+                    moving.shape,
+                    moving.poses[frames],
+                    "unposed",
+                )
+                rows = measure_motion(moving, frames, points, body, topology)
+                measured[name].append((moving, rows))
+            rows = measure_motion(moving, frames, moving.points(frames), body, topology)
+            inside = [{k: v for k, v in row.items() if k.startswith("inside")} for row in rows]
+            measured["moving"].append((moving, inside))
+        for name, pairs in measured.items():
+            model = "truth" if name == "moving" else "baseline"
+            found += moving_summary(pairs, model=model, variant=name, split=split, seed=seed)
+    return found

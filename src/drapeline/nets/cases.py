@@ -1,0 +1,195 @@
+"""Held-out garments for pictures: their reconstructions, and their wrinkles on other garments.
+
+CLOTH3D figures 7 and 10.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.mesh import Mesh, triangulate
+from drapeline.metrics.cases import GarmentCase, WornGarment
+from drapeline.metrics.garment_metrics import garment_mesh, surface_error_mm
+from drapeline.metrics.motion import MovingGarment
+from drapeline.nets.dynamic_data import DynamicGarments
+from drapeline.nets.gcvae_training import DynamicVae, StaticVae
+from drapeline.nets.represent import (
+    Codes,
+    StaticGarments,
+    decode_codes,
+    encode_garments,
+    moving_points,
+    rows_of,
+    static_truth,
+)
+from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.static import load_static
+from drapeline.registration.topology import Topology
+
+
+def first_of_each(garment: np.ndarray, rows: np.ndarray) -> list[int]:
+    """The first row of each type that there is, in the order of types."""
+    kinds = garment[rows]
+    return [int(rows[np.flatnonzero(kinds == kind)[0]]) for kind in np.unique(kinds)]
+
+
+def static_cases(
+    model: StaticVae,
+    garments: StaticGarments,
+    codes: Codes,
+    shards: Iterable[str | Path],
+    bodies: Mapping[str, BodyModel],
+) -> list[GarmentCase]:
+    """The first test garment of each type.
+
+    Args:
+        codes: of all rows.
+        shards: files of the static outfits.
+        bodies: whole bodies, by gender.
+
+    Raises:
+        InputError: a shard is missing or damaged.
+    """
+    rows = first_of_each(np.asarray(garments.garment), garments.rows("test"))
+    wanted = {str(garments.outfit[row]) for row in rows}
+    outfits = {
+        static.name: static.outfit
+        for shard in shards
+        for static in load_static(shard)
+        if static.name in wanted
+    }
+    truth = static_truth(model, garments)
+    chosen = np.array(rows)
+    decoded = decode_codes(
+        model, codes.mean[chosen], garments.cvar(chosen), garments.topology(chosen)
+    )
+    cases = []
+    for row, (offsets, mask) in zip(rows, decoded, strict=True):
+        kind, outfit = GARMENTS[garments.garment[row]], outfits[str(garments.outfit[row])]
+        original = next(g for g in outfit.garments if g.name == kind)
+        body, true_mask = truth.body(row), np.asarray(truth.mask[row])
+        true, predicted = body + truth.offsets[row], body + offsets
+        wearer = bodies[GENDERS[int(garments.cvar(np.array([row]))[0, 10])]]
+        cases.append(
+            GarmentCase(
+                label=f"{kind}\n{surface_error_mm(predicted, true, true_mask):.1f} mm",
+                original=Mesh(original.vertices, triangulate(original.faces)),
+                true=true,
+                mask=true_mask,
+                predicted=predicted,
+                predicted_mask=true_mask if mask is None else mask,
+                faces=truth.faces(row),
+                wearer=Mesh(
+                    posed_vertices(wearer, outfit.shape, REST_POSE[None])[0][0], wearer.faces
+                ),
+                root_rotation=REST_POSE[:3],
+            )
+        )
+    return cases
+
+
+def moving_cases(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    movings: Sequence[MovingGarment],
+    super_bodies: Mapping[str, BodyModel],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+) -> list[GarmentCase]:
+    """The middle frame of the first garment of each type in motion.
+
+    Args:
+        movings: held-out garments.
+        super_bodies, bodies: super-resolved and whole bodies, by gender.
+    """
+    cases = []
+    for moving in {m.name: m for m in reversed(movings)}.values():
+        rows = rows_of(garments, moving)
+        row = rows[[len(rows) // 2]]
+        z = encode_garments(model, garments, row).mean
+        body = super_bodies[moving.gender]
+        (points,) = moving_points(model, garments, row, moving, body, z)
+        frame = garments.data.frame[row]
+        (true,) = moving.points(frame)
+        mask = moving.registered.mask
+        true, predicted = moving.on_vertices(true), moving.on_vertices(points)
+        pose = moving.poses[frame[0]]
+        cases.append(
+            GarmentCase(
+                label=f"{moving.name}\nin motion\n{surface_error_mm(predicted, true, mask):.1f} mm",
+                original=Mesh(moving.cloth[frame[0]], moving.faces),
+                true=true,
+                mask=mask,
+                predicted=predicted,
+                predicted_mask=mask,
+                faces=topology.faces_of(moving.name),
+                wearer=_wearer(bodies, moving, pose),
+                root_rotation=pose[:3],
+            )
+        )
+    return cases
+
+
+def wrinkle_rows(
+    rng: np.random.Generator,
+    model: DynamicVae,
+    garments: DynamicGarments,
+    movings: Sequence[MovingGarment],
+    super_bodies: Mapping[str, BodyModel],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+    columns: int,
+) -> dict[str, list[WornGarment]]:
+    """The rows of figure 10, all from one held-out frame.
+
+    Args:
+        rng: draws the codes of the last two rows.
+        movings: held-out garments; the one that moves most gives frame, pose and wrinkle code.
+        super_bodies, bodies: super-resolved and whole bodies, by gender.
+        columns: pictures per row.
+
+    Returns:
+        Name -> garments: "pose" keeps code and garment, "garment" keeps code and pose, "codes,
+        calm" and "codes, lively" keep garment and pose under codes of the prior.
+    """
+    all_rows = [rows_of(garments, moving) for moving in movings]
+    bend = [np.linalg.norm(garments.data.poses[rows, 0, 3:], axis=1) for rows in all_rows]
+    chosen = int(np.argmax([np.ptp(b) for b in bend]))
+    rows = all_rows[chosen]
+    lively, calm = rows[bend[chosen].argmax()], rows[bend[chosen].argmin()]
+    z = encode_garments(model, garments, np.array([lively])).mean
+
+    def worn(which: int, codes: np.ndarray, pose_rows: np.ndarray) -> list[WornGarment]:
+        other = movings[which]
+        own = np.repeat(all_rows[which][:1], len(codes))
+        body = super_bodies[other.gender]
+        points = moving_points(model, garments, own, other, body, codes, pose_rows)
+        return [
+            WornGarment(
+                other.name,
+                garment_mesh(
+                    other.on_vertices(p), topology.faces_of(other.name), other.registered.mask
+                ),
+                _wearer(bodies, other, garments.data.poses[row, 0]),
+                garments.data.poses[row, 0, :3],
+            )
+            for p, row in zip(points, pose_rows.tolist(), strict=True)
+        ]
+
+    spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
+    drawn = rng.standard_normal((columns, z.shape[1]))
+    others = np.arange(len(movings))[:columns]
+    return {
+        "pose": worn(chosen, np.repeat(z, columns, 0), spread),
+        "garment": [w for which in others for w in worn(which, z, np.array([lively]))],
+        "codes,\ncalm": worn(chosen, drawn, np.repeat(calm, columns)),
+        "codes,\nlively": worn(chosen, drawn, np.repeat(lively, columns)),
+    }
+
+
+def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:
+    body = bodies[moving.gender]
+    return Mesh(posed_vertices(body, moving.shape, pose[None])[0][0], body.faces)
