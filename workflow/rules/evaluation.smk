@@ -121,10 +121,10 @@ rule evaluate_dynamic_baselines:
 rule evaluate_dvae:
     input:
         **MOVING_INPUTS,
+        **SUPER_BODIES,
         model=f"{RESULTS}/gcvae/dvae_{{version}}_{{frames}}",
         data=f"{RESULTS}/dynamic/{{version}}",
         static=static_model(),
-        **SUPER_BODIES,
     output:
         f"{RESULTS}/metrics/dvae_{{version}}_{{frames}}.tsv",
     log:
@@ -326,12 +326,12 @@ rule plot_gcvae_errors:
     input:
         **MOVING_INPUTS,
         **SHOWN_DVAE,
+        **WHOLE_BODIES,
+        **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
         svae=f"{RESULTS}/gcvae/{shown_svae()}",
         codes=f"{RESULTS}/codes/{shown_svae()}.npz",
         data=f"{RESULTS}/static/data",
         outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
-        **WHOLE_BODIES,
-        **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
     output:
         report(
             f"{RESULTS}/report/gcvae_errors.png",
