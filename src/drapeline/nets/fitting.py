@@ -1,9 +1,11 @@
 """Training that survives being killed: a Lightning trainer, its checkpoints and its history."""
 
 import ctypes
+import math
 import shutil
 import sys
 import time
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -93,9 +95,13 @@ def fit(
     last = progress / LAST
     if last.exists():
         LOGGER.info("going on from %s", last)
-    _trainer(progress, epochs, monitor, trainer).fit(
-        module, datamodule=data, ckpt_path=last if last.exists() else None, weights_only=True
-    )
+    with warnings.catch_warnings():
+        # The progress folder is meant to hold files; the other is Lightning's own business.
+        warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
+        warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
+        _trainer(progress, epochs, monitor, trainer).fit(
+            module, datamodule=data, ckpt_path=last if last.exists() else None, weights_only=True
+        )
     with whole_folder(folder) as scratch:
         for name in (LAST, BEST, HISTORY, SETTINGS):
             shutil.copyfile(progress / name, scratch / name)
@@ -146,3 +152,21 @@ def keep_freed_memory() -> None:
         library.mallopt(_MMAP_THRESHOLD, 1 << 30)
         library.mallopt(_TRIM_THRESHOLD, (1 << 31) - 1)
         library.mallopt(_TOP_PAD, 256 << 20)
+
+
+_WARM_SHARE = 0.1
+
+
+def learning_rate(peak: float, schedule: str, share: float) -> float:
+    """Learning rate once `share` (0 to 1) of all steps is done.
+
+    Args:
+        peak: the constant, or the largest one.
+        schedule: "constant", or "one_cycle": a short rise, then half a cosine down to zero.
+    """
+    if schedule == "constant":
+        return peak
+    if share < _WARM_SHARE:
+        return peak * (0.1 + 0.9 * share / _WARM_SHARE)
+    fall = (share - _WARM_SHARE) / (1 - _WARM_SHARE)
+    return peak * 0.5 * (1 + math.cos(math.pi * fall))

@@ -9,9 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import nn
 
+from drapeline.mesh import vertex_normals
 from drapeline.nets.chebyshev import ChebConv, UnpoolConv, linear
 from drapeline.nets.domain import TOPOLOGIES, Domain
 from drapeline.nets.graph import MeshGraph
@@ -57,30 +59,45 @@ class Code(NamedTuple):
 
 
 class Residual(nn.Module):
-    """A convolution, and one whose output is added to its input."""
+    """A convolution, and one whose output is added to its input.
 
-    def __init__(self, first: nn.Module, width: int, order: int, rng: torch.Generator) -> None:
+    Filters are isotropic and shared by all nodes, so alone they cannot tell where on the body, or
+    on which side of a limb, a node is; `places` are constant inputs that say so.
+    """
+
+    def __init__(
+        self, first: nn.Module, places: int, width: int, order: int, rng: torch.Generator
+    ) -> None:
         super().__init__()
         self.first = first
+        self.places = linear(places, width, rng)
         self.second = ChebConv(width, width, order, rng)
 
-    def forward(self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module) -> torch.Tensor:
-        """(n, B, F) -> (N, B, width); `operator` is what the first convolution needs."""
-        batch = x.shape[1]
+    def forward(
+        self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module, places: torch.Tensor
+    ) -> torch.Tensor:
+        """(n, B, F) -> (N, B, width).
+
+        Args:
+            operator: what the first convolution needs.
+            places: (N, P).
+        """
+        x = torch.relu_(self.first(x, operator) + self.places(places)[:, None])
         # In place on rows: autograd would copy whole gradients for a change of a view.
-        x = torch.relu_(self.first.rows(x, operator)).unflatten(0, (-1, batch))
         rows = self.second.rows(x, laplacian).add_(x.flatten(0, 1))
-        return torch.relu_(rows).unflatten(0, (-1, batch))
+        return torch.relu_(rows).unflatten(0, x.shape[:2])
 
 
 class Encoder(nn.Module):
     """{cvar^z, z} = Psi(X, T): residual levels, max pooling to one node per segment, two heads."""
 
-    def __init__(self, inputs: int, nodes: int, size: GcvaeNetwork, rng: torch.Generator) -> None:
+    def __init__(
+        self, inputs: int, nodes: int, places: int, size: GcvaeNetwork, rng: torch.Generator
+    ) -> None:
         super().__init__()
         widths = size.level_widths
         self.levels = nn.ModuleList(
-            Residual(ChebConv(a, b, size.order, rng), b, size.order, rng)
+            Residual(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
         self.features = linear(nodes * widths[-1], size.features, rng)
@@ -104,7 +121,7 @@ class Encoder(nn.Module):
     def _pooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         for level, block in enumerate(self.levels):
             laplacian = graph.laplacians[level]
-            x = block(x, laplacian, laplacian)
+            x = block(x, laplacian, laplacian, graph.places(level))
             if level < len(graph.pools):
                 x = graph.pools[level](x)
         return x.transpose(0, 1).flatten(1)  # (B, nodes * width)
@@ -120,7 +137,9 @@ class Decoder(nn.Module):
         outputs: 3 offset channels, and one more for the mask's logit.
     """
 
-    def __init__(self, outputs: int, nodes: int, size: GcvaeNetwork, rng: torch.Generator) -> None:
+    def __init__(
+        self, outputs: int, nodes: int, places: int, size: GcvaeNetwork, rng: torch.Generator
+    ) -> None:
         super().__init__()
         widths = size.level_widths
         self.nodes = nodes
@@ -128,7 +147,7 @@ class Decoder(nn.Module):
         self.spread = linear(size.features, nodes * widths[-1], rng)
         self.coarsest = ChebConv(widths[-1], widths[-1], size.order, rng)
         self.levels = nn.ModuleList(
-            Residual(UnpoolConv(a, b, size.order, rng), b, size.order, rng)
+            Residual(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         # The two branches: both are linear in the last features, so one product serves both.
@@ -151,8 +170,22 @@ class Decoder(nn.Module):
     def _unpooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         x = torch.relu(self.coarsest(x, graph.laplacians[-1]) + x)
         for level, block in zip(range(len(self.levels) - 1, -1, -1), self.levels, strict=True):
-            x = block(x, graph.unpools[level], graph.laplacians[level])
+            x = block(x, graph.unpools[level], graph.laplacians[level], graph.places(level))
         return self.branches(x, graph.laplacians[0])
+
+
+PLACES = 6
+
+
+def graphs_of(domain: Domain, order: int) -> nn.ModuleDict:
+    """Topology -> graph; places are position and normal on the mean rest body."""
+    graphs = {}
+    for name in TOPOLOGIES:
+        position = domain.body_mean - domain.body_mean.mean(axis=0)
+        normal = vertex_normals(domain.body_mean, domain.faces[name])
+        places = np.concatenate([position / position.std(), normal], axis=1)
+        graphs[name] = MeshGraph(domain.edges[name], domain.parents[name], order, places)
+    return nn.ModuleDict(graphs)
 
 
 class Gcvae(nn.Module):
@@ -170,15 +203,10 @@ class Gcvae(nn.Module):
         self, domain: Domain, size: GcvaeNetwork, *, inputs: int, mask: bool, rng: torch.Generator
     ) -> None:
         super().__init__()
-        self.graphs = nn.ModuleDict(
-            {
-                name: MeshGraph(domain.edges[name], domain.parents[name], size.order)
-                for name in TOPOLOGIES
-            }
-        )
+        self.graphs = graphs_of(domain, size.order)
         nodes = self.graphs[TOPOLOGIES[0]].counts[-1]
-        self.encoder = Encoder(inputs, nodes, size, rng)
-        self.decoder = Decoder(3 + mask, nodes, size, rng)
+        self.encoder = Encoder(inputs, nodes, PLACES, size, rng)
+        self.decoder = Decoder(3 + mask, nodes, PLACES, size, rng)
 
     def encode(self, inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""

@@ -11,6 +11,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.nets.conditioning import ConditioningAutoencoder
 from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
+from drapeline.nets.fitting import learning_rate
 from drapeline.nets.gcvae import Code, Gcvae, GcvaeNetwork
 from drapeline.nets.gcvae_data import Batch, Garments
 from drapeline.nets.gcvae_loss import (
@@ -34,6 +35,7 @@ class GcvaeTraining:
         batch: samples per step.
         learning_rate: of Adam.
         schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
+        model: "gcvae", the paper's SVAE; "linear", ours; or "dynamic", the paper's DVAE.
         normal_parts: each step takes the normals of one of so many parts of all faces.
         mask: whether the decoder predicts the mask.
         version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
@@ -45,6 +47,7 @@ class GcvaeTraining:
     batch: int = 32
     learning_rate: float = 1e-3
     schedule: str = "constant"
+    model: str = "gcvae"
     normal_parts: int = 4
     mask: bool = True
     version: str = "rest"
@@ -340,7 +343,9 @@ class GarmentVae(lightning.LightningModule):
     def on_train_batch_start(self, batch: Batch, index: int) -> None:
         """Set the learning rate from the step alone."""
         steps = self.trainer.estimated_stepping_batches
-        rate = learning_rate(self.settings.training, self.global_step / steps)
+        training = self.settings.training
+        share = self.global_step / steps
+        rate = learning_rate(training.learning_rate, training.schedule, share)
         for group in self.optimizers().param_groups:
             group["lr"] = rate
 
@@ -356,19 +361,6 @@ class GarmentVae(lightning.LightningModule):
             "settings": plain(asdict(self.settings)),
             "domain": self.domain.tensors(),
         }
-
-
-_WARM_SHARE = 0.1
-
-
-def learning_rate(training: GcvaeTraining, share: float) -> float:
-    """Learning rate once `share` (0 to 1) of all steps is done."""
-    if training.schedule == "constant":
-        return training.learning_rate
-    if share < _WARM_SHARE:
-        return training.learning_rate * (0.1 + 0.9 * share / _WARM_SHARE)
-    fall = (share - _WARM_SHARE) / (1 - _WARM_SHARE)
-    return training.learning_rate * 0.5 * (1 + float(np.cos(np.pi * fall)))
 
 
 def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:

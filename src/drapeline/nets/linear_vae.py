@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import nn
 
-from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
-from drapeline.nets.gcvae import Code
+from drapeline.nets.domain import Domain, rest_bodies
+from drapeline.nets.gcvae import PLACES, Code, graphs_of
 from drapeline.nets.gcvae_data import Garments, as_tensors
 from drapeline.nets.gcvae_training import Part, StaticVae, conditions_of
-from drapeline.nets.graph import MeshGraph
 from drapeline.nets.linear_path import CHANNELS, LinearPath, blurred, fit_linear
 from drapeline.nets.refiner import Refiner
 from drapeline.seeding import rng_for
@@ -63,18 +61,13 @@ class LinearVae(StaticVae):
         network, vertices = self.settings.network, len(domain.offset_mean)
         count = min(SIZE.vertices, vertices)
         drawn = rng_for(self.settings.training.seed, "posterior").permutation(vertices)[:count]
-        self.graphs = nn.ModuleDict(
-            {
-                name: MeshGraph(domain.edges[name], domain.parents[name], network.order)
-                for name in TOPOLOGIES
-            }
-        )
+        self.graphs = graphs_of(domain, network.order)
         self.linear = LinearPath(
             vertices, len(domain.cvar_mean), network.latent, torch.from_numpy(np.sort(drawn))
         )
         for moment in ("mean", "std"):
             self._constant(f"cvar_{moment}")
-        self.refiner = Refiner(CHANNELS + 3, CHANNELS, SIZE.widths, network.order, rng)
+        self.refiner = Refiner(CHANNELS + 3, CHANNELS, PLACES, SIZE.widths, network.order, rng)
         self._codes: dict[str, tuple[torch.Tensor, torch.Tensor]] = {}
 
     @torch.no_grad()

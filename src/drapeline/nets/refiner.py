@@ -24,11 +24,17 @@ class Refiner(nn.Module):
     """
 
     def __init__(
-        self, inputs: int, outputs: int, widths: tuple[int, ...], order: int, rng: torch.Generator
+        self,
+        inputs: int,
+        outputs: int,
+        places: int,
+        widths: tuple[int, ...],
+        order: int,
+        rng: torch.Generator,
     ) -> None:
         super().__init__()
         self.down = nn.ModuleList(
-            Residual(ChebConv(a, b, order, rng), b, order, rng)
+            Residual(ChebConv(a, b, order, rng), places, b, order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
         self.up = nn.ModuleList(UnpoolConv(b, a, order, rng) for a, b in pairwise(widths))
@@ -41,7 +47,8 @@ class Refiner(nn.Module):
         for level, block in enumerate(self.down):
             if level:
                 x = graph.pools[level - 1](x)
-            x = block(x, graph.laplacians[level], graph.laplacians[level])
+            laplacian = graph.laplacians[level]
+            x = block(x, laplacian, laplacian, graph.places(level))
             kept.append(x)
         for level in range(len(self.up) - 1, -1, -1):
             x = torch.relu(self.up[level](x, graph.unpools[level]) + kept[level])

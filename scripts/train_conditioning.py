@@ -1,0 +1,21 @@
+"""Rule `train_conditioning`: the autoencoder of the conditions of one kind of network."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.nets.conditioning_training import ConditioningSettings, train_conditioning
+from drapeline.nets.dynamic_data import dynamic_garments
+from drapeline.registration.static_data import StaticData
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    data, frames = snakemake.input.data, snakemake.params.frames
+    train_conditioning(
+        snakemake.output[0],
+        dynamic_garments(data, snakemake.input.svae, frames) if frames else StaticData(data),
+        ConditioningSettings(**snakemake.params.settings),
+        progress=snakemake.params.progress,
+        threads=snakemake.threads,
+    )

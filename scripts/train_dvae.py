@@ -1,0 +1,38 @@
+"""Rule `train_dvae`: the VAE of garments in motion, in one of its variants."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.nets.domains import dynamic_domain
+from drapeline.nets.dynamic_data import dynamic_garments
+from drapeline.nets.gcvae_training import VaeSettings
+from drapeline.nets.runs import train_vae
+from drapeline.nets.variants import DVAE_VARIANTS, laid_over
+from drapeline.registration.hierarchy import load_hierarchy
+from drapeline.registration.topology import load_topology
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    garments = dynamic_garments(
+        snakemake.input.data, snakemake.input.svae, int(snakemake.wildcards.frames)
+    )
+    variant = f"dvae_{snakemake.wildcards.version}_{snakemake.wildcards.frames}"
+    train_vae(
+        snakemake.output[0],
+        garments,
+        dynamic_domain(
+            garments,
+            load_topology(snakemake.input.topology),
+            load_hierarchy(snakemake.input.hierarchy),
+            {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
+        ),
+        VaeSettings.of(laid_over(snakemake.params.settings, DVAE_VARIANTS[variant])),
+        conditioning=snakemake.input.conditioning,
+        progress=snakemake.params.progress,
+        trainer=snakemake.params.trainer,
+        threads=snakemake.threads,
+    )

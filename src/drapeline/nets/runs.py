@@ -1,0 +1,64 @@
+"""Whole trainings: from data and settings to a finished folder."""
+
+import hashlib
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from drapeline.nets.checkpoints import read_checkpoint
+from drapeline.nets.conditioning_training import load_conditioning
+from drapeline.nets.domain import Domain
+from drapeline.nets.fitting import BEST, fit
+from drapeline.nets.gcvae_data import GarmentData, Garments
+from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings, plain
+from drapeline.nets.linear_vae import LinearVae
+
+MODELS: dict[str, type[GarmentVae]] = {
+    "gcvae": StaticVae,
+    "linear": LinearVae,
+    "dynamic": DynamicVae,
+}
+
+
+def train_vae(
+    folder: str | Path,
+    garments: Garments,
+    domain: Domain,
+    settings: VaeSettings,
+    *,
+    conditioning: str | Path,
+    progress: str | Path,
+    trainer: dict[str, Any],
+    threads: int,
+) -> None:
+    """Train a garment VAE and leave a folder as `fit` does; see there for the arguments.
+
+    Args:
+        conditioning: folder of the trained conditioning autoencoder.
+    """
+    training = settings.training
+    model = MODELS[training.model](settings, domain)
+    if hasattr(model, "conditioning"):
+        path = Path(conditioning) / BEST
+        load_conditioning(read_checkpoint(path), model.conditioning, path)
+    model.prepare(garments)
+    fit(
+        model,
+        GarmentData(garments, batch=training.batch, seed=training.seed),
+        folder,
+        progress=progress,
+        epochs=training.epochs,
+        monitor="val_selection",
+        settings={**plain(asdict(settings)), "domain": _digest(domain)},
+        trainer=trainer,
+        threads=threads,
+    )
+
+
+def _digest(domain: Domain) -> str:
+    """Of all arrays, so that a training is not taken up again on other data."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(domain.tensors().items()):
+        digest.update(name.encode())
+        digest.update(tensor.numpy().tobytes())
+    return digest.hexdigest()[:12]

@@ -1,0 +1,52 @@
+import pytorch_lightning as lightning
+import torch
+
+from drapeline.nets.fitting import fit
+
+
+class Line(lightning.LightningModule):
+    """One number that goes to zero."""
+
+    def __init__(self):
+        super().__init__()
+        self.x = torch.nn.Parameter(torch.tensor(3.0))
+
+    def training_step(self, *_):
+        return self.x**2
+
+    def validation_step(self, *_):
+        # Best in the second epoch, to tell best from last.
+        self.log("val_x", abs(self.x.detach() - 1.0))
+
+    def configure_optimizers(self):
+        return torch.optim.SGD(self.parameters(), lr=1.0 / 6)
+
+
+class One(lightning.LightningDataModule):
+    def train_dataloader(self):
+        return torch.utils.data.DataLoader([0.0])
+
+    val_dataloader = train_dataloader
+
+
+def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
+    fit(
+        Line(),
+        One(),
+        tmp_path / "out",
+        progress=tmp_path / "progress",
+        epochs=6,
+        monitor="val_x",
+        settings={},
+        trainer={"accelerator": "cpu"},
+        threads=1,
+    )
+    best, last = (
+        float(torch.load(tmp_path / "out" / name, weights_only=True)["state_dict"]["x"])
+        for name in ("best.ckpt", "last.ckpt")
+    )
+    path = [3 * (2 / 3) ** epoch for epoch in range(1, 7)]
+    assert abs(best - min(path, key=lambda x: abs(x - 1))) < 1e-5
+    assert abs(last - path[-1]) < 1e-5
+    rows = (tmp_path / "out" / "history.tsv").read_text().splitlines()
+    assert [row.split("\t")[0] for row in rows] == ["epoch", *"012345"]

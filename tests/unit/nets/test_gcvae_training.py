@@ -1,0 +1,251 @@
+"""Trainings of a few steps on the toy tube."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.nets.checkpoints import load_vae, read_checkpoint
+from drapeline.nets.conditioning_training import ConditioningSettings, train_conditioning
+from drapeline.nets.fitting import learning_rate
+from drapeline.nets.gcvae import GcvaeNetwork
+from drapeline.nets.gcvae_data import GarmentData, as_tensors
+from drapeline.nets.gcvae_loss import GcvaeLoss
+from drapeline.nets.gcvae_training import GcvaeTraining, VaeSettings
+from drapeline.nets.runs import train_vae
+from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS, laid_over
+from gcvae_toys import ToyGarments, toy_domain
+
+SETTINGS = VaeSettings(
+    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
+    loss=GcvaeLoss(normals=1.0),
+    training=GcvaeTraining(epochs=2, batch=8, normal_parts=2),
+)
+OURS = replace(
+    SETTINGS,
+    loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
+    training=replace(SETTINGS.training, model="linear"),
+)
+
+
+@pytest.fixture(scope="module")
+def conditioning(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("conditioning")
+    train_conditioning(
+        folder / "out",
+        ToyGarments(),
+        ConditioningSettings(condition=4, epochs=12, batch=8),
+        progress=folder / "progress",
+        threads=1,
+    )
+    return folder / "out"
+
+
+@pytest.fixture
+def train(tmp_path, conditioning):
+    """train("name", settings, garments) -> folder of the finished training."""
+
+    def run(name, settings=SETTINGS, garments=None):
+        train_vae(
+            tmp_path / name,
+            garments or ToyGarments(),
+            toy_domain(),
+            settings,
+            conditioning=conditioning,
+            progress=tmp_path / ".progress" / name,
+            trainer={"accelerator": "cpu"},
+            threads=1,
+        )
+        return tmp_path / name
+
+    return run
+
+
+def weights(folder, name="last.ckpt"):
+    return read_checkpoint(folder / name)["state_dict"]
+
+
+def assert_same(first, second):
+    assert first.keys() == second.keys()
+    for key, value in first.items():
+        torch.testing.assert_close(value, second[key], msg=key)
+
+
+def test_the_conditioning_autoencoder_learns_and_is_frozen_in_the_vae(train, conditioning):
+    rows = (conditioning / "history.tsv").read_text().splitlines()
+    column = rows[0].split("\t").index("val_loss")
+    losses = [float(row.split("\t")[column]) for row in rows[1:]]
+    assert losses[-1] < 0.9 * losses[0]
+    before = read_checkpoint(conditioning / "best.ckpt")["state_dict"]
+    after = weights(train("svae"))
+    for key, value in before.items():
+        name = key.replace("autoencoder.", "conditioning.")
+        torch.testing.assert_close(after[name], value)
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, settings):
+    folder = train("model", settings)
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "best.ckpt",
+        "history.tsv",
+        "last.ckpt",
+        "settings.json",
+    ]
+    assert not (tmp_path / ".progress" / "model").exists()
+    assert json.loads((folder / "settings.json").read_text())["network"]["latent"] == 8
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    assert len(rows) == 2
+    assert {"epoch", "val_selection", "val_surface_error_mm", "val_mask_iou"} <= set(
+        header.split("\t")
+    )
+    model, batch = load_vae(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
+    code = model.encode(batch)
+    with torch.inference_mode():
+        offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
+    assert offsets.shape == batch["offsets"].shape
+    assert ((mask >= 0) & (mask <= 1)).all()
+
+
+def test_the_same_seed_trains_the_same_weights_and_another_others(train):
+    first, again = weights(train("first")), weights(train("again"))
+    assert_same(first, again)
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=1))
+    other = weights(train("other", settings))
+    key = "network.encoder.code.weight"
+    assert not torch.allclose(first[key], other[key])
+
+
+class Killed(Exception):
+    """Stands for the signal."""
+
+
+class DiesAfter(ToyGarments):
+    """Garments whose reading stops the job after some batches."""
+
+    def __init__(self, batches):
+        super().__init__()
+        self.left = batches
+
+    def batch(self, rows):
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+        return super().batch(rows)
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, settings):
+    settings = replace(settings, training=replace(settings.training, epochs=4))
+    with pytest.raises(Killed):
+        train("killed", settings, DiesAfter(16))
+    assert not (tmp_path / "killed").exists()
+    done = read_checkpoint(tmp_path / ".progress" / "killed" / "last.ckpt")["epoch"]
+    assert 0 < done < 3
+    resumed, whole = train("killed", settings), train("whole", settings)
+    assert_same(weights(resumed), weights(whole))
+    assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
+    for a, b in zip(
+        (resumed / "history.tsv").read_text().splitlines(),
+        (whole / "history.tsv").read_text().splitlines(),
+        strict=True,
+    ):
+        assert a.split("\t")[0] == b.split("\t")[0]
+
+
+def test_other_settings_begin_anew(train, tmp_path):
+    with pytest.raises(Killed):
+        train("model", SETTINGS, DiesAfter(7))
+    assert (tmp_path / ".progress" / "model" / "last.ckpt").exists()
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=3))
+    assert_same(weights(train("model", settings)), weights(train("other", settings)))
+
+
+def test_a_loss_that_is_not_finite_names_the_samples(train):
+    garments = ToyGarments()
+    row = garments.rows("train")[5]
+    garments.offsets[row, garments.mask[row]] = np.nan
+    with pytest.raises(InputError, match=rf"epoch 0.*{garments.names[row]}.*finite"):
+        train("model", SETTINGS, garments)
+
+
+def test_a_conditioning_network_of_another_size_is_refused(train):
+    settings = replace(SETTINGS, network=replace(SETTINGS.network, condition=6))
+    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
+        train("model", settings)
+
+
+def test_ours_finds_the_toys_codes_without_training(train):
+    """Radius, slant, hem and shape are few numbers, so few components hold them all."""
+    folder = train("ours", OURS)
+    garments, model = ToyGarments(), load_vae(folder / "best.ckpt")
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
+    error = (offsets - batch["offsets"]).norm(dim=-1)[batch["mask"]].mean()
+    assert error < 0.5e-3
+    seen = mask > 0.5
+    overlap = (seen & batch["mask"]).sum(1) / (seen | batch["mask"]).sum(1)
+    assert overlap.mean() > 0.93
+
+
+@pytest.mark.parametrize(("split", "name"), [("train", "train"), ("val", "val")])
+def test_an_empty_split_is_refused(split, name):
+    garments = ToyGarments()
+    garments.split[garments.split == split] = "test"
+    with pytest.raises(InputError, match=f"the {name} split holds no garments"):
+        GarmentData(garments, batch=8, seed=0)
+
+
+def test_every_epoch_sees_every_training_row_once_in_another_order():
+    garments = ToyGarments()
+    loader = GarmentData(garments, batch=8, seed=0).train_dataloader()
+    orders = []
+    for epoch in (0, 1, 0):
+        loader.sampler.set_epoch(epoch)
+        batches = list(loader)
+        assert all((np.diff(b["topology"]) >= 0).all() for b in batches)
+        orders.append([name for b in batches for name in b["names"]])
+    assert sorted(orders[0]) == sorted(np.array(garments.names)[garments.rows("train")])
+    assert orders[0] != orders[1]
+    assert orders[0] == orders[2]
+
+
+def test_the_printed_schedule_of_the_kl_weight():
+    loss = GcvaeLoss()
+    assert loss.kl_weight(0.0) == loss.kl_weight(0.5) == 1e-4
+    assert loss.kl_weight(0.51) == pytest.approx(1e-4 + 0.005)
+    assert loss.kl_weight(1.0) == 0.25
+
+
+def test_one_cycle_rises_and_falls_to_nothing():
+    rates = [learning_rate(1.0, "one_cycle", share) for share in (0, 0.1, 0.55, 1)]
+    np.testing.assert_allclose(rates, [0.1, 1.0, 0.5, 0.0], atol=1e-12)
+    assert learning_rate(1.0, "constant", 0.9) == 1.0
+
+
+def test_variants_change_what_their_rows_of_the_table_say():
+    full = {"network": {"scale": 1}, "loss": {"normals": 70.0}, "training": {"mask": True}}
+    assert laid_over(full, SVAE_VARIANTS["svae"]) == full
+    assert laid_over(full, SVAE_VARIANTS["svae_no_normals"])["loss"]["normals"] == 0
+    assert not laid_over(full, SVAE_VARIANTS["svae_no_mask"])["training"]["mask"]
+    for variant, changes in DVAE_VARIANTS.items():
+        done = laid_over(full, changes)
+        assert done["network"]["scale"] == 2
+        assert done["training"]["version"] in variant
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "no such file"), (b"not weights", "not readable as a checkpoint"), ({}, "drapeline")],
+)
+def test_what_is_no_checkpoint_of_ours_is_refused(tmp_path, content, message):
+    path = tmp_path / "best.ckpt"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        torch.save(content, path)
+    with pytest.raises(InputError, match=rf"best\.ckpt.*{message}"):
+        load_vae(path)

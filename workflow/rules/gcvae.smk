@@ -1,0 +1,163 @@
+from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS, pooling_of
+
+
+wildcard_constraints:
+    svae="|".join(SVAE_VARIANTS),
+    version="posed|unposed",
+    frames="1|4",
+    conditions="static|(posed|unposed)_[14]",
+
+
+def in_progress(kind):
+    """Params function: where a training under way keeps its state, which outlives the job."""
+    return lambda wildcards, output: str(
+        Path(output[0]).parent / ".progress" / f"{kind}_{Path(output[0]).name}"
+    )
+
+
+def conditions_input(wildcards):
+    """Rows that hold the conditions; those of the DVAE contain the static code."""
+    if wildcards.conditions == "static":
+        return {"data": f"{RESULTS}/static/data"}
+    version = wildcards.conditions.split("_")[0]
+    return {"data": f"{RESULTS}/dynamic/{version}", "svae": static_model()}
+
+
+def condition_frames(wildcards):
+    """How many poses are among the conditions."""
+    return int(wildcards.conditions.rpartition("_")[2].replace("static", "0"))
+
+
+def static_model():
+    """The SVAE whose codes the DVAE is conditioned on."""
+    return f"{RESULTS}/gcvae/{config['gcvae']['dvae']['static_model']}"
+
+
+def svae_hierarchy(wildcards):
+    return f"{RESULTS}/registration/hierarchy_{pooling_of(wildcards.svae)}.npz"
+
+
+def vae_settings(kind):
+    """Settings of a full model, by group."""
+    return {
+        "network": config["gcvae"][kind]["network"],
+        "loss": config["gcvae"]["loss"],
+        "training": {**config["gcvae"][kind]["training"], "seed": config["seed"]},
+    }
+
+
+def conditioning_settings(wildcards):
+    kind = "svae" if wildcards.conditions == "static" else "dvae"
+    return {
+        "condition": config["gcvae"][kind]["network"]["condition"],
+        "epochs": config["gcvae"]["conditioning"]["epochs"],
+        "seed": config["seed"],
+    }
+
+
+rule train_conditioning:
+    input:
+        unpack(conditions_input),
+    output:
+        directory(f"{RESULTS}/gcvae/conditioning/{{conditions}}"),
+    log:
+        f"{LOGS}/train_conditioning/{{conditions}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_conditioning/{{conditions}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        frames=condition_frames,
+        settings=conditioning_settings,
+        progress=in_progress("conditioning"),
+        code=source_hash("train_conditioning"),
+    script:
+        "../../scripts/train_conditioning.py"
+
+
+rule train_svae:
+    input:
+        data=f"{RESULTS}/static/data",
+        female=f"{RESULTS}/registration/body/female.npz",
+        male=f"{RESULTS}/registration/body/male.npz",
+        topology=f"{RESULTS}/registration/topology.npz",
+        hierarchy=svae_hierarchy,
+        conditioning=f"{RESULTS}/gcvae/conditioning/static",
+    output:
+        directory(f"{RESULTS}/gcvae/{{svae}}"),
+    log:
+        f"{LOGS}/train_svae/{{svae}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_svae/{{svae}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=6000,
+        runtime=1440,
+    params:
+        settings=vae_settings("svae"),
+        trainer=lookup(dpath="gcvae/trainer", within=config),
+        progress=in_progress("svae"),
+        code=source_hash("train_svae"),
+    script:
+        "../../scripts/train_svae.py"
+
+
+rule collect_dynamic:
+    input:
+        samples=per_sample("{results}/samples/{sample}"),
+        registrations=per_sample("{results}/registration/samples/{sample}"),
+        female=f"{RESULTS}/registration/body/female.npz",
+        male=f"{RESULTS}/registration/body/male.npz",
+    output:
+        directory(f"{RESULTS}/dynamic/{{version}}"),
+    log:
+        f"{LOGS}/collect_dynamic/{{version}}.log",
+    benchmark:
+        f"{BENCHMARKS}/collect_dynamic/{{version}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=240,
+    params:
+        frame_step=lookup(dpath="gcvae/dvae/frame_step", within=config),
+        code=source_hash("collect_dynamic"),
+    script:
+        "../../scripts/collect_dynamic.py"
+
+
+rule train_dvae:
+    input:
+        data=f"{RESULTS}/dynamic/{{version}}",
+        svae=static_model(),
+        female=f"{RESULTS}/registration/body/female.npz",
+        male=f"{RESULTS}/registration/body/male.npz",
+        topology=f"{RESULTS}/registration/topology.npz",
+        hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+        conditioning=f"{RESULTS}/gcvae/conditioning/{{version}}_{{frames}}",
+    output:
+        directory(f"{RESULTS}/gcvae/dvae_{{version}}_{{frames}}"),
+    log:
+        f"{LOGS}/train_dvae/{{version}}_{{frames}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_dvae/{{version}}_{{frames}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 2
+    resources:
+        mem_mb=6000,
+        runtime=1440,
+    params:
+        settings=vae_settings("dvae"),
+        trainer=lookup(dpath="gcvae/trainer", within=config),
+        progress=in_progress("dvae"),
+        code=source_hash("train_dvae"),
+    script:
+        "../../scripts/train_dvae.py"
