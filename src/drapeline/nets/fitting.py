@@ -116,18 +116,20 @@ def _trainer(
     progress: Path, epochs: int, monitor: str, options: Mapping[str, Any]
 ) -> lightning.Trainer:
     terminal = sys.stderr.isatty()
-    checkpoint = ModelCheckpoint(
-        progress,
-        filename=Path(BEST).stem,
-        monitor=monitor,
-        save_last=True,
-        enable_version_counter=False,
-        save_on_train_epoch_end=True,
-    )
-    callbacks = [History(progress / HISTORY), checkpoint]
+    # The last after the best, so that a resume knows which epoch was best so far.
+    keepers = [
+        ModelCheckpoint(
+            progress,
+            filename=Path(name).stem,
+            monitor=value,
+            enable_version_counter=False,
+            save_on_train_epoch_end=True,
+        )
+        for name, value in ((BEST, monitor), (LAST, None))
+    ]
     return lightning.Trainer(
         max_epochs=epochs,
-        callbacks=callbacks + [TQDMProgressBar()] * terminal,
+        callbacks=[History(progress / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
         logger=False,
         enable_progress_bar=terminal,
         enable_model_summary=False,
