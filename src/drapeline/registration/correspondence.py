@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 import warp as wp
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
 from drapeline.mesh import vertex_normals
@@ -17,6 +17,9 @@ _SNAP_EDGES = 0.5  # a vertex beyond the cloth by less than this many body edges
 _END_M = 0.04  # cloth that goes on beyond the body's open ends by less than this is drawn in
 _ALIKE = 0.2  # least cosine between the normals of a body vertex and of its cloth
 _ROUNDS = 6
+_SLIT_M = 0.025  # rims closer to one another than this may be the two sides of a slit
+_APART_M = 0.045  # ... if they are further from one another than this along the garment
+_OVERLAP_M = 0.003
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class BodyMesh:
 
     Attributes:
         faces: (F, 3).
+        pairs: (E, 2) edges.
         used: (V,) bool, vertices that faces have.
         ends: (V,) bool, vertices on the body's own open ends.
     """
@@ -61,7 +65,7 @@ class BodyMesh:
         self._count = count
         half = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
         key, sides = np.unique(half.astype(np.int64) @ np.array([count, 1]), return_inverse=True)
-        self._pairs = np.stack(np.divmod(key, count), axis=1)
+        self.pairs = np.stack(np.divmod(key, count), axis=1)
         self._sides = sides.reshape(faces.shape)  # edge on each side of each face
         self.used = np.zeros(count, dtype=bool)
         self.used[faces] = True
@@ -70,7 +74,7 @@ class BodyMesh:
 
     def spacing(self, body: np.ndarray) -> np.ndarray:
         """(V,) mean length of each vertex's edges, for body vertices (V, 3)."""
-        pairs = self._pairs
+        pairs = self.pairs
         length = np.linalg.norm(body[pairs[:, 0]] - body[pairs[:, 1]], axis=1)
         total = np.bincount(pairs.ravel(), np.repeat(length, 2), self._count)
         return total / np.maximum(np.bincount(pairs.ravel(), minlength=self._count), 1)
@@ -91,14 +95,19 @@ class BodyMesh:
         border[self._border_pairs(mask)] = True
         return border
 
-    def cleaned(self, mask: np.ndarray) -> np.ndarray:
-        """The mask in one piece, without holes, whose faces have simple borders."""
-        mask = mask | (self._hole_pieces(mask) >= 0)
+    def cleaned(self, mask: np.ndarray, slit: np.ndarray) -> np.ndarray:
+        """The mask in one piece, without holes but a slit (V,), whose faces have simple borders."""
+        mask = (mask | (self._hole_pieces(mask) >= 0)) & ~slit
         for _ in range(_ROUNDS):
             if not mask.any():
                 break
-            piece = self._pieces(mask)
-            mask = piece == np.bincount(piece[mask]).argmax()
+            kept = mask_faces(self.faces, mask)
+            graph = sp.coo_matrix(
+                (np.ones(2 * len(kept)), kept[:, [0, 1, 0, 2]].reshape(-1, 2).T),
+                shape=(self._count, self._count),
+            )
+            _, piece = connected_components(graph, directed=False)
+            mask = mask & (piece == np.bincount(piece).argmax())
             covered = np.zeros(self._count, dtype=bool)
             covered[mask_faces(self.faces, mask)] = True
             # Where the border meets itself it would not be a line.
@@ -112,11 +121,11 @@ class BodyMesh:
     def _border_pairs(self, mask: np.ndarray) -> np.ndarray:
         """(B, 2) edges that one face of the mask has."""
         sides = self._sides[mask[self.faces].all(axis=1)]
-        return self._pairs[np.bincount(sides.ravel(), minlength=len(self._pairs)) == 1]
+        return self.pairs[np.bincount(sides.ravel(), minlength=len(self.pairs)) == 1]
 
     def _pieces(self, chosen: np.ndarray) -> np.ndarray:
         """(V,) number of the piece each chosen vertex is in, -1 for the others."""
-        pairs = self._pairs[chosen[self._pairs].all(axis=1)]
+        pairs = self.pairs[chosen[self.pairs].all(axis=1)]
         graph = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(self._count, self._count))
         _, label = connected_components(graph, directed=False)
         return np.where(chosen, label, -1)
@@ -162,15 +171,17 @@ def correspond(
     face, bary = _nearest(body, normals, laid, triangles, _ALIKE)
     found = face >= 0
     corner = triangles[np.where(found, face, 0)]
-    rim = rim_edges(triangles)
+    rim = _Rim(triangles, laid)
     spacing = mesh.spacing(body)
-    gap = body - (laid[corner] * bary[..., None]).sum(1)
+    point = (laid[corner] * bary[..., None]).sum(1)
+    gap = body - point
     aside = np.linalg.norm(gap - (gap * normals).sum(1, keepdims=True) * normals, axis=1)
-    on_rim = _on_rim(corner, bary, rim, len(laid))
+    on_rim = rim.holds(corner, bary)
     mask = found & (~on_rim | (aside < _SNAP_EDGES * spacing)) & mesh.used
-    cleaned = mesh.cleaned(mask)
+    slit = _slit(mesh, mask, corner, bary, rim, _lengths(laid, triangles))
+    cleaned = mesh.cleaned(mask, slit)
     _adopt(cleaned & ~found, body, normals, laid, triangles, corner, bary)
-    _draw_to_rim(mesh, cleaned, body, laid, rim, spacing, corner, bary)
+    _draw_to_rim(mesh, cleaned, point, on_rim, rim, spacing, corner, bary)
     bary[~cleaned], corner[~cleaned] = 0, 0
     return Correspondence(
         cleaned,
@@ -181,17 +192,126 @@ def correspond(
     )
 
 
-def _on_rim(corner: np.ndarray, bary: np.ndarray, rim: np.ndarray, count: int) -> np.ndarray:
-    """Whether points lie on an edge or a vertex of the rim."""
-    at_rim = np.zeros(count, dtype=bool)
-    at_rim[rim] = True
-    key = np.sort(rim, axis=1) @ np.array([count, 1])
-    zero = bary < 1e-6
-    on = ((bary > 1 - 1e-6) & at_rim[corner]).any(axis=1)
-    for i in range(3):
-        edge = np.sort(corner[:, [(i + 1) % 3, (i + 2) % 3]], axis=1) @ np.array([count, 1])
-        on |= zero[:, i] & np.isin(edge, key)
-    return on
+class _Rim:
+    """The openings of a garment that was laid on the body."""
+
+    def __init__(self, triangles: np.ndarray, laid: np.ndarray) -> None:
+        half = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+        across = np.roll(triangles, 1, axis=1).ravel()
+        self._base = np.array([len(laid), 1])
+        key, first, uses = np.unique(
+            np.sort(half, axis=1).astype(np.int64) @ self._base,
+            return_index=True,
+            return_counts=True,
+        )
+        self._keys, lone = key[uses == 1], first[uses == 1]
+        self._pairs = half[lone]
+        self._laid = laid
+        self._at_rim = np.zeros(len(laid), dtype=bool)
+        self._at_rim[self._pairs] = True
+        start, end = laid[self._pairs[:, 0]], laid[self._pairs[:, 1]]
+        axis = (end - start) / np.maximum(np.linalg.norm(end - start, axis=1, keepdims=True), 1e-12)
+        inward = laid[across[lone]] - start
+        self._inward = inward - (inward * axis).sum(1, keepdims=True) * axis
+
+    def __len__(self) -> int:
+        return len(self._pairs)
+
+    def holds(self, corner: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        """Whether points, given by corners (P, 3) and weights (P, 3), lie on the rim."""
+        on = ((bary > 1 - 1e-6) & self._at_rim[corner]).any(axis=1)
+        for i in range(3):
+            edge = np.sort(corner[:, [(i + 1) % 3, (i + 2) % 3]], axis=1) @ self._base
+            on |= (bary[:, i] < 1e-6) & np.isin(edge, self._keys)
+        return on
+
+    def within(self, points: np.ndarray, reach_m: float) -> np.ndarray:
+        """Whether a vertex of the rim is within reach of points (P, 3)."""
+        ids = np.unique(self._pairs)
+        distance, _ = KDTree(self._laid[ids]).query(points, distance_upper_bound=reach_m)
+        return np.isfinite(distance)
+
+    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Closest places of points (P, 3) of the cloth on the part of the rim that bounds them.
+
+        Returns:
+            Corners (P, 3) of which the last repeats the first, weights (P, 3) and distances (P,).
+            Where two rims lie side by side, the other one does not count.
+        """
+        start = self._laid[self._pairs[:, 0]]
+        axis = self._laid[self._pairs[:, 1]] - start
+        gap = points[:, None] - start
+        along = np.einsum("pei,ei->pe", gap, axis) / np.maximum((axis**2).sum(1), 1e-20)
+        along = np.clip(along, 0, 1)
+        away = gap - along[..., None] * axis
+        distance = np.linalg.norm(away, axis=-1)
+        beyond = np.einsum("pei,ei->pe", away, self._inward) < 0
+        ranked = distance + np.where(beyond & (distance > _OVERLAP_M), 1.0, 0.0)
+        best, rows = ranked.argmin(axis=1), np.arange(len(points))
+        share = along[rows, best]
+        corner = self._pairs[best][:, [0, 1, 0]]
+        weights = np.column_stack([1 - share, share, 0 * share])
+        return corner, weights, distance[rows, best]
+
+    def places(self, corner: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(P, 3) where corners and weights are."""
+        return (self._laid[corner] * weights[..., None]).sum(1)
+
+
+def _slit(
+    mesh: BodyMesh,
+    mask: np.ndarray,
+    corner: np.ndarray,
+    bary: np.ndarray,
+    rim: _Rim,
+    cloth: sp.csr_matrix,
+) -> np.ndarray:
+    """(V,) vertices to leave out so that cloth which meets cloth, rim to rim, stays open.
+
+    The fronts of an open shirt lie side by side. An edge of the body that leads from one to the
+    other has ends that are far from one another over the cloth; one of the two is left out.
+    `cloth` holds the lengths of the garment's edges.
+    """
+    left_out = np.zeros(len(mask), dtype=bool)
+    if not len(rim):
+        return left_out
+    close = np.zeros(len(mask), dtype=bool)
+    close[mask] = rim.within(rim.places(corner[mask], bary[mask]), _SLIT_M)
+    pairs = mesh.pairs[close[mesh.pairs].all(axis=1)]
+    ids, rank = np.unique(pairs, return_inverse=True)
+    if not len(ids):
+        return left_out
+    rank = rank.reshape(-1, 2)
+    _, _, distance = rim.nearest(rim.places(corner[ids], bary[ids]))
+    both = corner[ids][rank]  # (E, 2, 3)
+    rank = rank[~(both[:, 0, :, None] == both[:, 1, None, :]).any(axis=(1, 2))]
+    ends = np.take_along_axis(corner[ids], bary[ids].argmax(axis=1)[:, None], axis=1)[rank, 0]
+    starts, row = np.unique(ends[:, 0], return_inverse=True)
+    if not len(starts):
+        return left_out
+    way = dijkstra(cloth, directed=False, indices=starts, limit=_APART_M)
+    rank = rank[np.isinf(way[row, ends[:, 1]])]
+    left_out[ids[_cover(rank, distance)]] = True
+    return left_out
+
+
+def _cover(pairs: np.ndarray, cost: np.ndarray) -> list[int]:
+    """Few vertices, cheap ones (V,) by preference, such that each pair (E, 2) has one of them."""
+    often = np.bincount(pairs.ravel(), minlength=len(cost))
+    chosen: set[int] = set()
+    order = np.argsort(-often[pairs].max(axis=1), kind="stable")
+    for a, b in pairs[order].tolist():
+        if a not in chosen and b not in chosen:
+            chosen.add(min((-often[a], cost[a], a), (-often[b], cost[b], b))[2])
+    return sorted(chosen)
+
+
+def _lengths(laid: np.ndarray, triangles: np.ndarray) -> sp.csr_matrix:
+    """(C, C) lengths of the garment's edges."""
+    half = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+    length = np.linalg.norm(laid[half[:, 0]] - laid[half[:, 1]], axis=1)
+    graph = sp.csr_matrix((length, half.T), shape=(len(laid), len(laid)))
+    return graph.maximum(graph.T)
 
 
 def _adopt(wanted, body, normals, laid, triangles, corner, bary) -> None:
@@ -209,34 +329,15 @@ def _adopt(wanted, body, normals, laid, triangles, corner, bary) -> None:
     corner[wanted], bary[wanted] = triangles[face], weights
 
 
-def _draw_to_rim(mesh, mask, body, laid, rim, spacing, corner, bary) -> None:
+def _draw_to_rim(mesh, mask, point, on_rim, rim, spacing, corner, bary) -> None:
     """Move the points of the mask's border onto the garment's rim where that is near."""
-    border = np.flatnonzero(mesh.border(mask))
+    border = np.flatnonzero(mesh.border(mask) & ~on_rim)
     if not len(border) or not len(rim):
         return
-    edge, share, distance = nearest_on_edges(body[border], laid, rim)
-    limit = np.where(mesh.ends[border], _END_M, 1.5 * spacing[border] + 0.005)
+    edge, share, distance = rim.nearest(point[border])
+    limit = np.where(mesh.ends[border], _END_M, 2 * spacing[border] + 0.005)
     near = distance < limit
     corner[border[near]], bary[border[near]] = edge[near], share[near]
-
-
-def nearest_on_edges(
-    points: np.ndarray, vertices: np.ndarray, pairs: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Closest places of points (P, 3) on edges (E, 2) of vertices (V, 3).
-
-    Returns:
-        Corners (P, 3), of which the last repeats the first, weights (P, 3) and distances (P,).
-    """
-    start, axis = vertices[pairs[:, 0]], vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
-    gap = points[:, None] - start
-    along = np.einsum("pei,ei->pe", gap, axis) / np.maximum((axis**2).sum(1), 1e-20)
-    along = np.clip(along, 0, 1)
-    distance = np.linalg.norm(gap - along[..., None] * axis, axis=-1)
-    best, rows = distance.argmin(axis=1), np.arange(len(points))
-    share = along[rows, best]
-    corner = pairs[best][:, [0, 1, 0]]
-    return corner, np.column_stack([1 - share, share, 0 * share]), distance[rows, best]
 
 
 @wp.func

@@ -18,7 +18,7 @@ from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.studio import Painted, studio_picture
 
-_SIZE = (300, 400)
+_SIZE = (320, 340)
 _SKIN, _CLOTH, _LAID, _REBUILT = (
     (0.80, 0.70, 0.64),
     (0.33, 0.5, 0.74),
@@ -86,7 +86,7 @@ def _row(
     camera = _camera(body)
     lift = -body[:, 2].min()
     return [
-        (studio_picture([_lifted(p, lift) for p in parts], camera, samples=24), caption)
+        (studio_picture([_lifted(p, lift) for p in parts], camera, samples=12), caption)
         for parts, caption in views
     ]
 
@@ -112,6 +112,6 @@ def _camera(body: np.ndarray) -> Camera:
     return look_at(
         np.array([0.0, -4.6, 1.25 * height / 1.5]),
         np.array([0.0, 0.0, 0.5 * height]),
-        focal_px=1.9 * _SIZE[1] * 1.5 / max(height, 1.5),
+        focal_px=2.3 * _SIZE[1] * 1.5 / max(height, 1.5),
         size=_SIZE,
     )
