@@ -11,6 +11,10 @@ include: "workflow/rules/bodies.smk"
 include: "workflow/rules/outfits.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/dataset.smk"
+include: "workflow/rules/static.smk"
+include: "workflow/rules/registration.smk"
+include: "workflow/rules/gcvae.smk"
+include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/renders.smk"
 include: "workflow/rules/report.smk"
 
@@ -23,4 +27,6 @@ rule all:
     input:
         f"{RESULTS}/dataset",
         gallery_files(),
+        REGISTRATION_FILES,
+        GCVAE_FILES,
         REPORT_FILES,

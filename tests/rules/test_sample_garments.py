@@ -23,7 +23,12 @@ def sampled(run_rule, tmp_path, toy_body):
     bodies = {gender: tmp_path / f"{gender}.npz" for gender in GENDERS}
     run_rule(
         "sample_garments",
-        input={"model": tmp_path / "model", "codes": tmp_path / "codes.npz", **bodies},
+        input={
+            "model": tmp_path / "model",
+            "codes": tmp_path / "codes.npz",
+            "data": tmp_path / "data",
+            **bodies,
+        },
         output=[tmp_path / "samples"],
         params={
             "seed": 0,
@@ -59,6 +64,6 @@ def test_samples_are_drawn(run_rule, sampled, tmp_path):
         "plot_gcvae_samples",
         input={"samples": folder, **bodies},
         output=[tmp_path / "samples.png"],
-        params={"count": 3},
+        params={"shown": 3},
     )
     assert (tmp_path / "samples.png").stat().st_size > 1000

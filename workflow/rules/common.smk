@@ -1,5 +1,6 @@
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import yaml
@@ -17,7 +18,8 @@ os.environ.update(
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
-from drapeline.planning import plan_samples
+from drapeline.outfits.static import plan_static
+from drapeline.planning import KINDS, plan_samples
 from drapeline.settings import checked_settings
 from drapeline.source_digest import source_digest
 
@@ -46,6 +48,15 @@ try:
         kinds=config["outfits"]["kinds"],
         male_skirts=config["outfits"]["male_skirts"],
     )
+    STATIC = plan_static(
+        config["seed"],
+        config["static"]["count"],
+        config["static"]["shard_size"],
+        {split: config["static"][f"{split}_share"] for split in ("val", "test")},
+        female_share=config["body"]["female_share"],
+        kinds=KINDS,
+        male_skirts=config["outfits"]["male_skirts"],
+    )
 except (InputError, OSError) as error:
     raise WorkflowError(str(error)) from None
 
@@ -60,6 +71,7 @@ wildcard_constraints:
     sequence="|".join(MOTIONS),
     # A long alternation would make the matching of n samples quadratic.
     sample="|".join(SAMPLES) if len(SAMPLES) <= 500 else r"\d{5}",
+    shard=r"\d+",
     format="|".join(EXPORT_FORMATS),
 
 
@@ -106,6 +118,11 @@ def motion_parameters(wildcards):
 
 def per_sample(pattern):
     return [pattern.format(results=RESULTS, sample=sample) for sample in SAMPLES]
+
+
+def shard_plans(wildcards):
+    """What the outfits of a shard of static outfits are going to be."""
+    return [asdict(plan) for plan in STATIC[wildcards.shard]]
 
 
 def own_garment_files(wildcards):

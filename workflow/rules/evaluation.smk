@@ -23,7 +23,10 @@ GCVAE_FILES = [
     f"{RESULTS}/report/gcvae_metrics.html",
     *expand(
         f"{RESULTS}/report/gcvae_{{name}}.png",
-        name=["errors", "codes", "walks", "walk_moving", "wrinkles", "samples"],
+        name=[
+            *["errors", "codes_svae", "codes_svae_ours"],
+            *["walks", "walk_moving", "wrinkles", "samples"],
+        ],
     ),
 ]
 
@@ -202,6 +205,7 @@ rule ablations:
 rule sample_garments:
     input:
         **WHOLE_BODIES,
+        data=f"{RESULTS}/static/data",
         model=f"{RESULTS}/gcvae/{shown_svae()}",
         codes=f"{RESULTS}/codes/{shown_svae()}.npz",
     output:
@@ -253,7 +257,7 @@ rule plot_gcvae_samples:
         mem_mb=1500,
         runtime=30,
     params:
-        count=24,
+        shown=24,
         code=source_hash("plot_gcvae_samples"),
     script:
         "../../scripts/plot_gcvae_samples.py"
@@ -261,18 +265,18 @@ rule plot_gcvae_samples:
 
 rule plot_gcvae_codes:
     input:
-        f"{RESULTS}/codes/{shown_svae()}.npz",
+        f"{RESULTS}/codes/{{svae}}.npz",
     output:
         report(
-            f"{RESULTS}/report/gcvae_codes.png",
+            f"{RESULTS}/report/gcvae_codes_{{svae}}.png",
             caption="../report/gcvae_codes.rst",
             category="Garment VAE",
-            labels={"shows": "figure 8: codes of static garments"},
+            labels={"shows": "figure 8: codes of static garments ({svae})"},
         ),
     log:
-        f"{LOGS}/plot_gcvae_codes.log",
+        f"{LOGS}/plot_gcvae_codes/{{svae}}.log",
     benchmark:
-        f"{BENCHMARKS}/plot_gcvae_codes.tsv"
+        f"{BENCHMARKS}/plot_gcvae_codes/{{svae}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: 1

@@ -1,3 +1,9 @@
+REGISTRATION_FILES = expand(
+    f"{RESULTS}/report/{{name}}",
+    name=["registration.html", "registration.png", "topologies.png", "hierarchy.png"],
+)
+
+
 rule super_body:
     input:
         female=body_file("female"),

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
+from sklearn.manifold import TSNE
 
 from drapeline.mesh import Mesh
 from drapeline.metrics.cases import GarmentCase, WornGarment
@@ -18,7 +19,6 @@ from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.studio import Painted, studio_picture
 from drapeline.report.style import SERIES, saved_figure
-from drapeline.report.tsne import tsne
 from drapeline.rule_log import progress
 from drapeline.storage import whole_file
 
@@ -28,6 +28,7 @@ _HEAT = matplotlib.colormaps["viridis"]
 _HEAT_LEVELS = 40
 _SKIN = (0.83, 0.69, 0.6)
 _DISTANCE_M = 7.0
+_PERPLEXITY = 30.0
 _SEEN_HEIGHT_M = 2.1
 _TARGET_HEIGHT_M = 0.95
 _TURN_DEG = 24.0  # the camera stands this far to the side of where the body faces
@@ -206,7 +207,9 @@ def plot_codes(
         garments, splits: (N,) type and split of each.
     """
     chosen = np.linspace(0, len(codes) - 1, min(len(codes), _CODES_MAX)).astype(int)
-    place = tsne(np.asarray(codes, dtype=np.float64)[chosen])
+    points = np.asarray(codes, dtype=np.float64)[chosen]
+    perplexity = min(_PERPLEXITY, (len(points) - 1) / 3)
+    place = TSNE(init="pca", perplexity=perplexity, random_state=0).fit_transform(points)
     garments, splits = np.asarray(garments)[chosen], np.asarray(splits)[chosen]
     with saved_figure(path, 6.4, 5.6) as (_, (axes,)):
         for name, colour in GARMENT_COLOURS.items():

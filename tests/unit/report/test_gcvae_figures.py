@@ -24,7 +24,6 @@ from drapeline.report.gcvae_figures import (
     view_picture,
     walk_view,
 )
-from drapeline.report.tsne import POINTS_MAX, tsne
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
 
@@ -165,33 +164,6 @@ def clusters():
     rng = rng_for(0, "clusters")
     kind = np.arange(150) % 3
     return rng.normal(size=(3, 20))[kind] * 3 + rng.normal(size=(150, 20)) * 0.5, kind
-
-
-def test_tsne_keeps_neighbours_together_and_needs_no_luck(clusters):
-    points, kind = clusters
-    place = tsne(points, steps=400)
-    distance = np.linalg.norm(place[:, None] - place, axis=2)
-    np.fill_diagonal(distance, np.inf)
-    assert (kind[distance.argmin(axis=1)] == kind).all()
-    within = [
-        np.linalg.norm(place[kind == k] - place[kind == k].mean(0), axis=1).max() for k in range(3)
-    ]
-    middles = np.stack([place[kind == k].mean(0) for k in range(3)])
-    apart = np.linalg.norm(middles[:, None] - middles, axis=2)[np.triu_indices(3, 1)]
-    assert apart.min() > 1.5 * max(within)
-    np.testing.assert_array_equal(tsne(points, steps=400), place)
-
-
-@pytest.mark.parametrize("count", [0, 1, 3, 5])
-def test_tsne_of_few_points(count):
-    place = tsne(rng_for(0, "few").normal(size=(count, 4)), steps=20)
-    assert place.shape == (count, 2)
-    assert np.isfinite(place).all()
-
-
-def test_tsne_refuses_what_would_take_hours():
-    with pytest.raises(ValueError, match=f"expected at most {POINTS_MAX}"):
-        tsne(np.zeros((POINTS_MAX + 1, 2)))
 
 
 def test_codes_are_drawn_in_the_colours_of_their_types(clusters, tmp_path):
