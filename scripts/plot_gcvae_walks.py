@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     model = load_vae(Path(snakemake.input.model) / BEST)
-    codes, about = load_codes(snakemake.input.codes)
+    codes, _ = load_codes(snakemake.input.codes)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     data = StaticData(snakemake.input.data)
-    types = train_types(codes, about)
+    types = train_types(codes, data)
     # Held-out garments where there is one of a type.
     rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
 

@@ -14,6 +14,7 @@ from drapeline.nets.sampling import (
     save_samples,
     train_types,
 )
+from drapeline.registration.static_data import StaticData
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     model = load_vae(Path(snakemake.input.model) / BEST)
-    types = train_types(*load_codes(snakemake.input.codes))
+    types = train_types(load_codes(snakemake.input.codes)[0], StaticData(snakemake.input.data))
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     seed = snakemake.params.seed
     requests = draw_requests(seed, **snakemake.params.conditions)

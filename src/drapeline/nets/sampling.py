@@ -1,8 +1,9 @@
 """New garments: codes drawn from the prior, or from one type's part of it, decoded on bodies.
 
-A code says what type of garment it is, and the type which topology it is decoded on. Both follow
-from the codes of the training garments: each type is a Gaussian with a mean of its own and a
-common covariance, and a code is of the type that is the most likely for it.
+A code has to be decoded on one of two topologies, so what type of garment it is must be known
+first. It is decoded on both; its type is the one whose training masks explain the mask best, each
+type's on its own topology. Where a type is asked for, codes come from a Gaussian with the mean of
+that type's training codes and a covariance common to all types.
 """
 
 import csv
@@ -16,8 +17,10 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.parts import PLAIN_COLOUR, SKIN_COLOUR, Part
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh, load_obj, save_obj
+from drapeline.metrics.evaluation import StaticRows
 from drapeline.metrics.garment_metrics import (
     garment_mesh,
     largest_piece,
@@ -33,41 +36,52 @@ from drapeline.storage import load_npz, save_npz, whole_folder
 
 PRIOR = "prior"
 _SHRINKAGE = 0.2
+_RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
 
 
 @dataclass(frozen=True)
 class GarmentTypes:
-    """Where in the space of codes the types of garments are.
+    """What the training garments of each type are like.
 
     Attributes:
         share: (K,) of the training garments, 0 for a type that none of them has.
-        mean: (K, Z).
-        factor: (Z, Z) lower Cholesky factor of the covariance within a type.
+        mean: (K, Z) of the codes.
+        factor: (Z, Z) lower Cholesky factor of the codes' covariance within a type.
+        mask_rate: (K, V) share of the type's garments that cover a vertex.
     """
 
     share: np.ndarray
     mean: np.ndarray
     factor: np.ndarray
-
-    def most_likely(self, z: np.ndarray) -> np.ndarray:
-        """(n, Z) codes -> (n,) indices into `GARMENTS`."""
-        away = np.linalg.solve(self.factor, (z[:, None] - self.mean).reshape(-1, z.shape[1]).T)
-        distance = (away**2).sum(axis=0).reshape(len(z), -1)
-        chance = np.log(np.maximum(self.share, 1e-300))
-        return (chance - distance / 2).argmax(axis=1)
+    mask_rate: np.ndarray
 
     def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
-        """(Z,) a code of one type."""
-        mean = self.mean[GARMENTS.index(garment)]
-        return mean + self.factor @ rng.standard_normal(len(mean))
+        """(Z,) a code of one type.
+
+        Raises:
+            InputError: no training garment is of that type.
+        """
+        kind = GARMENTS.index(garment)
+        if not self.share[kind]:
+            known = ", ".join(np.array(GARMENTS)[self.share > 0])
+            raise InputError(f"no training garment is a {garment}, expected one of {known}")
+        return self.mean[kind] + self.factor @ rng.standard_normal(self.mean.shape[1])
+
+    def log_likelihood(self, mask: np.ndarray) -> np.ndarray:
+        """(n, V) masks -> (n, K), vertices taken as independent."""
+        rate = np.clip(self.mask_rate, _RATE_FLOOR, 1 - _RATE_FLOOR)
+        covered = mask.astype(np.float64)
+        score = covered @ np.log(rate).T + (1 - covered) @ np.log(1 - rate).T
+        return np.where(self.share > 0, score, -np.inf)
 
 
-def fit_types(codes: Codes, garment: np.ndarray) -> GarmentTypes:
-    """Learn the types from the codes of training garments.
+def fit_types(codes: Codes, garment: np.ndarray, mask: np.ndarray) -> GarmentTypes:
+    """Learn the types from training garments.
 
     Args:
         codes: (n, Z).
         garment: (n,) indices into `GARMENTS`.
+        mask: (n, V) bool.
     """
     count = np.bincount(garment, minlength=len(GARMENTS))
     mean = np.zeros((len(GARMENTS), codes.mean.shape[1]))
@@ -78,13 +92,62 @@ def fit_types(codes: Codes, garment: np.ndarray) -> GarmentTypes:
     # With about as many garments as dimensions the covariance alone would be near singular.
     even = np.trace(within) / len(within) * np.eye(len(within))
     factor = np.linalg.cholesky((1 - _SHRINKAGE) * within + _SHRINKAGE * even)
-    return GarmentTypes(count / count.sum(), mean, factor)
+    rate = np.zeros((len(GARMENTS), mask.shape[1]))
+    for kind, covered in zip(garment, mask, strict=True):
+        rate[kind] += covered
+    rate /= np.maximum(count, 1)[:, None]
+    return GarmentTypes(count / count.sum(), mean, factor, rate)
 
 
-def train_types(codes: Codes, about: Mapping[str, np.ndarray]) -> GarmentTypes:
-    """Learn the types from the training rows of what `load_codes` returns."""
-    train = np.flatnonzero(about["split"] == "train")
-    return fit_types(codes.of(train), about["garment"][train])
+def train_types(codes: Codes, garments: StaticRows) -> GarmentTypes:
+    """Learn the types from the training rows of a dataset and the codes (N, Z) of all its rows."""
+    train = garments.rows("train")
+    return fit_types(codes.of(train), garments.garment[train], garments.mask[train])
+
+
+class Typed(NamedTuple):
+    """A decoded code.
+
+    Attributes:
+        kind: index into `GARMENTS`.
+        offsets: (V, 3) metres.
+        mask: (V,) bool.
+    """
+
+    kind: int
+    offsets: np.ndarray
+    mask: np.ndarray
+
+
+def decode_typed(
+    model: StaticVae,
+    types: GarmentTypes,
+    z: np.ndarray,
+    cvar: np.ndarray,
+    kinds: Sequence[int | None],
+) -> list[Typed]:
+    """Decode codes (n, Z) under conditions (n, C) on the topology of their type.
+
+    Args:
+        kinds: (n,) index into `GARMENTS`, or None to find it out.
+
+    Raises:
+        InputError: the model predicts no mask.
+    """
+    of_kind = topology_codes(np.arange(len(GARMENTS)))
+    decoded = [
+        list(decode_codes(model, z, cvar, np.full(len(z), code))) for code in range(len(TOPOLOGIES))
+    ]
+    out = []
+    for row, kind in enumerate(kinds):
+        made = [garments[row] for garments in decoded]
+        if any(mask is None for _, mask in made):
+            raise InputError("a model without a mask branch cannot be sampled, expected another")
+        if kind is None:
+            scores = types.log_likelihood(np.stack([mask for _, mask in made]))
+            kind = int(scores[of_kind, np.arange(len(GARMENTS))].argmax())
+        out.append(Typed(kind, *made[of_kind[kind]]))
+    return out
 
 
 @dataclass(frozen=True)
@@ -176,34 +239,30 @@ def sample_garments(
 
     Only pieces other than the largest are taken off; no vertex is moved.
     """
-    codes, found = [], []
+    codes: list[np.ndarray] = []
+    kinds: list[int | None] = []
     for name, request in requests.items():
         rng = rng_for(seed, "sampled garment", name, "code")
-        if request.garment == PRIOR:
-            z = rng.standard_normal(types.mean.shape[1])
-            found.append(int(types.most_likely(z[None])[0]))
-        else:
-            z = types.draw(rng, request.garment)
-            found.append(GARMENTS.index(request.garment))
-        codes.append(z)
-    topology = topology_codes(np.array(found))
+        prior = request.garment == PRIOR
+        codes.append(
+            rng.standard_normal(types.mean.shape[1]) if prior else types.draw(rng, request.garment)
+        )
+        kinds.append(None if prior else GARMENTS.index(request.garment))
     cvar = np.stack([request.cvar for request in requests.values()])
+    typed = decode_typed(model, types, np.stack(codes), cvar, kinds)
     sampled = []
-    for (name, request), z, garment, (offsets, mask), code in zip(
-        requests.items(),
-        codes,
-        found,
-        decode_codes(model, np.stack(codes), cvar, topology),
-        topology,
-        strict=True,
+    for (name, request), z, (kind, offsets, mask) in zip(
+        requests.items(), codes, typed, strict=True
     ):
         body = rest_body(model, request.cvar)
-        inside = np.ones(len(body), dtype=bool) if mask is None else mask
-        mesh = garment_mesh(body + offsets, model.domain.faces[TOPOLOGIES[code]], inside)
-        sampled.append(
-            Sampled(name, request, GARMENTS[garment], z, mesh, largest_piece(mesh), body)
-        )
+        mesh = garment_mesh(body + offsets, faces_of(model, kind), mask)
+        sampled.append(Sampled(name, request, GARMENTS[kind], z, mesh, largest_piece(mesh), body))
     return sampled
+
+
+def faces_of(model: StaticVae, kind: int) -> np.ndarray:
+    """(F, 3) of the topology of a type."""
+    return model.domain.faces[TOPOLOGIES[int(topology_codes(np.array([kind]))[0])]]
 
 
 def sample_table(

@@ -7,10 +7,9 @@ import numpy as np
 
 from drapeline.mesh import Mesh
 from drapeline.metrics.garment_metrics import garment_mesh
-from drapeline.nets.domain import TOPOLOGIES, topology_codes
 from drapeline.nets.gcvae_training import StaticVae
-from drapeline.nets.represent import Codes, StaticGarments, decode_codes, rest_body
-from drapeline.nets.sampling import GarmentTypes
+from drapeline.nets.represent import Codes, StaticGarments, rest_body
+from drapeline.nets.sampling import GarmentTypes, decode_typed, faces_of
 from drapeline.outfits.outfit import GARMENTS
 
 _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
@@ -22,7 +21,7 @@ class Step(NamedTuple):
     Attributes:
         garment: as decoded, in rest pose.
         cvar: (13,) conditions it was decoded with.
-        type: index into `GARMENTS` of what its code is most likely.
+        type: index into `GARMENTS` of what its mask is most like.
     """
 
     garment: Mesh
@@ -39,21 +38,16 @@ def walk(
 ) -> list[Step]:
     """Decode evenly spaced points between two pairs of code (Z,) and conditions (13,).
 
-    The topology of each point is that of the type its code is most likely of, so a way from one
-    topology to the other changes it once, where the types meet.
+    The topology of each point is that of the type that its mask is most like.
     """
     share = np.linspace(0, 1, steps)[:, None]
     z, cvar = (a + share * (b - a) for a, b in zip(start, end, strict=True))
-    found = types.most_likely(z)
-    topology = topology_codes(found)
     out = []
-    for (offsets, mask), condition, code, kind in zip(
-        decode_codes(model, z, cvar, topology), cvar, topology, found.tolist(), strict=True
+    for (kind, offsets, mask), condition in zip(
+        decode_typed(model, types, z, cvar, [None] * steps), cvar, strict=True
     ):
-        body = rest_body(model, condition)
-        inside = np.ones(len(body), dtype=bool) if mask is None else mask
-        faces = model.domain.faces[TOPOLOGIES[code]]
-        out.append(Step(garment_mesh(body + offsets, faces, inside), condition, kind))
+        vertices = rest_body(model, condition) + offsets
+        out.append(Step(garment_mesh(vertices, faces_of(model, kind), mask), condition, kind))
     return out
 
 

@@ -3,10 +3,12 @@
 import csv
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.mesh import load_obj
 from drapeline.metrics.garment_metrics import faces_within
@@ -31,7 +33,7 @@ from drapeline.nets.walks import paper_walks, walk
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.seeding import rng_for
 from gcvae_files import SETTINGS, TypedGarments
-from gcvae_toys import AROUND, VERTICES, toy_domain
+from gcvae_toys import AROUND, RINGS, VERTICES, toy_domain
 
 DRESS, TROUSERS = GARMENTS.index("Dress"), GARMENTS.index("Trousers")
 
@@ -46,14 +48,32 @@ def model():
     return StaticVae(SETTINGS, toy_domain()).eval()
 
 
+def half(upper):
+    """(V,) the upper or the lower half of the tube."""
+    return (np.arange(VERTICES) // AROUND >= RINGS // 2) == upper
+
+
 @pytest.fixture(scope="module")
 def types():
-    """Codes of two types: a dress is above 2 in the first number of the code, trousers below -2."""
+    """Dresses cover the upper half, with codes about 3 in the first number; trousers the rest."""
     rng = rng_for(0, "codes")
     garment = np.repeat([DRESS, TROUSERS], 100)
     mean = rng.normal(size=(200, 5)) * 0.5
     mean[:, 0] += np.where(garment == DRESS, 3, -3)
-    return fit_types(Codes(mean, np.full((200, 5), -6.0)), garment)
+    mask = np.stack([half(kind == DRESS) for kind in garment])
+    return fit_types(Codes(mean, np.full((200, 5), -6.0)), garment, mask)
+
+
+@pytest.fixture
+def halves(monkeypatch):
+    """A decoder whose mask is the upper half where the code's first number is positive."""
+
+    def decoded(model, z, *rest):
+        for code, (offsets, mask) in zip(z, decode_codes(model, z, *rest), strict=True):
+            mask[:] = half(code[0] > 0)
+            yield offsets, mask
+
+    monkeypatch.setattr(sampling, "decode_codes", decoded)
 
 
 def requests(count=4, garments=("prior", "Dress"), **changed):
@@ -67,19 +87,32 @@ def requests(count=4, garments=("prior", "Dress"), **changed):
     return draw_requests(0, count, garments, **{**settings, **changed})
 
 
-def test_types_are_told_apart_and_drawn_where_they_are(types):
+def test_codes_are_drawn_where_their_type_is(types):
     rng = rng_for(1, "draws")
     for name in ("Dress", "Trousers"):
         drawn = np.stack([types.draw(rng, name) for _ in range(300)])
-        assert (types.most_likely(drawn) == GARMENTS.index(name)).all()
         np.testing.assert_allclose(drawn.mean(0), types.mean[GARMENTS.index(name)], atol=0.15)
         np.testing.assert_allclose(drawn.std(0), 0.5, atol=0.1)
     assert types.share[[DRESS, TROUSERS]].tolist() == [0.5, 0.5]
 
 
-def test_a_type_without_garments_is_never_found(types):
-    anywhere = 10 * rng_for(0, "anywhere").normal(size=(1000, 5))
-    assert set(types.most_likely(anywhere)) == {DRESS, TROUSERS}
+def test_a_type_without_garments_is_refused_and_never_found(types):
+    with pytest.raises(InputError, match="no training garment is a Top, expected one of Trousers"):
+        types.draw(rng_for(0, "draws"), "Top")
+    anything = rng_for(0, "masks").random((50, VERTICES)) < 0.5
+    assert set(types.log_likelihood(anything).argmax(axis=1)) <= {DRESS, TROUSERS}
+
+
+def test_a_mask_is_of_the_type_it_looks_like_in_spite_of_noise(types):
+    noise = rng_for(0, "noise").random((20, VERTICES)) < 0.2
+    for upper, kind in ((True, DRESS), (False, TROUSERS)):
+        assert (types.log_likelihood(half(upper) ^ noise).argmax(axis=1) == kind).all()
+
+
+def test_a_model_without_a_mask_cannot_be_sampled(types):
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
+    with pytest.raises(InputError, match="without a mask branch cannot be sampled"):
+        sample_garments(StaticVae(settings, toy_domain()).eval(), types, requests(), seed=0)
 
 
 def test_more_samples_leave_the_first_ones_alone():
@@ -102,7 +135,7 @@ def test_conditions_are_in_their_ranges_or_as_asked():
         np.testing.assert_allclose(request.cvar, [*np.arange(10) / 10, 1, -1, 0.25], atol=1e-6)
 
 
-def test_samples_are_decoded_on_the_topology_of_their_type(model, types):
+def test_samples_are_decoded_on_the_topology_of_their_type(model, types, halves):
     asked = requests(12, ("prior", "Dress", "Trousers"))
     sampled = sample_garments(model, types, asked, seed=3)
     for sample in sampled:
@@ -110,7 +143,9 @@ def test_samples_are_decoded_on_the_topology_of_their_type(model, types):
         if sample.request.garment != "prior":
             assert sample.garment == sample.request.garment
         else:
-            assert GARMENTS.index(sample.garment) == types.most_likely(sample.z[None])[0]
+            assert (sample.garment == "Dress") == (sample.z[0] > 0)
+        faces = model.domain.faces["skirt" if sample.garment == "Dress" else "body"]
+        assert len(sample.decoded.faces) == len(faces_within(faces, half(sample.z[0] > 0)))
         np.testing.assert_array_equal(sample.body, rest_body(model, sample.request.cvar))
     again = sample_garments(model, types, asked, seed=3)
     other = sample_garments(model, types, asked, seed=4)
@@ -160,8 +195,6 @@ def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
 
 
 def test_a_wearer_between_the_genders_is_between_their_bodies(toy_body):
-    from dataclasses import replace
-
     bodies = {"female": toy_body, "male": replace(toy_body, v_template=1.2 * toy_body.v_template)}
     cvar = np.zeros(13)
     made = []
@@ -215,17 +248,14 @@ def test_a_walk_begins_and_ends_at_its_garments(model, types, garments):
     np.testing.assert_allclose(steps[2].cvar, (start[1] + end[1]) / 2, atol=1e-6)
 
 
-def test_a_walk_across_types_changes_topology_once(model, types):
+def test_a_walk_across_types_changes_topology_where_the_mask_does(model, types, halves):
     start, end = types.mean[TROUSERS], types.mean[DRESS]
     cvar = np.zeros(13)
     steps = walk(model, types, (start, cvar), (end, cvar), 8)
-    kinds = [step.type for step in steps]
-    assert kinds == [TROUSERS] * 4 + [DRESS] * 4
-    faces = model.domain.faces
+    assert [step.type for step in steps] == [TROUSERS] * 4 + [DRESS] * 4
     for step in steps:
-        possible = faces["skirt" if step.type == DRESS else "body"]
-        full = faces_within(possible, np.ones(possible.max() + 1, dtype=bool))
-        assert len(step.garment.faces) <= len(full)
+        faces = model.domain.faces["skirt" if step.type == DRESS else "body"]
+        assert len(step.garment.faces) == len(faces_within(faces, half(step.type == DRESS)))
 
 
 def test_paper_walks_change_what_they_say(model, types, garments):
