@@ -16,7 +16,7 @@ from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.studio import Painted, studio_picture
 
 _SKIN, _INNER, _NEW = (0.83, 0.69, 0.6), (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)
-_SAMPLES = 12
+_SAMPLES = 8
 _DISTANCE_M = 6.0
 _DIRECTIONS = {
     "front": (0.0, -1.0, 0.06),
