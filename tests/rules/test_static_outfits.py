@@ -1,0 +1,117 @@
+"""The rules that make static outfits, register them and collect them, from end to end."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.bake import save_body
+from drapeline.bodies.model import load_body
+from drapeline.outfits.static import load_static, plan_static
+from drapeline.outfits.templates import build_templates
+from drapeline.registration.static_data import StaticData, collect_static
+from drapeline.report.registration_table import write_registration_tables
+
+KINDS = ["Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit"]
+
+
+@pytest.fixture(scope="module")
+def stages(toy_body, tmp_path_factory):
+    """Toy bodies and templates of both genders."""
+    folder = tmp_path_factory.mktemp("static")
+    templates = build_templates(toy_body)
+    for gender in ("female", "male"):
+        save_body(folder / f"{gender}.npz", toy_body)
+        templates.save(folder / f"{gender}_templates.npz")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plans():
+    shares = {"val": 0.25, "test": 0.25}
+    return plan_static(3, 4, 4, shares, 1.0, KINDS, male_skirts=False)["000"]
+
+
+def make(run_rule, stages, plans):
+    run_rule(
+        "static_outfits",
+        input={
+            f"{gender}_{what}": stages / f"{gender}{end}.npz"
+            for gender in ("female", "male")
+            for what, end in (("body", ""), ("templates", "_templates"))
+        },
+        output={"arrays": stages / "000.npz", "parameters": stages / "000.json"},
+        params={
+            "seed": 3,
+            "plans": [asdict(plan) for plan in plans],
+            "shape_range": 1.0,
+            "edge_length_m": 0.035,
+            "tightness_range": [-0.5, 0.5],
+        },
+        wildcards={"shard": "000"},
+    )
+
+
+def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
+    make(run_rule, stages, plans)
+    outfits = load_static(stages / "000.npz")
+    assert [(o.name, o.split) for o in outfits] == [(p.name, p.split) for p in plans]
+    run_rule(
+        "super_body",
+        input={gender: stages / f"{gender}.npz" for gender in ("female", "male")},
+        output={
+            "female": stages / "super_female.npz",
+            "male": stages / "super_male.npz",
+            "topology": stages / "topology.npz",
+        },
+        params={"vertices": 4000},
+    )
+    supers = {gender: stages / f"super_{gender}.npz" for gender in ("female", "male")}
+    run_rule(
+        "register_static",
+        input={"outfits": stages / "000.npz", "topology": stages / "topology.npz", **supers},
+        output={"offsets": stages / "offsets.npz", "errors": stages / "offsets.tsv"},
+        wildcards={"shard": "000"},
+    )
+    rows = [line.split("\t") for line in (stages / "offsets.tsv").read_text().splitlines()]
+    assert rows[0] == ["garment", "name", "metric", "value", "unit"]
+    values = {(r[0], r[2]): float(r[3]) for r in rows[1:]}
+    kinds = {name for kind in KINDS for name in kind.split("+")}
+    assert {garment for garment, _ in values} == kinds
+    for garment in kinds:
+        assert values[garment, "garment_to_rebuilt_mean_mm"] < 3
+        assert values[garment, "rebuilt_to_garment_mean_mm"] < 3
+        assert values[garment, "area_lost_percent"] < 3
+        assert values[garment, "holes_after"] == values[garment, "islands_after"] == 0
+    bodies = {gender: load_body(path) for gender, path in supers.items()}
+    collect_static(stages / "data", [stages / "offsets.npz"], bodies)
+    data = StaticData(stages / "data")
+    assert len(data) == 6
+    assert data.offsets.shape == (6, 4000, 3)
+    splits = {
+        s: {tuple(shape) for shape in np.round(data.shape[data.rows(s)], 6).tolist()}
+        for s in ("train", "val", "test")
+    }
+    assert not splits["train"] & splits["test"]
+    assert not splits["train"] & splits["val"]
+    table, page = stages / "registration.tsv", stages / "registration.html"
+    write_registration_tables(table, page, static=[stages / "offsets.tsv"], samples=[])
+    assert "static\tJumpsuit\tarea_lost_percent\t1\t" in table.read_text()
+    assert "Jumpsuit" in (stages / "registration.html").read_text()
+
+
+def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, plans):
+    make(run_rule, stages, plans)
+    (stages / "000.json").unlink()
+    with pytest.raises(SystemExit, match=r"drapeline: .*000.json: no such file"):
+        run_rule(
+            "register_static",
+            input={
+                "outfits": stages / "000.npz",
+                "topology": stages / "topology.npz",
+                "female": stages / "super_female.npz",
+                "male": stages / "super_male.npz",
+            },
+            output={"offsets": stages / "new.npz", "errors": stages / "new.tsv"},
+        )
+    assert not (stages / "new.npz").exists()
