@@ -8,10 +8,11 @@ import torch
 
 from drapeline.nets.domain import Domain, rest_bodies
 from drapeline.nets.gcvae import PLACES, Code, graphs_of
-from drapeline.nets.gcvae_data import Garments, as_tensors
+from drapeline.nets.gcvae_data import Batch, Garments, as_tensors
 from drapeline.nets.gcvae_training import Part, StaticVae, conditions_of
 from drapeline.nets.linear_path import CHANNELS, LinearPath, blurred, fit_linear
 from drapeline.nets.refiner import Refiner
+from drapeline.registration.super_body import mirror_of
 from drapeline.seeding import rng_for
 
 
@@ -20,23 +21,26 @@ class LinearSize:
     """Constants of the linear path and of its refiner.
 
     Attributes:
+        unit_m: offsets are counted in it.
         blur: passes that turn the mask into a ramp; its width grows with their root.
-        field: weight of the mask's channel against normalised offsets.
+        field: weight of the mask's channel against offsets in `unit_m`.
         rounds: of filling in what is missing.
         ridge: penalty of the regression on the conditions, in samples.
-        noise: factor on the noise that the fit finds: neighbours err alike, so they are less
-            evidence than their number.
+        noise: variance that the posterior takes every number to have, in `unit_m` squared. More
+            than what the fit leaves of the training rows: neighbours err alike, so they are less
+            evidence than their number, and new garments hold what no component does.
         rows: the fit uses at most so many training rows.
         vertices: the posterior looks at so many vertices, evenly drawn.
         widths: of the refiner, finest first.
         steepness: of the mask's logit against its ramp.
     """
 
+    unit_m: float = 0.02
     blur: int = 30
-    field: float = 2.0
+    field: float = 0.7
     rounds: int = 10
-    ridge: float = 5.0
-    noise: float = 4.0
+    ridge: float = 20.0
+    noise: float = 0.1
     rows: int = 2000
     vertices: int = 3000
     widths: tuple[int, ...] = (16, 32, 64)
@@ -77,21 +81,33 @@ class LinearVae(StaticVae):
         if len(rows) > SIZE.rows:
             rng = rng_for(self.settings.training.seed, "linear rows")
             rows = np.sort(rng.choice(rows, SIZE.rows, replace=False))
-        parts = self.parts(as_tensors(garments.batch(rows)))
-        cvar, _ = conditions_of(parts)
-        fields = torch.cat([self._fields(name, part) for name, part in parts.items()], 2)
-        mask = torch.cat([part.mask for part in parts.values()], 1)
-        known = mask[:, None].repeat(1, CHANNELS, 1)
-        known[:, 3] = True
+        batch = garments.batch(rows)
+        fields, known, conditions = self._known(batch)
+        mirror = mirror_of(self.domain.body_mean.astype(np.float64), self.domain.faces["body"])
+        if mirror is not None:  # a garment's mirror image is a garment too
+            seen = self._known(mirrored(batch, mirror))
+            fields, known, conditions = (
+                torch.cat(pair) for pair in zip((fields, known, conditions), seen, strict=True)
+            )
         fit = fit_linear(
-            fields.flatten(0, 1).T.contiguous(),
-            known.flatten(0, 1).T.contiguous(),
-            self._conditions(cvar),
+            fields,
+            known,
+            conditions,
             latent=self.settings.network.latent,
             rounds=SIZE.rounds,
             ridge=SIZE.ridge,
         )
-        self.linear.take(fit._replace(noise=fit.noise * SIZE.noise))
+        self.linear.take(fit._replace(noise=fit.noise.clamp_min(SIZE.noise)))
+
+    def _known(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Fields (n, V * 4), where they are known, and normalised conditions (n, C)."""
+        parts = self.parts(as_tensors(batch))
+        fields = torch.cat([self._fields(name, part) for name, part in parts.items()], 2)
+        mask = torch.cat([part.mask for part in parts.values()], 1)
+        known = mask[:, None].repeat(1, CHANNELS, 1)
+        known[:, 3] = True
+        flat = (x.flatten(0, 1).T.contiguous() for x in (fields, known))
+        return *flat, self._conditions(conditions_of(parts)[0])
 
     def encode_parts(self, parts: Mapping[str, Part]) -> Code:
         """The exact posterior of the linear path; it does not change, so training looks it up."""
@@ -126,8 +142,9 @@ class LinearVae(StaticVae):
             change = self.refiner(
                 self.graphs[name], seen[..., part].transpose(1, 2).contiguous()
             ).transpose(1, 2)
+            offsets = self.normalised(self._metres(field[:, :3, part]), "offset")
             ramp = field[:, 3:, part] * (SIZE.steepness / SIZE.field)
-            out[name] = torch.cat([field[:, :3, part], ramp], 1) + change
+            out[name] = torch.cat([offsets, ramp], 1) + change
             start += count
         return out
 
@@ -138,7 +155,25 @@ class LinearVae(StaticVae):
     def _conditions(self, cvar: torch.Tensor) -> torch.Tensor:
         return (cvar - self.cvar_mean) / self.cvar_std
 
+    def _metres(self, units: torch.Tensor) -> torch.Tensor:
+        return units * SIZE.unit_m + self.offset_mean[..., None]
+
     def _fields(self, name: str, part: Part) -> torch.Tensor:
-        """(V, 4, B_t): normalised offsets and the ramp of the mask."""
+        """(V, 4, B_t): offsets from their mean in `unit_m`, and the ramp of the mask."""
         ramp = blurred(part.mask, self.graphs[name].laplacians[0], SIZE.blur)
-        return torch.cat([part.target, SIZE.field * ramp[:, None]], 1)
+        units = (part.offsets - self.offset_mean[..., None]) / SIZE.unit_m
+        return torch.cat([units, SIZE.field * ramp[:, None]], 1)
+
+
+def mirrored(batch: Batch, mirror: np.ndarray) -> Batch:
+    """The batch with left and right exchanged.
+
+    Args:
+        mirror: (V,) vertex on the other side.
+    """
+    flip = np.array([-1, 1, 1], dtype=np.float32)
+    return {
+        **batch,
+        "offsets": batch["offsets"][:, mirror] * flip,
+        "mask": batch["mask"][:, mirror],
+    }
