@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     data = StaticData(snakemake.input.data)
-    changes = SVAE_VARIANTS[snakemake.wildcards.variant]
+    changes = SVAE_VARIANTS[snakemake.wildcards.svae]
     train_vae(
         snakemake.output[0],
         data,

@@ -219,6 +219,8 @@ rule plot_time:
     input:
         rules.collect_dataset.output,
         gallery_files(),
+        REGISTRATION_FILES,
+        GCVAE_FILES,
         rules.plot_statistics.output,
         rules.tabulate_dataset.output,
         rules.plot_health.output,
