@@ -18,7 +18,8 @@ _END_M = 0.04  # cloth that goes on beyond the body's open ends by less than thi
 _ALIKE = 0.2  # least cosine between the normals of a body vertex and of its cloth
 _ROUNDS = 6
 _SLIT_M = 0.025  # rims closer to one another than this may be the two sides of a slit
-_APART_M = 0.045  # ... if they are further from one another than this along the garment
+# ... if over the cloth they are further apart than this, and than thrice the way across.
+_APART_M = 0.045
 _OVERLAP_M = 0.003
 
 
@@ -98,6 +99,7 @@ class BodyMesh:
     def cleaned(self, mask: np.ndarray, slit: np.ndarray) -> np.ndarray:
         """The mask in one piece, without holes but a slit (V,), whose faces have simple borders."""
         mask = (mask | (self._hole_pieces(mask) >= 0)) & ~slit
+        mask = mask | (self._hole_pieces(mask) >= 0)  # a slit leads to an opening
         for _ in range(_ROUNDS):
             if not mask.any():
                 break
@@ -282,15 +284,17 @@ def _slit(
     if not len(ids):
         return left_out
     rank = rank.reshape(-1, 2)
-    _, _, distance = rim.nearest(rim.places(corner[ids], bary[ids]))
+    place = rim.places(corner[ids], bary[ids])
+    _, _, distance = rim.nearest(place)
     both = corner[ids][rank]  # (E, 2, 3)
     rank = rank[~(both[:, 0, :, None] == both[:, 1, None, :]).any(axis=(1, 2))]
     ends = np.take_along_axis(corner[ids], bary[ids].argmax(axis=1)[:, None], axis=1)[rank, 0]
     starts, row = np.unique(ends[:, 0], return_inverse=True)
     if not len(starts):
         return left_out
-    way = dijkstra(cloth, directed=False, indices=starts, limit=_APART_M)
-    rank = rank[np.isinf(way[row, ends[:, 1]])]
+    far = np.maximum(_APART_M, 3 * np.linalg.norm(place[rank[:, 0]] - place[rank[:, 1]], axis=1))
+    way = dijkstra(cloth, directed=False, indices=starts, limit=far.max())
+    rank = rank[way[row, ends[:, 1]] > far]
     left_out[ids[_cover(rank, distance)]] = True
     return left_out
 
