@@ -1,9 +1,10 @@
 """New garments: codes drawn from the prior, or from one type's part of it, decoded on bodies.
 
 A code has to be decoded on one of two topologies, so what type of garment it is must be known
-first. It is decoded on both; its type is the one whose training masks explain the mask best, each
-type's on its own topology. Where a type is asked for, codes come from a Gaussian with the mean of
-that type's training codes and a covariance common to all types.
+first. It is decoded on both. Its type is the likeliest by the code, each type being a Gaussian
+with the mean of its training codes and a covariance common to all, and by the mask that it gives
+on the type's topology: the code alone tells skirts from trousers, and the mask shows what a code
+in the middle of nowhere looks like. Where a type is asked for, codes come from its Gaussian.
 """
 
 import csv
@@ -67,12 +68,18 @@ class GarmentTypes:
             raise InputError(f"no training garment is a {garment}, expected one of {known}")
         return self.mean[kind] + self.factor @ rng.standard_normal(self.mean.shape[1])
 
-    def log_likelihood(self, mask: np.ndarray) -> np.ndarray:
-        """(n, V) masks -> (n, K), vertices taken as independent."""
+    def log_likelihood(self, z: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """Of codes (n, Z) and of the masks (n, K, V) that they give for each type: (n, K).
+
+        Vertices of a mask err alike, so that all of them count as much as the Z numbers do.
+        """
+        away = np.linalg.solve(self.factor, (z[:, None] - self.mean).reshape(-1, z.shape[1]).T)
+        by_code = -(away**2).sum(axis=0).reshape(len(z), -1) / 2
         rate = np.clip(self.mask_rate, _RATE_FLOOR, 1 - _RATE_FLOOR)
-        covered = mask.astype(np.float64)
-        score = covered @ np.log(rate).T + (1 - covered) @ np.log(1 - rate).T
-        return np.where(self.share > 0, score, -np.inf)
+        by_vertex = np.where(mask, np.log(rate), np.log(1 - rate))
+        known = self.share > 0
+        prior = np.where(known, np.log(np.where(known, self.share, 1)), -np.inf)
+        return prior + by_code + z.shape[1] * by_vertex.mean(axis=2)
 
 
 def fit_types(codes: Codes, garment: np.ndarray, mask: np.ndarray) -> GarmentTypes:
@@ -144,8 +151,8 @@ def decode_typed(
         if any(mask is None for _, mask in made):
             raise InputError("a model without a mask branch cannot be sampled, expected another")
         if kind is None:
-            scores = types.log_likelihood(np.stack([mask for _, mask in made]))
-            kind = int(scores[of_kind, np.arange(len(GARMENTS))].argmax())
+            masks = np.stack([made[code][1] for code in of_kind])
+            kind = int(types.log_likelihood(z[row : row + 1], masks[None])[0].argmax())
         out.append(Typed(kind, *made[of_kind[kind]]))
     return out
 

@@ -21,7 +21,7 @@ class Step(NamedTuple):
     Attributes:
         garment: as decoded, in rest pose.
         cvar: (13,) conditions it was decoded with.
-        type: index into `GARMENTS` of what its mask is most like.
+        type: index into `GARMENTS` of what it is most like.
     """
 
     garment: Mesh
@@ -38,7 +38,7 @@ def walk(
 ) -> list[Step]:
     """Decode evenly spaced points between two pairs of code (Z,) and conditions (13,).
 
-    The topology of each point is that of the type that its mask is most like.
+    The topology of each point is that of the type that it is most like.
     """
     share = np.linspace(0, 1, steps)[:, None]
     z, cvar = (a + share * (b - a) for a, b in zip(start, end, strict=True))

@@ -99,14 +99,20 @@ def test_codes_are_drawn_where_their_type_is(types):
 def test_a_type_without_garments_is_refused_and_never_found(types):
     with pytest.raises(InputError, match="no training garment is a Top, expected one of Trousers"):
         types.draw(rng_for(0, "draws"), "Top")
-    anything = rng_for(0, "masks").random((50, VERTICES)) < 0.5
-    assert set(types.log_likelihood(anything).argmax(axis=1)) <= {DRESS, TROUSERS}
+    rng = rng_for(0, "anything")
+    masks = rng.random((50, len(GARMENTS), VERTICES)) < 0.5
+    found = types.log_likelihood(10 * rng.normal(size=(50, 5)), masks).argmax(axis=1)
+    assert set(found) == {DRESS, TROUSERS}
 
 
-def test_a_mask_is_of_the_type_it_looks_like_in_spite_of_noise(types):
-    noise = rng_for(0, "noise").random((20, VERTICES)) < 0.2
+def test_types_are_told_by_code_where_masks_agree_and_by_mask_where_codes_do(types):
+    noise = rng_for(0, "noise").random((20, len(GARMENTS), VERTICES)) < 0.2
+    between = np.zeros((20, 5))
     for upper, kind in ((True, DRESS), (False, TROUSERS)):
-        assert (types.log_likelihood(half(upper) ^ noise).argmax(axis=1) == kind).all()
+        found = types.log_likelihood(between, half(upper) ^ noise).argmax(axis=1)
+        assert (found == kind).all()
+        found = types.log_likelihood(np.tile(types.mean[kind], (20, 1)), noise).argmax(axis=1)
+        assert (found == kind).all()
 
 
 def test_a_model_without_a_mask_cannot_be_sampled(types):
