@@ -24,7 +24,7 @@ from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import read_json
 
-CONTACT_EVERY = 10
+CONTACT_EVERY = 5
 STILL, MEAN = "skinned_static", "skinned_mean"
 
 
@@ -102,19 +102,18 @@ def load_moving(
 def shown_moving(
     samples: Sequence[str | Path], registrations: Sequence[str | Path]
 ) -> list[MovingGarment]:
-    """Garments for pictures: of the test split, or where that has none of the next best one.
+    """All garments for pictures, those of the test split first and those of training last.
 
     Raises:
         InputError: a file is unusable, or no sample was accepted.
     """
-    for split in reversed(SPLITS):
-        found = load_moving(samples, registrations, [split])
-        if found:
-            return found
-    raise InputError(
-        f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
-        " expected one or more"
-    )
+    found = load_moving(samples, registrations, SPLITS)
+    if not found:
+        raise InputError(
+            f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
+            " expected one or more"
+        )
+    return sorted(found, key=lambda moving: -SPLITS.index(moving.split))
 
 
 def measure_motion(
@@ -124,7 +123,7 @@ def measure_motion(
     body: BodyModel,
     topology: Topology,
 ) -> list[dict[str, float]]:
-    """Metrics of frames of one garment; what is inside the body only every tenth frame.
+    """Metrics of frames of one garment; what is inside the body only every fifth.
 
     Args:
         frames: (n,) to measure.

@@ -14,7 +14,7 @@ from drapeline.mesh import Mesh, triangulate
 from drapeline.metrics.cases import GarmentCase, WornGarment
 from drapeline.metrics.garment_metrics import garment_mesh, surface_error_mm
 from drapeline.metrics.motion import MovingGarment
-from drapeline.nets.dynamic_data import DynamicGarments
+from drapeline.nets.dynamic_data import HISTORY_FRAMES, DynamicGarments
 from drapeline.nets.gcvae_training import DynamicVae, StaticVae
 from drapeline.nets.represent import (
     Codes,
@@ -102,7 +102,7 @@ def moving_cases(
     """The middle frame of the first garment of each type in motion.
 
     Args:
-        movings: held-out garments.
+        movings: held-out garments first.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
@@ -117,9 +117,10 @@ def moving_cases(
         mask = moving.registered.mask
         true, predicted = moving.on_vertices(true), moving.on_vertices(points)
         pose = moving.poses[frame[0]]
+        where = "in motion" if moving.split == "test" else f"in motion ({moving.split})"
         cases.append(
             GarmentCase(
-                label=f"{moving.name}\nin motion\n{surface_error_mm(predicted, true, mask):.1f} mm",
+                label=f"{moving.name}\n{where}\n{surface_error_mm(predicted, true, mask):.1f} mm",
                 original=Mesh(moving.cloth[frame[0]], moving.faces),
                 true=true,
                 mask=mask,
@@ -147,46 +148,52 @@ def wrinkle_rows(
 
     Args:
         rng: draws the codes of the last two rows.
-        movings: held-out garments; the one that moves most gives frame, pose and wrinkle code.
+        movings: held-out garments first; the one of them that moves most gives frame, pose and
+            wrinkle code.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
         columns: pictures per row.
 
     Returns:
         Name -> garments: "pose" keeps code and garment, "garment" keeps code and pose, "codes,
-        calm" and "codes, lively" keep garment and pose under codes of the prior.
+        at rest" and "codes, in motion" keep garment and pose under codes of the prior.
     """
-    all_rows = [rows_of(garments, moving) for moving in movings]
-    bend = [np.linalg.norm(garments.data.poses[rows, 0, 3:], axis=1) for rows in all_rows]
-    chosen = int(np.argmax([np.ptp(b) for b in bend]))
-    rows = all_rows[chosen]
-    lively, calm = rows[bend[chosen].argmax()], rows[bend[chosen].argmin()]
-    z = encode_garments(model, garments, np.array([lively])).mean
+    data = garments.data
+    rows_by = [rows_of(garments, moving) for moving in movings]
+    bend = [np.linalg.norm(data.poses[rows, 0, 3:], axis=1) for rows in rows_by]
+    held_out = [k for k, moving in enumerate(movings) if moving.split == movings[0].split]
+    chosen = max(held_out, key=lambda k: np.ptp(bend[k]))
+    rows = rows_by[chosen]
+    lively = rows[[bend[chosen].argmax()]]
+    z = encode_garments(model, garments, lively).mean
 
-    def worn(which: int, codes: np.ndarray, pose_rows: np.ndarray) -> list[WornGarment]:
+    def worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
         other = movings[which]
-        own = np.repeat(all_rows[which][:1], len(codes))
-        body = super_bodies[other.gender]
-        points = moving_points(model, garments, own, other, body, codes, pose_rows)
+        own = np.repeat(rows_by[which][:1], len(codes))
+        points = moving_points(
+            model, garments, own, other, super_bodies[other.gender], codes, poses
+        )
+        faces, mask = topology.faces_of(other.name), other.registered.mask
         return [
             WornGarment(
                 other.name,
-                garment_mesh(
-                    other.on_vertices(p), topology.faces_of(other.name), other.registered.mask
-                ),
-                _wearer(bodies, other, garments.data.poses[row, 0]),
-                garments.data.poses[row, 0, :3],
+                garment_mesh(other.on_vertices(p), faces, mask),
+                _wearer(bodies, other, pose),
+                pose[:3],
             )
-            for p, row in zip(points, pose_rows.tolist(), strict=True)
+            for p, pose in zip(points, poses[:, 0], strict=True)
         ]
 
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
     drawn = rng.standard_normal((columns, z.shape[1]))
-    others = np.arange(len(movings))[:columns]
+    rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
+    first_of_type = {movings[k].name: k for k in reversed(range(len(movings)))}
     return {
-        "pose": worn(chosen, np.repeat(z, columns, 0), spread),
-        "garment": [w for which in others for w in worn(which, z, np.array([lively]))],
-        "codes,\ncalm": worn(chosen, drawn, np.repeat(calm, columns)),
-        "codes,\nlively": worn(chosen, drawn, np.repeat(lively, columns)),
+        "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
+        "garment": [
+            w for k in sorted(first_of_type.values()) for w in worn(k, z, data.poses[lively])
+        ],
+        "codes,\nat rest": worn(chosen, drawn, rest),
+        "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
     }
 
 

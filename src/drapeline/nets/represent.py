@@ -143,7 +143,7 @@ def moving_points(
     moving: MovingGarment,
     body: BodyModel,
     z: np.ndarray,
-    pose_rows: np.ndarray | None = None,
+    poses: np.ndarray | None = None,
 ) -> np.ndarray:
     """Registered points (n, M, 3) of one garment, decoded and put into poses.
 
@@ -151,11 +151,11 @@ def moving_points(
         rows: (n,) frames of the garment `moving`; they give the conditions.
         body: super-resolved, of the wearer's gender.
         z: (n, Z) wrinkle codes.
-        pose_rows: (n,) frames of any garment to take the poses from; `rows` if None.
+        poses: (n, 4, 72) of the frames and of three before each; those of the rows if None.
     """
-    if pose_rows is None:
-        pose_rows = rows
-    cvar, poses = garments.cvar(rows), garments.data.poses[pose_rows]
+    if poses is None:
+        poses = garments.data.poses[rows]
+    cvar = garments.cvar(rows)
     cvar[:, STATIC_CVAR : STATIC_CVAR + 72 * garments.frames] = poses[:, : garments.frames].reshape(
         len(rows), -1
     )

@@ -76,7 +76,7 @@ def test_a_perfect_prediction_has_no_error_and_is_outside(toy_body, topology):
     rows = measure_motion(moving, frames, moving.points(frames), toy_body, topology)
     assert [row["surface_error_mm"] for row in rows] == [0, 0]
     assert rows[0]["inside_1cm_share"] == 0
-    assert "inside_share" not in rows[1]  # only every tenth frame
+    assert "inside_share" not in rows[1]  # only every fifth frame
 
 
 def test_cloth_inside_the_body_is_seen_in_its_pose(toy_body, topology):
@@ -169,9 +169,16 @@ def test_only_accepted_samples_are_loaded_root_relative(files):
     assert load_moving(folders, registrations, ["test"]) == []
 
 
-def test_pictures_take_the_next_best_split(files):
+def test_pictures_take_held_out_garments_first(toy_body, files, tmp_path):
     samples, registrations = files
     folders = [tiny.folder for tiny in samples]
     assert {m.split for m in shown_moving(folders, registrations)} == {"train"}
+    tiny = write_tiny_sample(tmp_path, toy_body, "00003", "test")
+    held_out = tmp_path / "registration" / "00003"
+    write_json(held_out / "status.json", {"id": "00003", "status": "accepted", "split": "test"})
+    for garment in ("Tshirt", "Skirt"):
+        moving_garment(toy_body, "test", "Tshirt").registered.save(held_out / f"{garment}.npz")
+    found = shown_moving([*folders, tiny.folder], [*registrations, held_out])
+    assert [m.split for m in found] == ["test", "test", "train", "train"]
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
         shown_moving(folders[1:], registrations[1:])
