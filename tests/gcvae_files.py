@@ -5,9 +5,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from drapeline.nets.domain import topology_codes
+from drapeline.bodies.model import BodyModel
+from drapeline.frames import GENDERS
+from drapeline.mesh import edges
+from drapeline.nets.domain import TOPOLOGIES, Domain, rest_basis, topology_codes
 from drapeline.nets.gcvae import GcvaeNetwork
-from drapeline.nets.gcvae_training import GcvaeTraining, StaticVae, VaeSettings
+from drapeline.nets.gcvae_training import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
+from drapeline.outfits.fit import rest_body
+from drapeline.registration.dynamic import SampleGarment
 from drapeline.storage import save_npz
 from gcvae_toys import ToyGarments, toy_domain, tube
 
@@ -53,8 +58,53 @@ def save_static_data(folder: Path) -> TypedGarments:
     return garments
 
 
-def save_model(folder: Path, model: StaticVae | None = None) -> StaticVae:
-    """What a training leaves: the best checkpoint, here of an untrained static network."""
+def torso_registration(body: BodyModel, shape: np.ndarray) -> SampleGarment:
+    """A garment 2 cm over the torso, whose simulated vertices are the torso's, in their order."""
+    rest = rest_body(body, shape)
+    mask = np.isin(body.segmentation, [0, 3, 6])
+    vertex = np.flatnonzero(mask).astype(np.int32)
+    away = rest[vertex] * [1, 1, 0]
+    offsets = np.zeros_like(rest, dtype=np.float32)
+    offsets[vertex] = 0.02 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    return SampleGarment(
+        mask=mask,
+        vertex=vertex,
+        corner=np.repeat(np.arange(len(vertex))[:, None], 3, axis=1).astype(np.int32),
+        bary=np.tile(np.float32([1, 0, 0]), (len(vertex), 1)),
+        offsets=offsets,
+        weights=body.weights[vertex],
+    )
+
+
+def body_domain(body: BodyModel, cvar: int) -> Domain:
+    """The body's mesh for both topologies, with a made-up hierarchy and plain statistics."""
+    links, parents = [edges(body.faces)], []
+    for count in (48, 12, 4):
+        size = int(links[-1].max()) + 1
+        parent = (np.arange(size) * count // size).astype(np.int32)
+        pairs = np.unique(np.sort(parent[links[-1]], axis=1), axis=0)
+        links.append(pairs[pairs[:, 0] < pairs[:, 1]])
+        parents.append(parent)
+    one = np.ones(body.v_template.shape, dtype=np.float32)
+    rest = rest_body(body, np.zeros(10)).astype(np.float32)
+    return Domain(
+        edges=dict.fromkeys(TOPOLOGIES, links),
+        parents=dict.fromkeys(TOPOLOGIES, parents),
+        faces=dict.fromkeys(TOPOLOGIES, body.faces),
+        offset_mean=0 * one,
+        offset_std=0.01 * one,
+        base_mean=rest,
+        base_std=one,
+        body_mean=rest,
+        body_std=one,
+        body_basis=rest_basis(dict.fromkeys(GENDERS, body)),
+        cvar_mean=np.zeros(cvar, dtype=np.float32),
+        cvar_std=np.ones(cvar, dtype=np.float32),
+    )
+
+
+def save_model(folder: Path, model: GarmentVae | None = None) -> GarmentVae:
+    """What a training leaves: the best checkpoint, here of an untrained network."""
     model = model or StaticVae(SETTINGS, toy_domain()).eval()
     checkpoint = {"state_dict": model.state_dict()}
     model.on_save_checkpoint(checkpoint)

@@ -23,7 +23,7 @@ from drapeline.rule_log import progress
 from drapeline.storage import whole_file
 
 GARMENT_COLOURS = dict(zip(GARMENTS, SERIES, strict=True))
-HEAT_SPAN_MM = 50.0
+HEAT_SPAN_MM = 30.0
 _HEAT = matplotlib.colormaps["viridis"]
 _HEAT_LEVELS = 40
 _SKIN = (0.83, 0.69, 0.6)

@@ -21,9 +21,10 @@ from drapeline.metrics.motion import (
 from drapeline.metrics.table import find_value
 from drapeline.outfits.fit import rest_body
 from drapeline.outfits.outfit import GARMENTS
-from drapeline.registration.dynamic import SampleGarment, moved
+from drapeline.registration.dynamic import moved
 from drapeline.seeding import rng_for
 from drapeline.storage import write_json
+from gcvae_files import torso_registration
 from tiny_sample import write_tiny_sample
 
 WRINKLE_M = 0.01
@@ -39,24 +40,10 @@ def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
     rng = rng_for(seed, "moving", split, name)
     shape = rng.uniform(-1, 1, 10)
     poses = np.tile(REST_POSE, (6, 1)) + rng.normal(0, 0.2, (6, 72))
-    rest = rest_body(body, shape)
-    mask = np.isin(body.segmentation, [0, 3, 6])
-    vertex = np.flatnonzero(mask).astype(np.int32)
-    offsets = np.zeros_like(rest, dtype=np.float32)
-    away = rest[vertex] * [1, 1, 0]
-    offsets[vertex] = 0.02 * away / np.linalg.norm(away, axis=1, keepdims=True)
-    weights = body.weights[vertex]
-    still = rest[vertex] + offsets[vertex] + [wrinkle, 0, 0]
-    cloth = moved(still, rest_to_pose(body, shape, poses), weights)
-    count = len(vertex)
-    registered = SampleGarment(
-        mask=mask,
-        vertex=vertex,
-        corner=np.repeat(np.arange(count)[:, None], 3, axis=1).astype(np.int32),
-        bary=np.tile(np.float32([1, 0, 0]), (count, 1)),
-        offsets=offsets,
-        weights=weights,
-    )
+    registered = torso_registration(body, shape)
+    vertex = registered.vertex
+    still = rest_body(body, shape)[vertex] + registered.offsets[vertex] + [wrinkle, 0, 0]
+    cloth = moved(still, rest_to_pose(body, shape, poses), registered.weights)
     return MovingGarment(
         f"{split}{seed}",
         split,

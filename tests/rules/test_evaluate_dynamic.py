@@ -1,0 +1,181 @@
+"""Rules that evaluate and draw garments in motion, on toy files and an untrained network."""
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from drapeline.bodies.bake import save_body
+from drapeline.frames import GENDERS
+from drapeline.metrics.table import find_value, read_metrics
+from drapeline.nets.domain import STATIC_CVAR
+from drapeline.nets.dynamic_data import collect_dynamic
+from drapeline.nets.gcvae_training import DynamicVae, StaticVae
+from drapeline.nets.represent import Codes, save_codes
+from drapeline.outfits.outfit import GARMENTS, Garment, Outfit
+from drapeline.outfits.static import StaticOutfit, save_static
+from drapeline.registration.topology import Topology, save_topology
+from drapeline.storage import save_npz, write_json
+from gcvae_files import SETTINGS, body_domain, save_model, torso_registration
+from tiny_sample import write_tiny_sample
+
+FRAMES = 4
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+class Inputs(SimpleNamespace):
+    """Named inputs of a job, some of them lists of files."""
+
+    def __getitem__(self, name):
+        return getattr(self, name)
+
+
+@pytest.fixture
+def run_rule(tmp_path):
+    """As the fixture of all rule tests, for inputs that are lists."""
+
+    def run(rule, *, input, output, params, wildcards=None):
+        job = SimpleNamespace(
+            input=Inputs(**input),
+            output=[str(path) for path in output],
+            params=SimpleNamespace(**params),
+            wildcards=SimpleNamespace(**(wildcards or {})),
+            log=[str(tmp_path / "log" / f"{rule}.log")],
+        )
+        runpy.run_path(str(SCRIPTS / f"{rule}.py"), {"snakemake": job}, "__main__")
+
+    return run
+
+
+@pytest.fixture
+def files(toy_body, tmp_path):
+    """Two samples with their registrations, bodies, topology and both networks, as rule inputs."""
+    samples, registrations = [], []
+    for name, split in (("00001", "train"), ("00002", "test")):
+        tiny = write_tiny_sample(tmp_path, toy_body, name, split)
+        folder = tmp_path / "registration" / name
+        write_json(folder / "status.json", {"id": name, "status": "accepted", "split": split})
+        made = torso_registration(toy_body, tiny.shape)
+        for garment, mesh in tiny.meshes.items():
+            corner = made.corner % len(mesh.vertices)
+            replace(made, corner=corner).save(folder / f"{garment}.npz")
+        samples.append(tiny.folder)
+        registrations.append(folder)
+    given = {"topology": tmp_path / "topology.npz"}
+    meshes = {"faces": toy_body.faces, "skirt_faces": toy_body.faces}
+    names = Topology.__dataclass_fields__
+    save_topology(given["topology"], Topology(**{n: meshes.get(n, np.zeros(3)) for n in names}))
+    for gender in GENDERS:
+        for prefix in ("", "super_"):
+            given[prefix + gender] = tmp_path / f"{gender}.npz"
+        save_body(tmp_path / f"{gender}.npz", toy_body)
+    bodies = dict.fromkeys(GENDERS, toy_body)
+    pairs = dict(zip(samples, registrations, strict=True))
+    collect_dynamic(tmp_path / "dynamic", pairs, bodies, version="unposed", step=2)
+    save_model(tmp_path / "static", StaticVae(SETTINGS, body_domain(toy_body, STATIC_CVAR)).eval())
+    training = replace(SETTINGS.training, mask=False, version="unposed")
+    latent = SETTINGS.network.latent
+    domain = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
+    save_model(tmp_path / "dvae", DynamicVae(replace(SETTINGS, training=training), domain).eval())
+    return {
+        **given,
+        "samples": samples,
+        "registrations": registrations,
+        "static": tmp_path / "static",
+        "dynamic": tmp_path / "dynamic",
+        "data": tmp_path / "dynamic",
+        "dvae": tmp_path / "dvae",
+        "model": tmp_path / "dvae",
+    }
+
+
+def test_evaluate_dvae_measures_held_out_frames(run_rule, files, tmp_path):
+    run_rule(
+        "evaluate_dvae",
+        input=files,
+        output=[tmp_path / "dvae.tsv"],
+        params={"splits": ["val", "test"]},
+        wildcards={"version": "unposed", "frames": "4"},
+    )
+    rows = read_metrics(tmp_path / "dvae.tsv")
+    assert {(r.model, r.variant, r.split) for r in rows} == {("dvae", "dvae_unposed_4", "test")}
+    error = find_value(rows, "dvae_unposed_4", "test", "all", "surface_error_mm")
+    assert error.n == 6  # every second of six frames, of two garments
+    assert find_value(rows, "dvae_unposed_4", "test", "Skirt", "kl") is not None
+
+
+def test_baselines_are_measured_on_the_same_frames(run_rule, files, tmp_path):
+    run_rule(
+        "evaluate_dynamic_baselines",
+        input=files,
+        output=[tmp_path / "baselines.tsv"],
+        params={"splits": ["val", "test"], "step": 2, "seed": 0},
+    )
+    rows = read_metrics(tmp_path / "baselines.tsv")
+    for name in ("skinned_static", "skinned_mean"):
+        assert find_value(rows, name, "test", "all", "surface_error_mm").n == 6
+    assert find_value(rows, "moving", "test", "Tshirt", "inside_share") is not None
+
+
+def test_figure_10_has_its_four_rows(run_rule, files, tmp_path):
+    run_rule(
+        "plot_gcvae_wrinkles",
+        input=files,
+        output=[tmp_path / "wrinkles.png"],
+        params={"frames": FRAMES, "columns": 2, "seed": 0},
+    )
+    with Image.open(tmp_path / "wrinkles.png") as image:
+        assert 4 * 250 < image.size[1] < 5 * 250
+
+
+def test_figure_7_shows_garments_at_rest_and_in_motion(run_rule, files, toy_body, tmp_path):
+    shape, count = np.zeros(10), len(toy_body.v_template)
+    registered = torso_registration(toy_body, shape)
+    none = np.zeros((0, 3), dtype=np.float32)
+    worn = Garment("Top", toy_body.v_template, toy_body.faces, none, none, none, none)
+    outfit = Outfit((worn,), shape, np.zeros(2), np.zeros(2), "female")
+    save_static(tmp_path / "outfits.npz", [StaticOutfit("s00001", "test", outfit)])
+    data = tmp_path / "static_data"
+    data.mkdir()
+    np.save(data / "offsets.npy", registered.offsets[None])
+    np.save(data / "mask.npy", registered.mask[None])
+    kind = np.array([GARMENTS.index("Top")])
+    save_npz(
+        data / "rows.npz",
+        shape=shape[None],
+        gender=np.zeros(1, np.int8),
+        tightness=np.zeros((1, 2)),
+        garment=kind,
+        outfit=np.array(["s00001"]),
+        split=np.array(["test"]),
+    )
+    moments = ("mean", "std", "body_mean", "body_std")
+    save_npz(data / "statistics.npz", **dict.fromkeys(moments, np.ones((count, 3))))
+    codes = Codes(*np.zeros((2, 1, SETTINGS.network.latent), dtype=np.float32))
+
+    class Rows:
+        garment, outfit = kind, np.array(["s00001"])
+
+        def rows(self, split):
+            return np.arange(split == "test")
+
+    save_codes(tmp_path / "codes.npz", codes, Rows())
+    run_rule(
+        "plot_gcvae_errors",
+        input={
+            **files,
+            "svae": files["static"],
+            "codes": tmp_path / "codes.npz",
+            "data": data,
+            "outfits": [tmp_path / "outfits.npz"],
+        },
+        output=[tmp_path / "errors.png"],
+        params={"frames": FRAMES},
+    )
+    with Image.open(tmp_path / "errors.png") as image:
+        assert image.size[0] > 5 * 240
+        assert 3 * 250 < image.size[1] < 4 * 250  # a top at rest, two garments in motion
