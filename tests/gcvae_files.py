@@ -13,6 +13,7 @@ from drapeline.nets.gcvae import GcvaeNetwork
 from drapeline.nets.gcvae_training import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
 from drapeline.outfits.fit import rest_body
 from drapeline.registration.dynamic import SampleGarment
+from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from gcvae_toys import ToyGarments, toy_domain, tube
 
@@ -103,9 +104,19 @@ def body_domain(body: BodyModel, cvar: int) -> Domain:
     )
 
 
+def shaken(model: GarmentVae) -> GarmentVae:
+    """The network with random numbers added to all weights, so that its garments are not empty."""
+    rng = rng_for(0, "shaken")
+    with torch.no_grad():
+        for parameter in model.parameters():
+            noise = 0.2 * rng.standard_normal(parameter.shape)
+            parameter.add_(torch.from_numpy(noise.astype(np.float32)))
+    return model.eval()
+
+
 def save_model(folder: Path, model: GarmentVae | None = None) -> GarmentVae:
     """What a training leaves: the best checkpoint, here of an untrained network."""
-    model = model or StaticVae(SETTINGS, toy_domain()).eval()
+    model = model or shaken(StaticVae(SETTINGS, toy_domain()))
     checkpoint = {"state_dict": model.state_dict()}
     model.on_save_checkpoint(checkpoint)
     folder.mkdir(parents=True)

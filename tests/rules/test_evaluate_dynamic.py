@@ -20,7 +20,7 @@ from drapeline.outfits.outfit import GARMENTS, Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.registration.topology import Topology, save_topology
 from drapeline.storage import save_npz, write_json
-from gcvae_files import SETTINGS, body_domain, save_model, torso_registration
+from gcvae_files import SETTINGS, body_domain, save_model, shaken, torso_registration
 from tiny_sample import write_tiny_sample
 
 FRAMES = 4
@@ -76,7 +76,7 @@ def files(toy_body, tmp_path):
     bodies = dict.fromkeys(GENDERS, toy_body)
     pairs = dict(zip(samples, registrations, strict=True))
     collect_dynamic(tmp_path / "dynamic", pairs, bodies, version="unposed", step=2)
-    save_model(tmp_path / "static", StaticVae(SETTINGS, body_domain(toy_body, STATIC_CVAR)).eval())
+    save_model(tmp_path / "static", shaken(StaticVae(SETTINGS, body_domain(toy_body, STATIC_CVAR))))
     training = replace(SETTINGS.training, mask=False, version="unposed")
     latent = SETTINGS.network.latent
     domain = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + latent)

@@ -32,7 +32,7 @@ from drapeline.nets.sampling import (
 from drapeline.nets.walks import paper_walks, walk
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.seeding import rng_for
-from gcvae_files import SETTINGS, TypedGarments
+from gcvae_files import SETTINGS, TypedGarments, shaken
 from gcvae_toys import AROUND, RINGS, VERTICES, toy_domain
 
 DRESS, TROUSERS = GARMENTS.index("Dress"), GARMENTS.index("Trousers")
@@ -45,7 +45,7 @@ def garments():
 
 @pytest.fixture(scope="module")
 def model():
-    return StaticVae(SETTINGS, toy_domain()).eval()
+    return shaken(StaticVae(SETTINGS, toy_domain()))
 
 
 def half(upper):
