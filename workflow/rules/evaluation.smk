@@ -4,7 +4,7 @@ METRIC_TABLES = {
     "metrics": ["svae", "svae_ours", "dvae_unposed_4"],
     "metrics_ablations": [*SVAE_VARIANTS, *DVAE_VARIANTS],
 }
-EVALUATED_SPLITS = ["val", "test"]
+EVALUATED_SPLITS = ["test"]
 SUPER_BODIES = {g: f"{RESULTS}/registration/body/{g}.npz" for g in GENDERS}
 WHOLE_BODIES = {g: body_file(g) for g in GENDERS}
 MOVING_INPUTS = {

@@ -10,8 +10,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from drapeline.mesh import Mesh, face_normals
+from drapeline.metrics.closest import closest_points
 
 DEEP_M = 0.01
+_BEFORE = 0.7  # cosine to the normal
 # Metric -> unit; "1" for shares and counts.
 UNITS = {
     "surface_error_mm": "mm",
@@ -104,12 +106,8 @@ def surface_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
 
 def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
     """(P,) distance of points (P, 3) to the surface of a triangle mesh."""
-    squared = igl.point_mesh_squared_distance(
-        points.astype(np.float64),
-        mesh.vertices.astype(np.float64),
-        np.ascontiguousarray(mesh.faces, dtype=np.int64),
-    )[0]
-    return 1000 * np.sqrt(squared)
+    place, _ = closest_points(points, mesh.vertices, mesh.faces)
+    return 1000 * np.linalg.norm(points - place, axis=1)
 
 
 def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
@@ -136,13 +134,20 @@ def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> 
 
 def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(P,) metres from points inside the body to its surface, 0 for those outside."""
-    points = np.ascontiguousarray(points, dtype=np.float64)
-    body = np.ascontiguousarray(body, dtype=np.float64)
-    faces = np.ascontiguousarray(faces, dtype=np.int64)
-    inside = igl.fast_winding_number(body, faces, points) > 0.5
-    depth = np.zeros(len(points))
-    if inside.any():
-        depth[inside] = np.sqrt(igl.point_mesh_squared_distance(points[inside], body, faces)[0])
+    place, face = closest_points(points, body, faces)
+    away = points - place
+    depth = np.linalg.norm(away, axis=1)
+    # Winding numbers are dear: none for points that are plainly before the face they are nearest.
+    height = np.einsum("pi,pi->p", away, face_normals(body, faces[face]))
+    doubtful = height < _BEFORE * depth
+    depth[~doubtful] = 0
+    if doubtful.any():
+        winding = igl.fast_winding_number(
+            np.ascontiguousarray(body, dtype=np.float64),
+            np.ascontiguousarray(faces, dtype=np.int64),
+            np.ascontiguousarray(points[doubtful], dtype=np.float64),
+        )
+        depth[doubtful] *= winding > 0.5
     return depth
 
 

@@ -1,10 +1,12 @@
 """Metrics against shapes whose answer is known, and against slow twins."""
 
+import igl
 import numpy as np
 import pytest
 
 from drapeline.mesh import Mesh
 from drapeline.metrics.garment_metrics import (
+    distances_mm,
     faces_within,
     garment_measures,
     garment_mesh,
@@ -123,10 +125,10 @@ def test_pieces_are_numbered_by_size(tube):
 def test_distances_see_what_is_missing_and_what_is_too_much_each_in_one_direction():
     whole, half = (Mesh(*cylinder(0.2, (0, top), up=up)) for top, up in ((1.0, 25), (0.5, 13)))
     to_true, to_predicted = surface_distances_mm(half, whole)
-    assert to_true == pytest.approx(0, abs=1e-6)
+    assert to_true == pytest.approx(0, abs=1e-3)
     # Rows above the half are i / 24 metres away from its rim.
-    assert to_predicted == pytest.approx(1000 * np.arange(1, 13).sum() / 24 / 25, rel=1e-6)
-    assert surface_distances_mm(whole, half) == pytest.approx((to_predicted, to_true), abs=1e-6)
+    assert to_predicted == pytest.approx(1000 * np.arange(1, 13).sum() / 24 / 25, rel=1e-4)
+    assert surface_distances_mm(whole, half) == pytest.approx((to_predicted, to_true), abs=1e-3)
 
 
 def test_distances_to_nothing_are_nan(tube):
@@ -168,3 +170,18 @@ def test_without_a_mask_there_is_no_metric_of_it(tube):
     found = garment_measures(vertices + [0.001, 0, 0], None, vertices, mask, faces)
     assert set(found) == {"surface_error_mm", "normal_error_deg"}
     assert found["surface_error_mm"] == pytest.approx(1)
+
+
+def test_depths_equal_those_of_libigl(toy_body):
+    """The short cut before the winding numbers loses no point, in armpits and crotch neither."""
+    body = toy_body.v_template.astype(np.float64)
+    faces = toy_body.faces.astype(np.int64)
+    points = body[::2] + rng_for(0, "about the body").normal(0, 0.02, (len(body[::2]), 3))
+    inside = igl.fast_winding_number(body, faces, points) > 0.5
+    distance = np.sqrt(igl.point_mesh_squared_distance(points, body, faces)[0])
+    assert 0.3 < inside.mean() < 0.7
+    np.testing.assert_allclose(
+        inside_depth(points, body, faces), np.where(inside, distance, 0), atol=1e-6
+    )
+    mesh = Mesh(body, faces)
+    np.testing.assert_allclose(distances_mm(points, mesh), 1000 * distance, atol=1e-3)
