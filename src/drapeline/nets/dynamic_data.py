@@ -14,7 +14,7 @@ from drapeline.nets.checkpoints import load_vae
 from drapeline.nets.fitting import BEST
 from drapeline.nets.gcvae_data import Batch, as_tensors
 from drapeline.nets.gcvae_training import GarmentVae
-from drapeline.outfits.fit import rest_body
+from drapeline.outfits.fit import rest_body, signed_tightness
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.registration.dynamic import Version, dynamic_offsets, load_sample_garment
 from drapeline.registration.topology import SKIRTS
@@ -117,7 +117,9 @@ def _recordings(
                     "garment": np.int8(GARMENTS.index(name)),
                     "shape": np.asarray(info.shape, dtype=np.float32),
                     "gender": np.int8(info.gender),
-                    "tightness": _signed(sample),
+                    "tightness": signed_tightness(sample.tightness, sample.gender).astype(
+                        np.float32
+                    ),
                     "mask": garment.mask,
                     "static": garment.offsets,
                 },
@@ -126,12 +128,6 @@ def _recordings(
                 offsets=dynamic_offsets(garment, cloth, body, info.shape, poses[:, 0], version),
                 base=base.astype(np.float32),
             )
-
-
-def _signed(sample: Sample) -> np.ndarray:
-    """(2,) float32 tightness with the gender's sign, the first term (-1)^(g+1)."""
-    sign = np.array([1.0 if sample.info.gender else -1.0, 1.0])
-    return (np.asarray(sample.tightness) * sign).astype(np.float32)
 
 
 class DynamicData:

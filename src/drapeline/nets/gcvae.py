@@ -18,6 +18,9 @@ from drapeline.nets.chebyshev import ChebConv, UnpoolConv, linear
 from drapeline.nets.domain import TOPOLOGIES, Domain
 from drapeline.nets.graph import MeshGraph
 
+# Garments unlike any in training must not give infinite variance.
+_LOG_VARIANCE = (-12.0, 8.0)
+
 
 @dataclass(frozen=True)
 class GcvaeNetwork:
@@ -58,6 +61,10 @@ class Code(NamedTuple):
     condition: torch.Tensor
 
 
+_SECOND = 0.3
+_LEAST_SHARE = 0.1
+
+
 class Residual(nn.Module):
     """A convolution, and one whose output is added to its input.
 
@@ -72,6 +79,8 @@ class Residual(nn.Module):
         self.first = first
         self.places = linear(places, width, rng)
         self.second = ChebConv(width, width, order, rng)
+        with torch.no_grad():  # or features double in size from level to level
+            self.second.weight.mul_(_SECOND)
 
     def forward(
         self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module, places: torch.Tensor
@@ -88,6 +97,24 @@ class Residual(nn.Module):
         return torch.relu_(rows).unflatten(0, x.shape[:2])
 
 
+class VertexLinear(nn.Module):
+    """A linear layer with weights of its own at every vertex; begins as zero.
+
+    As the normalisation of the offsets, which it undoes in part, it is no filter: from smooth
+    features it makes offsets that turn around the body with the surface, which filters that are
+    the same everywhere and in every direction learn far more slowly.
+    """
+
+    def __init__(self, vertices: int, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(vertices, inputs, outputs))
+        self.bias = nn.Parameter(torch.zeros(vertices, 1, outputs))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(V, B, inputs) -> (V, B, outputs)."""
+        return torch.baddbmm(self.bias, x, self.weight)
+
+
 class Encoder(nn.Module):
     """{cvar^z, z} = Psi(X, T): residual levels, max pooling to one node per segment, two heads."""
 
@@ -100,6 +127,8 @@ class Encoder(nn.Module):
             Residual(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
+        self.register_buffer("mean", torch.zeros(nodes * widths[-1]))
+        self.register_buffer("std", torch.ones(nodes * widths[-1]))
         self.features = linear(nodes * widths[-1], size.features, rng)
         self.condition = nn.Sequential(
             linear(size.features, size.features // 2, rng),
@@ -108,15 +137,31 @@ class Encoder(nn.Module):
         )
         self.code = linear(size.features, 2 * size.latent, rng)
         with torch.no_grad():  # begin near the prior's mean with small variance
-            self.code.weight.mul_(0.1)
+            self.code.weight[: size.latent].mul_(0.7)
+            self.code.weight[size.latent :].mul_(0.1)
             self.code.bias[size.latent :].fill_(-4)
 
     def forward(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
-        rows = torch.cat([self._pooled(graphs[name], x) for name, x in inputs.items()])
+        rows = (self.pooled(graphs, inputs) - self.mean) / self.std
         features = torch.relu(self.features(rows))
         mean, log_variance = self.code(features).chunk(2, dim=1)
-        return Code(mean, log_variance, self.condition(features))
+        return Code(mean, log_variance.clamp(*_LOG_VARIANCE), self.condition(features))
+
+    def pooled(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        """Features of the coarsest nodes, (B, nodes * width), before they are normalised."""
+        return torch.cat([self._pooled(graphs[name], x) for name, x in inputs.items()])
+
+    @torch.no_grad()
+    def normalise_by(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> None:
+        """Let the initial features of a first batch have zero mean and unit deviation.
+
+        Most of a pooled feature is the same for all garments; without this the differences
+        between them are too small a part of what the code is made from for training to find.
+        """
+        rows = self.pooled(graphs, inputs)
+        self.mean.copy_(rows.mean(0))
+        self.std.copy_(rows.std(0).clamp_min(_LEAST_SHARE * rows.std()))
 
     def _pooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         for level, block in enumerate(self.levels):
@@ -138,7 +183,13 @@ class Decoder(nn.Module):
     """
 
     def __init__(
-        self, outputs: int, nodes: int, places: int, size: GcvaeNetwork, rng: torch.Generator
+        self,
+        outputs: int,
+        vertices: int,
+        nodes: int,
+        places: int,
+        size: GcvaeNetwork,
+        rng: torch.Generator,
     ) -> None:
         super().__init__()
         widths = size.level_widths
@@ -150,10 +201,8 @@ class Decoder(nn.Module):
             Residual(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
-        # The two branches: both are linear in the last features, so one product serves both.
-        self.branches = ChebConv(widths[0], outputs, size.order, rng)
-        with torch.no_grad():
-            self.branches.weight.mul_(0.1)
+        # Both branches are linear in the last features, so one layer makes both.
+        self.branches = VertexLinear(vertices, widths[0], outputs)
 
     def forward(
         self, graphs: nn.ModuleDict, code: torch.Tensor, counts: Mapping[str, int]
@@ -171,7 +220,7 @@ class Decoder(nn.Module):
         x = torch.relu(self.coarsest(x, graph.laplacians[-1]) + x)
         for level, block in zip(range(len(self.levels) - 1, -1, -1), self.levels, strict=True):
             x = block(x, graph.unpools[level], graph.laplacians[level], graph.places(level))
-        return self.branches(x, graph.laplacians[0])
+        return self.branches(x)
 
 
 PLACES = 6
@@ -206,7 +255,11 @@ class Gcvae(nn.Module):
         self.graphs = graphs_of(domain, size.order)
         nodes = self.graphs[TOPOLOGIES[0]].counts[-1]
         self.encoder = Encoder(inputs, nodes, PLACES, size, rng)
-        self.decoder = Decoder(3 + mask, nodes, PLACES, size, rng)
+        self.decoder = Decoder(3 + mask, len(domain.offset_mean), nodes, PLACES, size, rng)
+
+    def normalise_by(self, inputs: Mapping[str, torch.Tensor]) -> None:
+        """Set the encoder's constants from a first batch; see there."""
+        self.encoder.normalise_by(self.graphs, inputs)
 
     def encode(self, inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""

@@ -35,6 +35,20 @@ def as_tensors(batch: Batch) -> Batch:
     }
 
 
+def refuse_unfinite(batch: Batch) -> None:
+    """Check arrays that statistics are made from.
+
+    Raises:
+        InputError: names the samples whose offsets are not all finite.
+    """
+    finite = np.isfinite(batch["offsets"]).all(axis=(1, 2))
+    if not finite.all():
+        names = ", ".join(
+            name for name, fine in zip(batch["names"], finite, strict=True) if not fine
+        )
+        raise InputError(f"samples {names}: offsets hold NaN or infinity, expected metres")
+
+
 class _Rows(Dataset):
     """Whole batches at once: one fancy index per array in place of one per sample."""
 
@@ -108,6 +122,9 @@ class GarmentData(lightning.LightningDataModule):
 
 
 def cvar_statistics(cvar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation (C,) over the training rows; a constant counts as deviation 1."""
+    """Mean and deviation (C,) over the training rows.
+
+    What hardly varies in training counts as deviation 1: elsewhere it may.
+    """
     std = cvar.std(axis=0)
-    return cvar.mean(axis=0).astype(np.float32), np.where(std > 1e-6, std, 1).astype(np.float32)
+    return cvar.mean(axis=0).astype(np.float32), np.where(std > 0.05, std, 1).astype(np.float32)

@@ -13,7 +13,7 @@ from drapeline.nets.conditioning import ConditioningAutoencoder
 from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
 from drapeline.nets.fitting import learning_rate
 from drapeline.nets.gcvae import Code, Gcvae, GcvaeNetwork
-from drapeline.nets.gcvae_data import Batch, Garments
+from drapeline.nets.gcvae_data import Batch, Garments, as_tensors, refuse_unfinite
 from drapeline.nets.gcvae_loss import (
     GcvaeLoss,
     distance_sums,
@@ -71,6 +71,12 @@ class VaeSettings:
             GcvaeLoss(**values["loss"]),
             GcvaeTraining(**values["training"]),
         )
+
+
+# Deviations from the mean at which the encoder's input is cut: outside of its mask a garment has
+# no offset, and at vertices where all others have much that is dozens of deviations away.
+_FAR = 5.0
+_FIRST_BATCH = 64
 
 
 class Part(NamedTuple):
@@ -150,7 +156,15 @@ class GarmentVae(lightning.LightningModule):
         self.network = Gcvae(domain, size, inputs=inputs, mask=self.settings.training.mask, rng=rng)
 
     def prepare(self, garments: Garments) -> None:
-        """What is found from the training rows before training."""
+        """Set what is found from the training rows before training."""
+        rows = garments.rows("train")
+        rng = rng_for(self.settings.training.seed, "first batch")
+        chosen = np.sort(rng.permutation(rows)[:_FIRST_BATCH])
+        chosen = chosen[np.argsort(garments.topology(chosen), kind="stable")]
+        batch = garments.batch(chosen)
+        refuse_unfinite(batch)
+        parts = self.parts(as_tensors(batch))
+        self.network.normalise_by(network_inputs(parts))
 
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
@@ -177,16 +191,14 @@ class GarmentVae(lightning.LightningModule):
                 offsets=offsets,
                 mask=batch["mask"][rows].T,
                 base=base,
-                inputs=torch.cat([target, *inputs], 1),
+                inputs=torch.cat([target, *inputs], 1).clamp(-_FAR, _FAR),
                 target=target,
             )
         return parts
 
     def encode_parts(self, parts: Mapping[str, Part]) -> Code:
         """Codes in the order of the parts."""
-        return self.network.encode(
-            {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
-        )
+        return self.network.encode(network_inputs(parts))
 
     def decode_parts(
         self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
@@ -361,6 +373,11 @@ class GarmentVae(lightning.LightningModule):
             "settings": plain(asdict(self.settings)),
             "domain": self.domain.tensors(),
         }
+
+
+def network_inputs(parts: Mapping[str, Part]) -> dict[str, torch.Tensor]:
+    """Topology -> (V, B_t, C), as the graph network takes it."""
+    return {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
 
 
 def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:

@@ -8,7 +8,7 @@ import torch
 
 from drapeline.nets.domain import Domain, rest_bodies
 from drapeline.nets.gcvae import PLACES, Code, graphs_of
-from drapeline.nets.gcvae_data import Batch, Garments, as_tensors
+from drapeline.nets.gcvae_data import Batch, Garments, as_tensors, refuse_unfinite
 from drapeline.nets.gcvae_training import Part, StaticVae, conditions_of
 from drapeline.nets.linear_path import CHANNELS, LinearPath, blurred, fit_linear
 from drapeline.nets.refiner import Refiner
@@ -82,6 +82,7 @@ class LinearVae(StaticVae):
             rng = rng_for(self.settings.training.seed, "linear rows")
             rows = np.sort(rng.choice(rows, SIZE.rows, replace=False))
         batch = garments.batch(rows)
+        refuse_unfinite(batch)
         fields, known, conditions = self._known(batch)
         mirror = mirror_of(self.domain.body_mean.astype(np.float64), self.domain.faces["body"])
         if mirror is not None:  # a garment's mirror image is a garment too

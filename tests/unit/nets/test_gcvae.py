@@ -29,9 +29,18 @@ def rows_of(batch, rows):
     }
 
 
+def drawn_model(settings):
+    """An untrained model, with a last layer that is not zero."""
+    model = StaticVae(settings, toy_domain()).eval()
+    model.prepare(ToyGarments())
+    weight = model.network.decoder.branches.weight
+    torch.nn.init.normal_(weight, std=0.3, generator=torch.Generator().manual_seed(0))
+    return model
+
+
 @pytest.fixture(scope="module")
 def model():
-    return StaticVae(SETTINGS, toy_domain()).eval()
+    return drawn_model(SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +102,7 @@ def test_the_first_and_last_layers_keep_their_width_when_the_rest_doubles():
     assert double.level_widths == [6, 16, 16, 20]
     model = StaticVae(replace(SETTINGS, network=double), toy_domain())
     assert model.network.encoder.levels[0].first.weight.shape == (2, 6, 6)
-    assert model.network.decoder.branches.weight.shape == (2, 6, 4)
+    assert model.network.decoder.branches.weight.shape == (VERTICES, 6, 4)
 
 
 def test_without_a_mask_branch_there_are_offsets_only(batch):

@@ -164,12 +164,36 @@ def test_other_settings_begin_anew(train, tmp_path):
     assert_same(weights(train("model", settings)), weights(train("other", settings)))
 
 
-def test_a_loss_that_is_not_finite_names_the_samples(train):
+class SpoiltLater(ToyGarments):
+    """Garments whose offsets are fine when first looked at and not when trained on."""
+
+    spoilt = 5
+
+    def __init__(self):
+        super().__init__()
+        self.looks = 0
+
+    def batch(self, rows):
+        batch = super().batch(rows)
+        self.looks += 1
+        if self.looks > 1:
+            batch["offsets"][np.asarray(rows) == self.spoilt] = np.nan
+        return batch
+
+
+def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tmp_path):
+    name = SpoiltLater().names[SpoiltLater.spoilt]
+    with pytest.raises(InputError, match=rf"epoch 0, step \d: the loss is nan.*{name}.*finite"):
+        train("model", SETTINGS, SpoiltLater())
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_garments_that_are_not_finite_are_named_before_training(train, settings):
     garments = ToyGarments()
-    row = garments.rows("train")[5]
-    garments.offsets[row, garments.mask[row]] = np.nan
-    with pytest.raises(InputError, match=rf"epoch 0.*{garments.names[row]}.*finite"):
-        train("model", SETTINGS, garments)
+    garments.offsets[5, 3] = np.inf
+    with pytest.raises(InputError, match=rf"^samples {garments.names[5]}: offsets hold NaN"):
+        train("model", settings, garments)
 
 
 def test_a_conditioning_network_of_another_size_is_refused(train):

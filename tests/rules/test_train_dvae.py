@@ -1,0 +1,154 @@
+"""The rules that collect garments in motion and train on them, on a toy body."""
+
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.bodies.model import load_body
+from drapeline.dataset.reader import Sequence
+from drapeline.frames import GENDERS
+from drapeline.nets.checkpoints import load_vae
+from drapeline.nets.dynamic_data import DynamicData, dynamic_garments
+from drapeline.nets.gcvae_data import as_tensors
+from drapeline.registration.dynamic import dressed, load_sample_garment
+from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
+from tiny_sample import write_tiny_sample
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+SPLITS = {"00001": "train", "00002": "train", "00003": "val", "00004": "test"}
+
+
+class Inputs(SimpleNamespace):
+    """Named inputs of a job, some of them lists of files."""
+
+    def __getitem__(self, name):
+        return getattr(self, name)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("dvae")
+
+
+@pytest.fixture(scope="module")
+def stages(folder, toy_body):
+    files = write_stages(folder / "stages", toy_body)
+    for sample, split in SPLITS.items():
+        status = "rejected" if sample == "00002" else "accepted"
+        write_tiny_sample(
+            folder, toy_body, sample, split=split, status=status, frames=8, seed=int(sample)
+        )
+    return files
+
+
+@pytest.fixture
+def collected(run_rule, stages, folder):
+    """collected("posed") -> folder of the frames."""
+    bodies = {gender: stages[gender] for gender in GENDERS}
+
+    def collect(version):
+        output = folder / "dynamic" / version
+        if output.exists():
+            return output
+        for sample in SPLITS:
+            run_rule(
+                "register_sample",
+                input={
+                    "sample": folder / "samples" / sample,
+                    "topology": stages["topology"],
+                    **bodies,
+                },
+                output=[folder / "registration" / sample],
+                wildcards={"sample": sample},
+            )
+        lists = {
+            name: [str(folder / part / sample) for sample in SPLITS]
+            for name, part in (("samples", "samples"), ("registrations", "registration"))
+        }
+        job = SimpleNamespace(
+            input=Inputs(**lists, **bodies),
+            output=[str(output)],
+            params=SimpleNamespace(frame_step=2),
+            wildcards=SimpleNamespace(version=version),
+            log=[str(folder / "log" / "collect_dynamic.log")],
+        )
+        runpy.run_path(str(SCRIPTS / "collect_dynamic.py"), {"snakemake": job}, "__main__")
+        return output
+
+    return collect
+
+
+@pytest.mark.parametrize("version", ["posed", "unposed"])
+def test_collected_frames_are_the_simulated_garment(collected, stages, folder, version):
+    data = DynamicData(collected(version))
+    assert data.version == version
+    assert set(data.sample) == {"00001", "00003", "00004"}  # one was rejected
+    assert len(data) == 3 * 2 * 4  # samples, garments, every second of eight frames
+    body = load_body(stages["female"])
+    for row in (0, 5, len(data) - 1):
+        wearer, frame = data.wearer[row], data.frame[row]
+        name = ("Tshirt", "Skirt")[int(data.garment[wearer] == 3)]
+        with Sequence(folder / "samples" / data.sample[wearer]) as sample:
+            cloth = sample.vertices(name, frame="root")[frame]
+            poses = sample.info.poses
+        garment = load_sample_garment(folder / "registration" / data.sample[wearer] / f"{name}.npz")
+        back = dressed(
+            garment,
+            data.offsets[row][None],
+            body,
+            data.shape[wearer],
+            data.poses[row, :1],
+            version,
+        )
+        np.testing.assert_allclose(back[0], garment.points(cloth[None])[0], atol=1e-4)
+        history = poses[np.maximum(frame - 3 * np.arange(4), 0)]
+        np.testing.assert_allclose(data.poses[row], history, atol=1e-6)
+
+
+@pytest.mark.parametrize(("version", "frames"), [("posed", 1), ("unposed", 4)])
+def test_a_variant_is_trained_on_poses_and_the_static_code(
+    run_rule, collected, stages, folder, tmp_path, version, frames
+):
+    static = train_static(run_rule, stages, tmp_path)
+    data = collected(version)
+    run_rule(
+        "train_conditioning",
+        input={"data": data, "svae": static},
+        output=[tmp_path / "conditioning_dynamic"],
+        params={
+            "frames": frames,
+            "settings": {"condition": 4, "epochs": 2},
+            "progress": str(tmp_path / ".progress" / "c"),
+        },
+        wildcards={"conditions": f"{version}_{frames}"},
+    )
+    run_rule(
+        "train_dvae",
+        input={
+            **stages,
+            "data": data,
+            "svae": static,
+            "conditioning": tmp_path / "conditioning_dynamic",
+        },
+        output=[tmp_path / "dvae"],
+        params={
+            "settings": SETTINGS,
+            "trainer": {"accelerator": "cpu"},
+            "progress": str(tmp_path / ".progress" / "d"),
+        },
+        wildcards={"version": version, "frames": str(frames)},
+    )
+    model = load_vae(tmp_path / "dvae" / "best.ckpt")
+    garments = dynamic_garments(data, static, frames)
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    assert batch["cvar"].shape == (8, 13 + 72 * frames + 6)
+    assert model.settings.network.level_widths == [6, 16, 16, 16, 16, 16]
+    with torch.inference_mode():
+        offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
+    assert offsets.shape == (8, VERTICES, 3)
+    assert torch.isfinite(offsets).all()
+    assert mask is None
