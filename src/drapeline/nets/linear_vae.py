@@ -36,7 +36,7 @@ class LinearSize:
     """
 
     unit_m: float = 0.02
-    blur: int = 30
+    blur: int = 10
     field: float = 0.7
     rounds: int = 10
     ridge: float = 20.0
