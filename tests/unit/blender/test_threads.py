@@ -1,11 +1,13 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from drapeline.blender.threads import seen_cores
 
+SOURCE = Path(__file__).parents[3] / "src"
 # Started on its own: bpy can be loaded once in a process. Asks oneTBB how many threads it made.
 LOADED = """
 import ctypes, os
@@ -23,7 +25,7 @@ def test_blender_makes_no_more_threads_than_it_was_shown_cores():
     cores = len(os.sched_getaffinity(0))
     done = subprocess.run(
         [sys.executable, "-c", LOADED],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        env={**os.environ, "PYTHONPATH": str(SOURCE)},
         capture_output=True,
         text=True,
     )
