@@ -18,6 +18,7 @@ os.environ.update(
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
+from drapeline.nets.variants import pooling_of
 from drapeline.outfits.static import plan_static
 from drapeline.planning import KINDS, plan_samples
 from drapeline.settings import checked_settings
@@ -137,3 +138,61 @@ def gallery_files():
     return per_sample("{results}/gallery/{sample}.png") + per_sample(
         "{results}/gallery/{sample}_moving.png"
     )
+
+
+def in_progress(kind):
+    """Params function: where a training under way keeps its state, which outlives the job."""
+    return lambda wildcards, output: str(
+        Path(output[0]).parent / ".progress" / f"{kind}_{Path(output[0]).name}"
+    )
+
+
+def conditions_input(wildcards):
+    """Rows that hold the conditions; those of the DVAE contain the static code."""
+    if wildcards.conditions == "static":
+        return {"data": f"{RESULTS}/static/data"}
+    version = wildcards.conditions.split("_")[0]
+    return {"data": f"{RESULTS}/dynamic/{version}", "svae": static_model()}
+
+
+def condition_frames(wildcards):
+    """How many poses are among the conditions."""
+    return int(wildcards.conditions.rpartition("_")[2].replace("static", "0"))
+
+
+def static_model():
+    """The SVAE whose codes the DVAE is conditioned on."""
+    return f"{RESULTS}/gcvae/{config['gcvae']['dvae']['static_model']}"
+
+
+def svae_hierarchy(wildcards):
+    return f"{RESULTS}/registration/hierarchy_{pooling_of(wildcards.svae)}.npz"
+
+
+def vae_settings(kind):
+    """Settings of a full model, by group."""
+    return {
+        "network": config["gcvae"][kind]["network"],
+        "loss": config["gcvae"]["loss"],
+        "training": {**config["gcvae"][kind]["training"], "seed": config["seed"]},
+    }
+
+
+def conditioning_settings(wildcards):
+    kind = "svae" if wildcards.conditions == "static" else "dvae"
+    return {
+        "condition": config["gcvae"][kind]["network"]["condition"],
+        "epochs": config["gcvae"]["conditioning"]["epochs"],
+        "seed": config["seed"],
+    }
+
+
+def metric_files(wildcards):
+    """Metrics of the baselines and of every model of a table."""
+    names = ["baselines", "dynamic_baselines", *METRIC_TABLES[wildcards.table]]
+    return [f"{RESULTS}/metrics/{name}.tsv" for name in names]
+
+
+def shown_svae():
+    """The static model that figures and samples are made with."""
+    return config["gcvae"]["sampling"]["variant"]

@@ -35,17 +35,6 @@ wildcard_constraints:
     table="|".join(METRIC_TABLES),
 
 
-def metric_files(wildcards):
-    """Metrics of the baselines and of every model of a table."""
-    names = ["baselines", "dynamic_baselines", *METRIC_TABLES[wildcards.table]]
-    return [f"{RESULTS}/metrics/{name}.tsv" for name in names]
-
-
-def shown_svae():
-    """The static model that figures and samples are made with."""
-    return config["gcvae"]["sampling"]["variant"]
-
-
 rule evaluate_baselines:
     input:
         **SUPER_BODIES,

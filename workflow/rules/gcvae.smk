@@ -1,4 +1,4 @@
-from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS, pooling_of
+from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS
 
 
 wildcard_constraints:
@@ -6,53 +6,6 @@ wildcard_constraints:
     version="posed|unposed",
     frames="1|4",
     conditions="static|(posed|unposed)_[14]",
-
-
-def in_progress(kind):
-    """Params function: where a training under way keeps its state, which outlives the job."""
-    return lambda wildcards, output: str(
-        Path(output[0]).parent / ".progress" / f"{kind}_{Path(output[0]).name}"
-    )
-
-
-def conditions_input(wildcards):
-    """Rows that hold the conditions; those of the DVAE contain the static code."""
-    if wildcards.conditions == "static":
-        return {"data": f"{RESULTS}/static/data"}
-    version = wildcards.conditions.split("_")[0]
-    return {"data": f"{RESULTS}/dynamic/{version}", "svae": static_model()}
-
-
-def condition_frames(wildcards):
-    """How many poses are among the conditions."""
-    return int(wildcards.conditions.rpartition("_")[2].replace("static", "0"))
-
-
-def static_model():
-    """The SVAE whose codes the DVAE is conditioned on."""
-    return f"{RESULTS}/gcvae/{config['gcvae']['dvae']['static_model']}"
-
-
-def svae_hierarchy(wildcards):
-    return f"{RESULTS}/registration/hierarchy_{pooling_of(wildcards.svae)}.npz"
-
-
-def vae_settings(kind):
-    """Settings of a full model, by group."""
-    return {
-        "network": config["gcvae"][kind]["network"],
-        "loss": config["gcvae"]["loss"],
-        "training": {**config["gcvae"][kind]["training"], "seed": config["seed"]},
-    }
-
-
-def conditioning_settings(wildcards):
-    kind = "svae" if wildcards.conditions == "static" else "dvae"
-    return {
-        "condition": config["gcvae"][kind]["network"]["condition"],
-        "epochs": config["gcvae"]["conditioning"]["epochs"],
-        "seed": config["seed"],
-    }
 
 
 rule train_conditioning:
