@@ -10,12 +10,6 @@ from drapeline.nets.gcvae import Residual
 from drapeline.nets.graph import MeshGraph
 
 
-class RefinerSize:
-    """Features per node at each level used, finest first."""
-
-    widths: tuple[int, ...] = (16, 32, 64)
-
-
 class Refiner(nn.Module):
     """Down by max pooling, up by copying, each level adding what it had on the way down.
 
