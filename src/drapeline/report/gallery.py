@@ -13,13 +13,13 @@ from drapeline.dataset.parts import Part, sample_parts
 from drapeline.dataset.reader import BODY, Sequence
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import text_card
+from drapeline.report.moving import save_moving
 from drapeline.report.studio import Painted, studio_picture
 from drapeline.rule_log import progress
 from drapeline.storage import read_json, whole_file
 
 _GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
 _SKIN = (0.83, 0.69, 0.6)
-_COLOURS = 96
 _DISTANCE_M = 7.0
 _SEEN_HEIGHT_M = 2.3
 _TARGET_HEIGHT_M = 0.93
@@ -69,7 +69,7 @@ def render_gallery(
             _shot(sequence, parts, frame, cameras[frame], samples=8)
             for frame in progress(frames, label="gallery")
         ]
-        _save_moving(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
+        save_moving(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
 
 
 def _view_direction(root_rotation: np.ndarray) -> np.ndarray:
@@ -135,22 +135,3 @@ def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
 def _save_still(path: str | Path, picture: np.ndarray) -> None:
     with whole_file(path) as scratch:
         Image.fromarray(picture).save(scratch, format="PNG", optimize=True)
-
-
-def _save_moving(path: str | Path, pictures: Items[np.ndarray], frame_ms: int) -> None:
-    """Write an animated PNG, of few colours so that a report can hold one of every sample."""
-    images = [Image.fromarray(picture) for picture in pictures]
-    # One palette for all pictures: with one each, the colours would flicker.
-    sheet = Image.fromarray(np.concatenate(pictures[:: max(1, len(pictures) // 6)]))
-    palette = sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
-    images = [i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images]
-    with whole_file(path) as scratch:
-        images[0].save(
-            scratch,
-            format="PNG",
-            save_all=True,
-            append_images=images[1:],
-            duration=frame_ms,
-            loop=0,
-            optimize=True,
-        )

@@ -17,6 +17,7 @@ from drapeline.metrics.garment_metrics import distances_mm, faces_within, garmen
 from drapeline.outfits.outfit import GARMENTS
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
+from drapeline.report.moving import save_moving
 from drapeline.report.studio import Painted, studio_picture
 from drapeline.report.style import SERIES, saved_figure
 from drapeline.rule_log import progress
@@ -34,7 +35,6 @@ _TARGET_HEIGHT_M = 0.95
 _TURN_DEG = 24.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.12
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
-_COLOURS = 128
 _CODES_MAX = 1500  # points of the t-SNE, whose time grows with their square
 
 
@@ -175,27 +175,6 @@ def _draw_heat_bar(
         draw.text((max(left, start), top + thick + 6), text, _INK, font=font)
 
 
-def save_moving(path: str | Path, pictures: Sequence[np.ndarray], frame_ms: int) -> None:
-    """Write an animated PNG of pictures (H, W, 3) that runs to and fro for ever."""
-    # One palette for all: with one each, the colours would flicker.
-    sheet = Image.fromarray(np.concatenate(pictures[:: max(1, len(pictures) // 6)]))
-    palette = sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
-    images = [
-        Image.fromarray(p).quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures
-    ]
-    images += images[-2:0:-1]
-    with whole_file(path) as scratch:
-        images[0].save(
-            scratch,
-            format="PNG",
-            save_all=True,
-            append_images=images[1:],
-            duration=frame_ms,
-            loop=0,
-            optimize=True,
-        )
-
-
 def plot_codes(
     path: str | Path, codes: np.ndarray, garments: Sequence[str], splits: Sequence[str]
 ) -> None:
@@ -300,7 +279,8 @@ def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 
 
 def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
     """A transition as a moving picture."""
-    save_moving(path, [view_picture(v, size=(250, 260), samples=10) for v in views], frame_ms)
+    pictures = [view_picture(v, size=(250, 260), samples=10) for v in views]
+    save_moving(path, [*pictures, *pictures[-2:0:-1]], frame_ms)
 
 
 def standing(

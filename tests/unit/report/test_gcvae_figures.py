@@ -19,7 +19,6 @@ from drapeline.report.gcvae_figures import (
     heat_colour,
     plot_codes,
     plot_views,
-    save_moving,
     standing,
     view_picture,
     walk_view,
@@ -144,19 +143,6 @@ def test_views_are_written_row_by_row(tmp_path):
     one, three = Image.open(tmp_path / "v.png").size, (2, 2)
     assert one[0] > three[0] * 240
     assert one[1] > three[1] * 250
-
-
-def test_a_moving_picture_runs_to_and_fro(tmp_path):
-    pictures = [np.full((20, 20, 3), value, np.uint8) for value in (0, 80, 160, 240)]
-    save_moving(tmp_path / "m.png", pictures, 50)
-    with Image.open(tmp_path / "m.png") as image:
-        assert image.n_frames == 6
-        assert image.info["loop"] == 0
-        seen = []
-        for frame in range(6):
-            image.seek(frame)
-            seen.append(int(np.asarray(image.convert("RGB"))[0, 0, 0]))
-    np.testing.assert_allclose(seen, [0, 80, 160, 240, 160, 80], atol=4)
 
 
 @pytest.fixture(scope="module")
