@@ -3,7 +3,9 @@
 import ast
 import hashlib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 PACKAGE = "drapeline"
 DATA_SUFFIXES = {".html", ".yaml"}
@@ -26,10 +28,11 @@ def source_digest(script: str | Path, source: str | Path) -> str:
     Raises:
         FileNotFoundError: an import of the package names no module.
     """
-    digest = hashlib.sha256(_code(Path(script)).encode())
+    digest = hashlib.sha256(_parsed(Path(script).read_text()).code.encode())
     for path in sorted(imported_files(Path(script), Path(source))):
         digest.update(path.name.encode())
-        digest.update(_code(path).encode() if path.suffix == ".py" else path.read_bytes())
+        text = path.suffix == ".py"
+        digest.update(_parsed(path.read_text()).code.encode() if text else path.read_bytes())
     return digest.hexdigest()[:12]
 
 
@@ -38,8 +41,7 @@ def imported_files(script: Path, source: Path) -> set[Path]:
     found: set[Path] = set()
     waiting = [script]
     while waiting:
-        tree = ast.parse(waiting.pop().read_text())
-        for module in _package_imports(tree, source):
+        for module in _package_imports(_parsed(waiting.pop().read_text()).imports, source):
             if module not in found:
                 found.add(module)
                 waiting.append(module)
@@ -48,22 +50,15 @@ def imported_files(script: Path, source: Path) -> set[Path]:
     return found | data
 
 
-def _package_imports(tree: ast.AST, source: Path) -> Iterator[Path]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            # `from drapeline.outfits import cuts` may name a module rather than a function.
-            inner = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [n for n in inner if _module_file(n, source)] or [node.module]
-        else:
-            continue
-        for name in names:
-            if name.split(".")[0] == PACKAGE:
-                path = _module_file(name, source)
-                if path is None:
-                    raise FileNotFoundError(f"{name}: no such module under {source}")
-                yield path
+def _package_imports(imports: tuple["_Import", ...], source: Path) -> Iterator[Path]:
+    for module, inner in imports:
+        # `from drapeline.outfits import cuts` may name a module rather than a function.
+        names = [f"{module}.{name}" for name in inner]
+        for name in [n for n in names if _module_file(n, source)] or [module]:
+            path = _module_file(name, source)
+            if path is None:
+                raise FileNotFoundError(f"{name}: no such module under {source}")
+            yield path
 
 
 def _module_file(name: str, source: Path) -> Path | None:
@@ -74,9 +69,30 @@ def _module_file(name: str, source: Path) -> Path | None:
     return None
 
 
-def _code(path: Path) -> str:
-    tree = ast.parse(path.read_text())
+class _Import(NamedTuple):
+    """A module of the package, and the names that are imported from it."""
+
+    module: str
+    names: tuple[str, ...]
+
+
+class _Parsed(NamedTuple):
+    """What a file's text comes to: its code without docstrings, and its imports of the package."""
+
+    code: str
+    imports: tuple[_Import, ...]
+
+
+@cache  # a workflow asks for the digests of all its rules, and most share most of their modules
+def _parsed(text: str) -> _Parsed:
+    tree = ast.parse(text)
+    imports: list[_Import] = []
     for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            imports += [_Import(alias.name, ()) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            imports.append(_Import(node.module, tuple(alias.name for alias in node.names)))
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body[0] = ast.Pass()
-    return ast.unparse(tree)
+    ours = tuple(i for i in imports if i.module.split(".")[0] == PACKAGE)
+    return _Parsed(ast.unparse(tree), ours)
