@@ -2,14 +2,13 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.registration.static_data import StaticData
-
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.evaluation import Truth, static_baseline_summary
 from drapeline.metrics.table import write_metrics
 from drapeline.outfits.fit import rest_body
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.static_data import StaticData
 from drapeline.registration.topology import load_topology
 from drapeline.rule_log import rule_log
 

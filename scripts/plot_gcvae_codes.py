@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.nets.represent import load_codes
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.gcvae_figures import plot_codes
 from drapeline.rule_log import rule_log
 

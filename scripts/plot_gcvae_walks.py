@@ -12,7 +12,7 @@ from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import load_codes
 from drapeline.nets.sampling import train_types, wearer_mesh
 from drapeline.nets.walks import paper_walks
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.static_data import StaticData
 from drapeline.report.gcvae_figures import animate_views, plot_views, walk_view
 from drapeline.rule_log import rule_log

@@ -8,11 +8,12 @@ import torch
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import GENDERS
 from drapeline.mesh import edges
-from drapeline.nets.domain import TOPOLOGIES, Domain, rest_basis, topology_codes
+from drapeline.nets.domain import Domain, rest_basis
 from drapeline.nets.gcvae import GcvaeNetwork
 from drapeline.nets.gcvae_training import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
 from drapeline.outfits.fit import rest_body
 from drapeline.registration.dynamic import SampleGarment
+from drapeline.registration.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from gcvae_toys import ToyGarments, toy_domain, tube

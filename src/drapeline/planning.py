@@ -7,10 +7,8 @@ from itertools import cycle, islice
 from drapeline.dataset.splits import SplitItem, split_samples
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
+from drapeline.outfits.kinds import kinds_by_gender
 from drapeline.seeding import rng_for
-
-# Every combination of CLOTH3D's garments that makes an outfit.
-KINDS = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
 
 
 @dataclass(frozen=True)
@@ -135,19 +133,7 @@ def _genders(seed: int, total: int, female_share: float) -> list[str]:
     return [GENDERS[0] if steps[(i + offset) % total] else GENDERS[1] for i in range(total)]
 
 
-def _skirted(kind: str) -> bool:
-    return "Skirt" in kind or kind == "Dress"
-
-
 def _outfits(genders: Sequence[str], kinds: Sequence[str], male_skirts: bool) -> list[str]:
-    allowed = {
-        "female": list(kinds),
-        "male": [kind for kind in kinds if male_skirts or not _skirted(kind)],
-    }
-    if "male" in genders and not allowed["male"]:
-        raise InputError(
-            f"outfits.kinds is {', '.join(kinds)}, which leaves nothing for male bodies to wear;"
-            " expected one without a skirt, or outfits.male_skirts: true"
-        )
+    allowed = kinds_by_gender(kinds, male_skirts=male_skirts, males="male" in genders)
     turns = {gender: cycle(options) for gender, options in allowed.items() if options}
     return [next(turns[gender]) for gender in genders]

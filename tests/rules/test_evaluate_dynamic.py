@@ -16,7 +16,8 @@ from drapeline.nets.domain import STATIC_CVAR
 from drapeline.nets.dynamic_data import collect_dynamic
 from drapeline.nets.gcvae_training import DynamicVae, StaticVae
 from drapeline.nets.represent import Codes, save_codes
-from drapeline.outfits.outfit import GARMENTS, Garment, Outfit
+from drapeline.outfits.kinds import GARMENTS
+from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.registration.topology import Topology, save_topology
 from drapeline.storage import save_npz, write_json

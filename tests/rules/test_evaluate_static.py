@@ -11,7 +11,7 @@ from drapeline.bodies.bake import save_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.nets.represent import load_codes
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration import topology as topology_module
 from gcvae_files import save_model, save_static_data
 from gcvae_toys import VERTICES, tube, tube_faces

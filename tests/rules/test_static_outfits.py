@@ -7,7 +7,8 @@ import pytest
 
 from drapeline.bodies.bake import save_body
 from drapeline.bodies.model import load_body
-from drapeline.outfits.static import load_static, plan_static
+from drapeline.outfits.static import load_static
+from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.static_data import StaticData, collect_static
 from drapeline.report.registration_table import write_registration_tables

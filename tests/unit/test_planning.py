@@ -3,7 +3,8 @@ from collections import Counter
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.planning import KINDS, plan_samples, sub_sequences
+from drapeline.outfits.kinds import KINDS
+from drapeline.planning import plan_samples, sub_sequences
 
 FRAMES = {"walk": 120, "run": 125, "jump": 60, "dance": 59, "crawl": 70, "spin": 130}
 

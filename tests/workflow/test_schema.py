@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drapeline.planning import KINDS
+from drapeline.outfits.kinds import KINDS
 from drapeline.settings import checked_settings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.settings import SimulationSettings

@@ -19,8 +19,9 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
 from drapeline.nets.variants import pooling_of
-from drapeline.outfits.static import plan_static
-from drapeline.planning import KINDS, plan_samples
+from drapeline.outfits.static_plan import plan_static
+from drapeline.outfits.kinds import KINDS
+from drapeline.planning import plan_samples
 from drapeline.settings import checked_settings
 from drapeline.source_digest import source_digest
 

@@ -14,7 +14,7 @@ from drapeline.metrics.garment_metrics import (
     shape_measures,
 )
 from drapeline.metrics.table import MetricRow, summary_rows
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 

@@ -12,7 +12,7 @@ from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.metrics.evaluation import MovingTruth, measure_moving
 from drapeline.metrics.table import MetricRow, summary_rows
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import (
     SampleGarment,
     dressed,

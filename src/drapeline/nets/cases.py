@@ -25,7 +25,7 @@ from drapeline.nets.represent import (
     rows_of,
     static_truth,
 )
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.outfits.static import load_static
 from drapeline.registration.topology import Topology
 

@@ -8,18 +8,11 @@ import torch
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import GENDERS, REST_POSE
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.registration.topology import TOPOLOGIES
 
-TOPOLOGIES = ("body", "skirt")  # index = topology code
-_SKIRTED = ("Skirt", "Dress")
 SHAPES = 10
 # cvar_s: shape, gender (0 female, 1 male), signed tightness.
 STATIC_CVAR = SHAPES + 1 + 2
-
-
-def topology_codes(garments: np.ndarray) -> np.ndarray:
-    """(N,) indices into `GARMENTS` -> (N,) int64 indices into `TOPOLOGIES`."""
-    return np.array([name in _SKIRTED for name in GARMENTS], dtype=np.int64)[garments]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from drapeline.nets.fitting import BEST
 from drapeline.nets.gcvae_data import Batch, as_tensors
 from drapeline.nets.gcvae_training import GarmentVae
 from drapeline.outfits.fit import rest_body, signed_tightness
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import Version, dynamic_offsets, load_sample_garment
-from drapeline.registration.topology import SKIRTS
+from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
 from drapeline.storage import load_npz, read_json, save_npz, whole_folder
 
@@ -170,18 +170,16 @@ class DynamicData:
         return np.flatnonzero(self.split[self.wearer] == split)
 
     def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) 1 where the garment uses the second topology, else 0."""
-        skirts = [GARMENTS.index(name) for name in SKIRTS]
-        return np.isin(self.garment[self.wearer[rows]], skirts).astype(np.int64)
+        """(n,) codes of `TOPOLOGIES`."""
+        return topology_codes(self.garment[self.wearer[rows]])
 
     def static_batch(self) -> Batch:
         """All garments in the rest pose, as an SVAE takes them."""
-        skirts = [GARMENTS.index(name) for name in SKIRTS]
         return {
             "offsets": self.static,
             "mask": self.mask,
             "cvar": self.static_cvar(),
-            "topology": np.isin(self.garment, skirts).astype(np.int64),
+            "topology": topology_codes(self.garment),
             "garment": self.garment,
             "names": [
                 f"{sample}/{GARMENTS[kind]}"
@@ -212,7 +210,7 @@ class DynamicGarments:
         return self.data.rows(split)
 
     def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) codes of the topologies."""
+        """(n,) codes of `TOPOLOGIES`."""
         return self.data.topology(rows)
 
     def cvar(self, rows: np.ndarray) -> np.ndarray:

@@ -15,8 +15,9 @@ from torch import nn
 
 from drapeline.mesh import vertex_normals
 from drapeline.nets.chebyshev import ChebConv, UnpoolConv, linear
-from drapeline.nets.domain import TOPOLOGIES, Domain
+from drapeline.nets.domain import Domain
 from drapeline.nets.graph import MeshGraph
+from drapeline.registration.topology import TOPOLOGIES
 
 # Garments unlike any in training must not give infinite variance.
 _LOG_VARIANCE = (-12.0, 8.0)

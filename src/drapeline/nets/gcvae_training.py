@@ -10,7 +10,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.conditioning import ConditioningAutoencoder
-from drapeline.nets.domain import TOPOLOGIES, Domain, rest_bodies
+from drapeline.nets.domain import Domain, rest_bodies
 from drapeline.nets.fitting import learning_rate
 from drapeline.nets.gcvae import Code, Gcvae, GcvaeNetwork
 from drapeline.nets.gcvae_data import Batch, Garments, as_tensors, refuse_unfinite
@@ -23,6 +23,7 @@ from drapeline.nets.gcvae_loss import (
     offset_sums,
 )
 from drapeline.nets.mesh_normals import FaceNormals
+from drapeline.registration.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
 

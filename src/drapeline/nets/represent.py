@@ -20,13 +20,13 @@ from drapeline.metrics.evaluation import (
 from drapeline.metrics.garment_metrics import gaussian_kl
 from drapeline.metrics.motion import MovingGarment, measure_motion, moving_summary
 from drapeline.metrics.table import MetricRow
-from drapeline.nets.domain import STATIC_CVAR, TOPOLOGIES, rest_bodies
+from drapeline.nets.domain import STATIC_CVAR, rest_bodies
 from drapeline.nets.dynamic_data import DynamicGarments
 from drapeline.nets.gcvae_data import Garments, as_tensors
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import dressed
-from drapeline.registration.topology import Topology
+from drapeline.registration.topology import TOPOLOGIES, Topology
 from drapeline.rule_log import progress
 from drapeline.storage import load_npz, save_npz
 

@@ -22,16 +22,12 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh, load_obj, save_obj
 from drapeline.metrics.evaluation import StaticRows
-from drapeline.metrics.garment_metrics import (
-    garment_mesh,
-    largest_piece,
-    shape_measures,
-)
-from drapeline.nets.domain import TOPOLOGIES, topology_codes
+from drapeline.metrics.garment_metrics import garment_mesh, largest_piece, shape_measures
 from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, decode_codes, rest_body
 from drapeline.outfits.fit import signed_tightness
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz, whole_folder
 

@@ -10,7 +10,7 @@ from drapeline.metrics.garment_metrics import garment_mesh
 from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, StaticGarments, rest_body
 from drapeline.nets.sampling import GarmentTypes, decode_typed, faces_of
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 
 _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
 

@@ -40,7 +40,6 @@ from drapeline.storage import load_npz, read_json, save_npz, write_json
 
 BODY_GAP_M = 0.005
 LAYER_GAP_M = 0.006
-GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
 _PARTS = ("upper", "trousers", "skirt")
 _UPPER = ("Tshirt", "Top")
 _HEM_OVER_SKIRT = 0.5

@@ -19,10 +19,9 @@ from scipy.optimize import linear_sum_assignment
 from drapeline.errors import InputError
 from drapeline.mesh import edge_counts, edges
 from drapeline.registration.segments import SEGMENTS, vertex_areas
-from drapeline.registration.topology import Topology, skirt_body
+from drapeline.registration.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.storage import load_npz, save_npz
 
-TOPOLOGIES = ("body", "skirt")
 POOLINGS = ("segments", "uniform")
 LEVELS = 6
 _BEFORE_LAST = 56

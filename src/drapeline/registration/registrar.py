@@ -12,18 +12,13 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.mesh import triangulate
 from drapeline.outfits.fit import rest_body
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
-from drapeline.registration.correspondence import (
-    BodyMesh,
-    Correspondence,
-    correspond,
-    rim_edges,
-)
+from drapeline.registration.correspondence import BodyMesh, Correspondence, correspond, rim_edges
 from drapeline.registration.nicp import NicpSettings, Surface, laid_on
 from drapeline.registration.round_trip import Measure, round_trip
 from drapeline.registration.skirt_tube import SkirtTube
-from drapeline.registration.topology import SKIRTS, Topology
+from drapeline.registration.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.storage import save_npz, whole_file
 

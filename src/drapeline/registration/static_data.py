@@ -9,8 +9,8 @@ from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.outfits.fit import rest_body
-from drapeline.outfits.outfit import GARMENTS
-from drapeline.registration.topology import SKIRTS
+from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
 from drapeline.storage import load_npz, save_npz, whole_folder
 
@@ -156,9 +156,8 @@ class StaticData:
         ).astype(np.float32)
 
     def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) 1 where the garment uses the second topology, else 0."""
-        skirts = [GARMENTS.index(name) for name in SKIRTS]
-        return np.isin(self.garment[rows], skirts).astype(np.int64)
+        """(n,) codes of `TOPOLOGIES`."""
+        return topology_codes(self.garment[rows])
 
     def names(self, rows: np.ndarray) -> list[str]:
         """Outfit and garment of rows, for messages."""

@@ -9,13 +9,18 @@ import numpy as np
 from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.outfits.kinds import GARMENTS, SKIRTS
 from drapeline.registration.inner_legs import Smoother, skirt_topology
 from drapeline.registration.segments import garment_variability, segment_body
 from drapeline.registration.super_body import SuperBody
 from drapeline.storage import load_npz, save_npz
 
-# Garments whose legs hang in one tube: they use the second topology.
-SKIRTS = ("Skirt", "Dress")
+TOPOLOGIES = ("body", "skirt")  # index = code of a topology
+
+
+def topology_codes(garments: np.ndarray) -> np.ndarray:
+    """(N,) indices into `GARMENTS` -> (N,) int64 indices into `TOPOLOGIES`."""
+    return np.array([name in SKIRTS for name in GARMENTS], dtype=np.int64)[garments]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from sklearn.manifold import TSNE
 from drapeline.mesh import Mesh
 from drapeline.metrics.cases import GarmentCase, WornGarment
 from drapeline.metrics.garment_metrics import distances_mm, faces_within, garment_mesh
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.moving import save_moving

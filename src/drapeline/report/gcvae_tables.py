@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_metrics
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.pages import Cell, html_table, write_page
 from drapeline.storage import whole_file
 

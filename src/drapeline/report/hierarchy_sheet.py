@@ -8,9 +8,9 @@ import numpy as np
 from trimesh.intersections import slice_faces_plane
 
 from drapeline.mesh import edges
-from drapeline.registration.hierarchy import TOPOLOGIES, Hierarchy
+from drapeline.registration.hierarchy import Hierarchy
 from drapeline.registration.segments import vertex_areas
-from drapeline.registration.topology import Topology, skirt_body
+from drapeline.registration.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.studio import Painted, studio_picture

@@ -9,7 +9,8 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.mesh import triangulate, vertex_normals
 from drapeline.outfits.fit import rest_body
-from drapeline.outfits.outfit import GARMENTS, Garment, Outfit
+from drapeline.outfits.kinds import GARMENTS
+from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.registrar import Registrar, Registration
 from drapeline.registration.round_trip import rebuilt, surface_distance

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.collect import write_table
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.pages import Cell, html_table, write_page
 from drapeline.report.tables import read_table
 

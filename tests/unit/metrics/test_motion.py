@@ -20,7 +20,7 @@ from drapeline.metrics.motion import (
 )
 from drapeline.metrics.table import find_value
 from drapeline.outfits.fit import rest_body
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import moved
 from drapeline.seeding import rng_for
 from drapeline.storage import write_json

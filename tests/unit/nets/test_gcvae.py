@@ -8,10 +8,11 @@ import torch
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
-from drapeline.nets.domain import Domain, rest_basis, rest_bodies, topology_codes
+from drapeline.nets.domain import Domain, rest_basis, rest_bodies
 from drapeline.nets.gcvae import GcvaeNetwork
 from drapeline.nets.gcvae_training import GcvaeTraining, StaticVae, VaeSettings
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.topology import topology_codes
 from gcvae_toys import VERTICES, ToyGarments, toy_domain
 
 NETWORK = GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4)

@@ -14,13 +14,7 @@ from drapeline.mesh import load_obj
 from drapeline.metrics.garment_metrics import faces_within
 from drapeline.nets import sampling
 from drapeline.nets.gcvae_training import StaticVae
-from drapeline.nets.represent import (
-    Codes,
-    decode_codes,
-    encode_garments,
-    measure_static,
-    rest_body,
-)
+from drapeline.nets.represent import Codes, decode_codes, encode_garments, measure_static, rest_body
 from drapeline.nets.sampling import (
     draw_requests,
     fit_types,
@@ -30,7 +24,7 @@ from drapeline.nets.sampling import (
     wearer_mesh,
 )
 from drapeline.nets.walks import paper_walks, walk
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.seeding import rng_for
 from gcvae_files import SETTINGS, TypedGarments, shaken
 from gcvae_toys import AROUND, RINGS, VERTICES, toy_domain

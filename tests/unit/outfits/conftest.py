@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from drapeline.outfits.kinds import KINDS
 from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
-from drapeline.planning import KINDS
 from drapeline.seeding import rng_for
 
 EDGE_M = 0.025

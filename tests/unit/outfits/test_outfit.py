@@ -9,11 +9,11 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.mesh import boundary_loops, edge_counts, edges
 from drapeline.outfits.fit import outside_distance, rest_body, tightness_shape
-from drapeline.outfits.outfit import GARMENTS, load_outfit, sample_numbers, sample_outfit
+from drapeline.outfits.kinds import GARMENTS, KINDS
+from drapeline.outfits.outfit import load_outfit, sample_numbers, sample_outfit
 from drapeline.outfits.own import mean_edge_m
 from drapeline.outfits.ranges import OutfitRanges
 from drapeline.outfits.templates import load_templates
-from drapeline.planning import KINDS
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
+from drapeline.outfits.kinds import KINDS
 from drapeline.outfits.ranges import OutfitRanges
-from drapeline.outfits.static import load_static, make_static, plan_static, save_static
-from drapeline.planning import KINDS
+from drapeline.outfits.static import load_static, make_static, save_static
+from drapeline.outfits.static_plan import plan_static
 
 SHARES = {"val": 0.1, "test": 0.2}
 

@@ -12,7 +12,6 @@ from drapeline.mesh import edges
 from drapeline.registration.hierarchy import (
     LEVELS,
     POOLINGS,
-    TOPOLOGIES,
     _Contraction,
     build_hierarchy,
     level_counts,
@@ -21,7 +20,7 @@ from drapeline.registration.hierarchy import (
 )
 from drapeline.registration.segments import vertex_areas
 from drapeline.registration.super_body import super_body
-from drapeline.registration.topology import build_topology, skirt_body
+from drapeline.registration.topology import TOPOLOGIES, build_topology, skirt_body
 
 COUNTS = (2000, 700, 250, 100, 56, 21)
 

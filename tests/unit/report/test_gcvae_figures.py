@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.frames import REST_POSE
 from drapeline.mesh import Mesh
 from drapeline.metrics.cases import GarmentCase
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.gcvae_figures import (
     HEAT_SPAN_MM,
     View,

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 from drapeline.metrics.table import HIGH, LOW, MetricRow, write_metrics
-from drapeline.outfits.outfit import GARMENTS
+from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.gcvae_tables import OURS, THEIRS, write_beside_paper, write_gcvae_page
 
 

@@ -1,0 +1,36 @@
+"""CLOTH3D's garment types and the outfits that they make."""
+
+from collections.abc import Sequence
+
+from drapeline.errors import InputError
+
+GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
+# Garments whose legs hang in one tube.
+SKIRTS = ("Skirt", "Dress")
+# Every combination of garments that makes an outfit, inner to outer.
+KINDS = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
+
+
+def kinds_by_gender(
+    kinds: Sequence[str], *, male_skirts: bool, males: bool
+) -> dict[str, list[str]]:
+    """Which of the wanted outfits bodies of each gender may wear.
+
+    Args:
+        kinds: some of `KINDS`.
+        male_skirts: whether male bodies wear skirts and dresses too.
+        males: whether there are male bodies at all.
+
+    Returns:
+        Gender -> kinds, in the given order.
+
+    Raises:
+        InputError: no kind is left for male bodies.
+    """
+    bare = [kind for kind in kinds if male_skirts or not set(SKIRTS) & set(kind.split("+"))]
+    if males and not bare:
+        raise InputError(
+            f"outfits.kinds is {', '.join(kinds)}, which leaves nothing for male bodies to wear;"
+            " expected one without a skirt, or outfits.male_skirts: true"
+        )
+    return {"female": list(kinds), "male": bare}
