@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.bodies.bake import bake_bodies, save_body
+from drapeline.bodies.bake import LICENCE, VERSION, bake_bodies
+from drapeline.bodies.model import save_body
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -10,5 +11,5 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     for gender, body in bake_bodies(snakemake.params.seed, snakemake.params.population).items():
-        save_body(snakemake.output[gender], body)
+        save_body(snakemake.output[gender], body, version=VERSION, licence=LICENCE)
         log.info("%s: %d vertices, %d faces", body.name, len(body.v_template), len(body.faces))

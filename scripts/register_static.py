@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.outfits.static import load_static
-from drapeline.registration.registrar import Registrar, register_shard, save_shard, write_errors
+from drapeline.registration.registrar import Registrar, register_shard, write_errors
 from drapeline.registration.topology import load_topology
 from drapeline.rule_log import rule_log
+from drapeline.storage import save_npz
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -19,5 +20,5 @@ with rule_log(snakemake.log[0]) as log:
         {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
     )
     write_errors(snakemake.output.errors, errors)
-    save_shard(snakemake.output.offsets, arrays)
+    save_npz(snakemake.output.offsets, **arrays)
     log.info("%d garments", len(arrays["garment"]))

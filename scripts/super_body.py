@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.bodies.model import load_body
+from drapeline.bodies.model import load_body, save_body
 from drapeline.frames import GENDERS
-from drapeline.registration.super_body import save_super_body, super_body
+from drapeline.registration.super_body import super_body
 from drapeline.registration.topology import build_topology, save_topology
 from drapeline.rule_log import rule_log
 
@@ -17,7 +17,7 @@ with rule_log(snakemake.log[0]) as log:
         snakemake.params.vertices,
     )
     for gender, body in refined.bodies.items():
-        save_super_body(snakemake.output[gender], body)
+        save_body(snakemake.output[gender], body)
     topology = build_topology(refined)
     save_topology(snakemake.output.topology, topology)
     log.info("%d vertices, %d faces", len(topology.rest), len(topology.faces))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from drapeline.bodies.model import BodyModel, load_body
+from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.frames import GENDERS
 from toys import toy_body as build_toy_body
 
@@ -26,5 +26,5 @@ def baked_bodies() -> dict[str, BodyModel]:
     paths = {gender: folder / f"{gender}.npz" for gender in GENDERS}
     if not all(path.is_file() for path in paths.values()):
         for gender, body in bake.bake_bodies(seed=0, samples=200).items():
-            bake.save_body(paths[gender], body)
+            save_body(paths[gender], body)
     return {gender: load_body(path) for gender, path in paths.items()}

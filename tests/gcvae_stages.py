@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.model import BodyModel, save_body
 from drapeline.frames import GENDERS
 from drapeline.mesh import vertex_normals
 from drapeline.outfits.fit import rest_body
 from drapeline.registration.hierarchy import build_hierarchy, level_counts, save_hierarchy
 from drapeline.registration.static_data import collect_static
-from drapeline.registration.super_body import save_super_body, super_body
+from drapeline.registration.super_body import super_body
 from drapeline.registration.topology import build_topology, save_topology
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
@@ -29,7 +29,7 @@ def write_stages(folder: Path, body: BodyModel) -> dict[str, Path]:
     topology = build_topology(refined)
     files = {name: folder / f"{name}.npz" for name in (*GENDERS, "topology", "hierarchy")}
     for gender in GENDERS:
-        save_super_body(files[gender], refined.bodies[gender])
+        save_body(files[gender], refined.bodies[gender])
     save_topology(files["topology"], topology)
     save_hierarchy(
         files["hierarchy"], build_hierarchy(topology, "segments", level_counts(VERTICES))

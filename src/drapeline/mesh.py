@@ -49,6 +49,17 @@ def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return found, counts
 
 
+def rim_edges(faces: np.ndarray) -> np.ndarray:
+    """(R, 2) undirected edges that one face has."""
+    found, counts = edge_counts(faces)
+    return found[counts == 1]
+
+
+def faces_within(faces: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(F', 3) faces with all corners in the mask (V,)."""
+    return faces[mask[faces].all(axis=1)]
+
+
 def _half_edges(faces: np.ndarray) -> np.ndarray:
     """(F * corners, 2) directed edges, face by face."""
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)

@@ -1,5 +1,6 @@
 """The list of samples, made from frame counts and a seed before anything else exists."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
@@ -83,7 +84,8 @@ def plan_samples(
         count: number of samples; None means every sub-sequence once.
         val_share, test_share: shares of the samples.
         female_share: share of female bodies, met exactly up to rounding.
-        kinds: outfits to take turns over; each gender has its own turn.
+        kinds: outfits to take turns over, in each split anew; one named twice is worn twice
+            as often.
         male_skirts: whether male bodies wear skirts and dresses.
 
     Raises:
@@ -99,13 +101,13 @@ def plan_samples(
     total = len(turns) if count is None else count
     chosen = list(islice(cycle(turns), total))
     genders = _genders(seed, total, female_share)
-    outfits = _outfits(genders, kinds, male_skirts)
     ids = [f"{number:05d}" for number in range(1, total + 1)]
     # Every sample has a body of its own, so the clip alone joins samples into one split.
     items = [SplitItem(sample, name, sample) for sample, (name, _) in zip(ids, chosen, strict=True)]
     partition = split_samples(
         rng_for(seed, "split"), items, val_share=val_share, test_share=test_share
     )
+    outfits = _outfits(genders, [partition[sample] for sample in ids], kinds, male_skirts)
     plans = {}
     for sample, (name, part), gender, kind in zip(ids, chosen, genders, outfits, strict=True):
         start, stop = pieces[name][part]
@@ -133,7 +135,23 @@ def _genders(seed: int, total: int, female_share: float) -> list[str]:
     return [GENDERS[0] if steps[(i + offset) % total] else GENDERS[1] for i in range(total)]
 
 
-def _outfits(genders: Sequence[str], kinds: Sequence[str], male_skirts: bool) -> list[str]:
+def _outfits(
+    genders: Sequence[str], splits: Sequence[str], kinds: Sequence[str], male_skirts: bool
+) -> list[str]:
+    """Outfit of each sample: of those its gender may wear the one its split used least so far.
+
+    Small splits then wear the first kinds of the list, so that a type of garment which is tested
+    was trained too. In each split males choose first: what they cannot wear is left to females.
+    """
     allowed = kinds_by_gender(kinds, male_skirts=male_skirts, males="male" in genders)
-    turns = {gender: cycle(options) for gender, options in allowed.items() if options}
-    return [next(turns[gender]) for gender in genders]
+    slots = {
+        gender: [(kind, list(kinds[:i]).count(kind)) for i, kind in enumerate(kinds) if kind in own]
+        for gender, own in allowed.items()
+    }
+    used: Counter[tuple[str, tuple[str, int]]] = Counter()
+    chosen = [""] * len(genders)
+    for i in sorted(range(len(genders)), key=lambda i: genders[i] == GENDERS[0]):
+        slot = min(slots[genders[i]], key=lambda slot: used[splits[i], slot])
+        used[splits[i], slot] += 1
+        chosen[i] = slot[0]
+    return chosen

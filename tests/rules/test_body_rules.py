@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.bodies.bake import save_body
+from drapeline.bodies.model import save_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.frames import REST_POSE
 from drapeline.motions.motion import Motion, load_motion, save_motion

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from drapeline.bodies.bake import save_body
+from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Cloth3D
 from tiny_sample import write_stages
 

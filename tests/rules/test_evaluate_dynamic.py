@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drapeline.bodies.bake import save_body
+from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.nets.domain import STATIC_CVAR

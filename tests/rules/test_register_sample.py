@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from drapeline.bodies.bake import save_body
-from drapeline.bodies.model import load_body
+from drapeline.bodies.model import load_body, save_body
 from drapeline.dataset.reader import Sequence
 from drapeline.registration.dynamic import dressed, dynamic_offsets, load_sample_garment
 from tiny_sample import write_tiny_sample
@@ -14,14 +13,14 @@ from tiny_sample import write_tiny_sample
 
 @pytest.fixture(scope="module")
 def supers(tmp_path_factory, toy_body):
-    from drapeline.registration.super_body import save_super_body, super_body
+    from drapeline.registration.super_body import super_body
     from drapeline.registration.topology import build_topology, save_topology
 
     folder = tmp_path_factory.mktemp("super")
     refined = super_body({"female": toy_body, "male": toy_body}, 3000)
     save_topology(folder / "topology.npz", build_topology(refined))
     for gender, body in refined.bodies.items():
-        save_super_body(folder / f"{gender}.npz", body)
+        save_body(folder / f"{gender}.npz", body)
     save_body(folder / "body.npz", toy_body)
     return {name: folder / f"{name}.npz" for name in ("female", "male", "topology")}
 

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from drapeline.bodies.bake import save_body
+from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.mesh import load_obj
 from drapeline.nets.represent import encode_garments, save_codes

@@ -5,8 +5,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from drapeline.bodies.bake import save_body
-from drapeline.bodies.model import load_body
+from drapeline.bodies.model import load_body, save_body
 from drapeline.outfits.static import load_static
 from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates

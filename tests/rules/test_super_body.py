@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.bodies.model import load_body
-from drapeline.registration.super_body import save_super_body
+from drapeline.bodies.model import load_body, save_body
 from drapeline.registration.topology import load_topology
 
 
@@ -12,7 +11,7 @@ from drapeline.registration.topology import load_topology
 def files(tmp_path, toy_body):
     inputs = {gender: tmp_path / f"{gender}.npz" for gender in ("female", "male")}
     for path in inputs.values():
-        save_super_body(path, toy_body)
+        save_body(path, toy_body)
     out = tmp_path / "registration"
     outputs = {gender: out / "body" / f"{gender}.npz" for gender in inputs}
     return inputs, {**outputs, "topology": out / "topology.npz"}

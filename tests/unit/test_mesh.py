@@ -8,7 +8,9 @@ from drapeline.mesh import (
     edge_counts,
     edges,
     face_normals,
+    faces_within,
     load_obj,
+    rim_edges,
     save_obj,
     triangulate,
     vertex_normals,
@@ -55,6 +57,22 @@ def test_two_loops_through_one_vertex_are_refused():
     faces = np.array([[0, 1, 2], [0, 3, 4]])
     with pytest.raises(ValueError, match="vertex 0 lies on more than one"):
         boundary_loops(faces)
+
+
+def test_rim_edges_of_a_tube_are_those_of_its_loops():
+    _, faces = tube()
+    rim = rim_edges(faces)
+    loops = boundary_loops(faces)
+    assert set(rim.ravel()) == set(np.concatenate(loops))
+    assert len(rim) == sum(map(len, loops))
+
+
+def test_faces_within_a_mask_have_all_their_corners_in_it():
+    vertices, faces = tube()
+    mask = vertices[:, 2] < 0.5 * vertices[:, 2].max()
+    kept = faces_within(faces, mask)
+    assert mask[kept].all()
+    assert 0 < len(kept) == mask[faces].all(axis=1).sum() < len(faces)
 
 
 def test_normals_of_a_tube_point_outward():

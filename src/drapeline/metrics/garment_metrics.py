@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.mesh import Mesh, face_normals
-from drapeline.metrics.closest import closest_points
+from drapeline.mesh import Mesh, face_normals, faces_within
+from drapeline.registration.closest import closest_points
 
 DEEP_M = 0.01
 _BEFORE = 0.7  # cosine to the normal
@@ -60,11 +60,6 @@ def mask_iou(predicted: np.ndarray, true: np.ndarray) -> float:
 def gaussian_kl(mean: np.ndarray, log_variance: np.ndarray) -> np.ndarray:
     """Divergence (n,) in nats of Gaussians (n, Z) from the unit one, summed over the code."""
     return 0.5 * (mean**2 + np.exp(log_variance) - 1 - log_variance).sum(axis=1)
-
-
-def faces_within(faces: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Faces (F', 3) all of whose corners are in the mask (V,)."""
-    return faces[mask[faces].all(axis=1)]
 
 
 def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:

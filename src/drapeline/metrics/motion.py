@@ -10,7 +10,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.reader import Sequence as Sample
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
-from drapeline.metrics.evaluation import MovingTruth, measure_moving
+from drapeline.metrics.garment_metrics import garment_measures, garment_mesh, inside_measures
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import (
@@ -131,21 +131,19 @@ def measure_motion(
         body: super-resolved, of the wearer's gender.
         topology: of the super-resolved bodies.
     """
-    true = moving.points(frames)
-
-    def posed(row: int) -> np.ndarray:
-        return posed_vertices(body, moving.shape, moving.poses[frames[row]][None])[0][0]
-
-    faces = topology.faces_of(moving.name)
-    truth = MovingTruth(
-        vertices=lambda row: moving.on_vertices(true[row]),
-        mask=lambda row: moving.registered.mask,
-        body=posed,
-        faces=lambda row: faces,
-        body_faces=topology.faces,
-    )
-    pairs = ((row, moving.on_vertices(points)) for row, points in enumerate(predicted))
-    return measure_moving(truth, pairs, contact_every=CONTACT_EVERY)
+    faces, mask = topology.faces_of(moving.name), moving.registered.mask
+    found = []
+    for index, (points, true) in enumerate(zip(predicted, moving.points(frames), strict=True)):
+        vertices = moving.on_vertices(points)
+        # The mask of a garment in motion is its static mask, which nothing predicts.
+        measures = garment_measures(vertices, None, moving.on_vertices(true), mask, faces)
+        if index % CONTACT_EVERY == 0:
+            pose = moving.poses[frames[index]][None]
+            posed = posed_vertices(body, moving.shape, pose)[0][0]
+            worn = garment_mesh(vertices, faces, mask)
+            measures |= inside_measures(worn.vertices, posed, topology.faces)
+        found.append(measures)
+    return found
 
 
 def moving_summary(

@@ -57,15 +57,6 @@ def closed_cycle(
     return poses[:-1], trans[:-1], cycle
 
 
-def seam_deg(poses: np.ndarray) -> float:
-    """Largest joint angle in degrees between the last pose and the first, headings aligned."""
-    around = Rotation.from_rotvec([0.0, 0.0, _turn(poses[0, :3], poses[-1, :3])])
-    first = poses[0].reshape(24, 3).copy()
-    first[0] = (around * Rotation.from_rotvec(first[0])).as_rotvec()
-    last = Rotation.from_rotvec(poses[-1].reshape(24, 3))
-    return float(np.degrees((last.inv() * Rotation.from_rotvec(first)).magnitude().max()))
-
-
 def loop_to(motion: Motion, frames: int) -> Motion:
     """Repeat a cyclic motion, each round starting where the last one ended, to `frames` frames."""
     if motion.cycle is None:

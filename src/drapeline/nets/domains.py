@@ -3,13 +3,15 @@
 from collections.abc import Mapping
 
 import numpy as np
+import torch
 
 from drapeline.bodies.model import BodyModel
-from drapeline.nets.domain import Domain, rest_basis
-from drapeline.nets.dynamic_data import DynamicGarments, masked_statistics, moments
+from drapeline.nets.domain import Domain, rest_basis, rest_bodies
+from drapeline.nets.dynamic_data import DynamicGarments
 from drapeline.nets.gcvae_data import cvar_statistics
 from drapeline.registration.hierarchy import Hierarchy
-from drapeline.registration.static_data import BODY_STD_FLOOR_M, STD_FLOOR_M, StaticData
+from drapeline.registration.static_data import StaticData
+from drapeline.registration.statistics import body_statistics, offset_statistics
 from drapeline.registration.topology import Topology
 
 
@@ -46,15 +48,14 @@ def dynamic_domain(
     """Statistics of the training frames; the rest body's are those of the samples' wearers."""
     data, rows = garments.data, garments.rows("train")
     cvar_mean, cvar_std = cvar_statistics(garments.cvar(rows))
-    offset_mean, offset_std = masked_statistics(data, rows, STD_FLOOR_M)
-    base_mean, base_std = moments(data.base[rows], BODY_STD_FLOOR_M)
+    offset_mean, offset_std = offset_statistics(
+        (data.offsets[row], data.mask[data.wearer[row]]) for row in rows
+    )
+    base_mean, base_std = body_statistics(data.base[row] for row in rows)
     basis = rest_basis(bodies)
-    wearers = np.unique(data.wearer[rows])
-    cvar = data.static_cvar()[wearers]
-    male = cvar[:, 10:11]
-    one = np.concatenate([np.ones_like(male), cvar[:, :10]], 1)
-    factors = np.concatenate([one * (1 - male), one * male], 1)
-    body_mean, body_std = moments(np.einsum("gk,kvc->gvc", factors, basis), BODY_STD_FLOOR_M)
+    worn = torch.from_numpy(data.static_cvar()[np.unique(data.wearer[rows])])
+    rest = rest_bodies(torch.from_numpy(basis), worn).permute(2, 0, 1).numpy()
+    body_mean, body_std = body_statistics(rest)
     return Domain(
         edges=hierarchy.edges,
         parents=hierarchy.parents,

@@ -1,6 +1,6 @@
 """Garments in motion for the DVAE: frames of simulated samples as arrays that are mapped."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -257,28 +257,3 @@ def dynamic_garments(folder: str | Path, static: str | Path, frames: int) -> Dyn
     """
     data, model = DynamicData(folder), load_vae(Path(static) / BEST)
     return DynamicGarments(data, static_codes(model, data), frames)
-
-
-def masked_statistics(
-    data: DynamicData, rows: Sequence[int], floor: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation (V, 3) of offsets where masked, the latter at least `floor`."""
-    shape = data.offsets.shape[1:]
-    count, total, square = np.zeros(shape[0]), np.zeros(shape), np.zeros(shape)
-    for row in rows:
-        mask = data.mask[data.wearer[row]]
-        worn = data.offsets[row][mask].astype(np.float64)
-        count[mask] += 1
-        total[mask] += worn
-        square[mask] += worn**2
-    count = np.maximum(count, 1)[:, None]
-    mean = total / count
-    std = np.sqrt(np.maximum(square / count - mean**2, 0))
-    return mean.astype(np.float32), np.maximum(std, floor).astype(np.float32)
-
-
-def moments(x: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation (V, 3) over rows (n, V, 3), the latter at least `floor`."""
-    mean = x.mean(axis=0, dtype=np.float64)
-    std = np.maximum(x.std(axis=0, dtype=np.float64), floor)
-    return mean.astype(np.float32), std.astype(np.float32)

@@ -1,5 +1,6 @@
 """Lightning modules: the static and the dynamic garment VAE, their losses and their schedules."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
@@ -104,7 +105,7 @@ class Part(NamedTuple):
     target: torch.Tensor
 
 
-class GarmentVae(lightning.LightningModule):
+class GarmentVae(lightning.LightningModule, ABC):
     """What SVAE and DVAE share: network, loss, schedules and metrics.
 
     Args:
@@ -167,11 +168,11 @@ class GarmentVae(lightning.LightningModule):
         parts = self.parts(as_tensors(batch))
         self.network.normalise_by(network_inputs(parts))
 
+    @abstractmethod
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
     ) -> tuple[torch.Tensor, list[torch.Tensor]]:
         """What offsets are added to, and what the encoder sees besides them: (V, 3, B_t) each."""
-        raise NotImplementedError
 
     # ---- from batches to parts and back
 

@@ -8,7 +8,7 @@ import warp as wp
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
-from drapeline.mesh import vertex_normals
+from drapeline.mesh import faces_within, vertex_normals
 
 wp.config.quiet = True
 
@@ -103,7 +103,7 @@ class BodyMesh:
         for _ in range(_ROUNDS):
             if not mask.any():
                 break
-            kept = mask_faces(self.faces, mask)
+            kept = faces_within(self.faces, mask)
             graph = sp.coo_matrix(
                 (np.ones(2 * len(kept)), kept[:, [0, 1, 0, 2]].reshape(-1, 2).T),
                 shape=(self._count, self._count),
@@ -111,7 +111,7 @@ class BodyMesh:
             _, piece = connected_components(graph, directed=False)
             mask = mask & (piece == np.bincount(piece).argmax())
             covered = np.zeros(self._count, dtype=bool)
-            covered[mask_faces(self.faces, mask)] = True
+            covered[faces_within(self.faces, mask)] = True
             # Where the border meets itself it would not be a line.
             meeting = np.bincount(self._border_pairs(mask).ravel(), minlength=self._count)
             cleaner = covered & (meeting <= 2)
@@ -136,21 +136,6 @@ class BodyMesh:
         """(V,) piece of each bare vertex from which no open end can be reached, else -1."""
         piece = self._pieces(~mask & self.used)
         return np.where(np.isin(piece, piece[self.ends]), -1, piece)
-
-
-def rim_edges(triangles: np.ndarray) -> np.ndarray:
-    """(R, 2) edges that one triangle has."""
-    half = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1), axis=-1)
-    count = int(triangles.max()) + 1
-    key, uses = np.unique(
-        half.reshape(-1, 2).astype(np.int64) @ np.array([count, 1]), return_counts=True
-    )
-    return np.stack(np.divmod(key[uses == 1], count), axis=1)
-
-
-def mask_faces(faces: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(F', 3) faces with all corners in the mask (V,)."""
-    return faces[mask[faces].all(axis=1)]
 
 
 def correspond(

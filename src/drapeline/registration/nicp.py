@@ -16,8 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
-from drapeline.mesh import vertex_normals
-from drapeline.registration.correspondence import rim_edges
+from drapeline.mesh import edges, rim_edges, vertex_normals
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def laid_on(
     """
     rest = np.asarray(vertices, dtype=np.float64)
     count = len(rest)
-    pairs = _edges(triangles, count)
+    pairs = edges(triangles)
     lengths = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1)
     adjacency = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)).tocsr()
     adjacency = adjacency + adjacency.T
@@ -138,13 +137,6 @@ def laid_on(
             system.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
         ).solve(move)
     return places
-
-
-def _edges(triangles: np.ndarray, count: int) -> np.ndarray:
-    """(E, 2) unique edges; by numbers, a tenth of the time of sorting rows."""
-    half = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1), axis=-1)
-    key = np.unique(half.reshape(-1, 2).astype(np.int64) @ np.array([count, 1]))
-    return np.stack(np.divmod(key, count), axis=1)
 
 
 class _Nodes:

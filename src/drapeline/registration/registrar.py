@@ -10,17 +10,17 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.mesh import triangulate
+from drapeline.mesh import rim_edges, triangulate
 from drapeline.outfits.fit import rest_body
 from drapeline.outfits.kinds import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
-from drapeline.registration.correspondence import BodyMesh, Correspondence, correspond, rim_edges
+from drapeline.registration.correspondence import BodyMesh, Correspondence, correspond
 from drapeline.registration.nicp import NicpSettings, Surface, laid_on
 from drapeline.registration.round_trip import Measure, round_trip
 from drapeline.registration.skirt_tube import SkirtTube
 from drapeline.registration.topology import Topology
 from drapeline.rule_log import progress
-from drapeline.storage import save_npz, whole_file
+from drapeline.storage import whole_file
 
 COLUMNS = ("garment", "name", "metric", "value", "unit")
 
@@ -135,11 +135,6 @@ def error_rows(garment: str, name: str, measures: Sequence[Measure]) -> list[dic
         {"garment": garment, "name": name, "metric": m.metric, "value": m.value, "unit": m.unit}
         for m in measures
     ]
-
-
-def save_shard(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write the arrays of `register_shard`."""
-    save_npz(path, **arrays)
 
 
 def write_errors(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -4,13 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-import warp as wp
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.mesh import face_normals
-from drapeline.registration.correspondence import Correspondence, mask_faces, rim_edges
-
-wp.config.quiet = True
+from drapeline.mesh import face_normals, faces_within, rim_edges
+from drapeline.registration.closest import closest_points
+from drapeline.registration.correspondence import Correspondence
 
 LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
 
@@ -29,13 +27,6 @@ class Measure(NamedTuple):
     unit: str
 
 
-def rebuilt(
-    body: np.ndarray, faces: np.ndarray, mask: np.ndarray, offsets: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The garment from offsets: vertices T + X (V, 3) and the faces (F', 3) within the mask."""
-    return body + offsets, mask_faces(faces, mask)
-
-
 def surface_distance(
     vertices: np.ndarray, triangles: np.ndarray, other: np.ndarray, other_triangles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -50,7 +41,8 @@ def surface_distance(
         square metres to weigh them by.
     """
     middles = vertices[triangles].mean(axis=1)
-    distance, face = _closest(middles, other, other_triangles)
+    place, face = closest_points(middles, other, other_triangles)
+    distance = np.linalg.norm(place - middles, axis=1)
     own, their = face_normals(vertices, triangles), face_normals(other, other_triangles)[face]
     angle = np.degrees(np.arccos(np.clip((own * their).sum(1), -1, 1)))
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
@@ -70,7 +62,7 @@ def round_trip(
     what is rebuilt. Holes are openings that the garment does not have, islands are pieces that
     hang together with nothing; each is counted before the mask is cleaned, and after.
     """
-    vertices, kept = rebuilt(body, faces, match.mask, match.offsets(garment, body))
+    vertices, kept = body + match.offsets(garment, body), faces_within(faces, match.mask)
     there, angle, area = surface_distance(garment, triangles, vertices, kept)
     back, _, back_area = surface_distance(vertices, kept, garment, triangles)
     openings, pieces = _openings(kept), _pieces(kept)
@@ -105,38 +97,3 @@ def _count_pieces(pairs: np.ndarray) -> int:
     graph = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(used), len(used)))
     _, label = connected_components(graph, directed=False)
     return len(np.unique(label[used]))
-
-
-@wp.kernel
-def _find(
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    distance: wp.array(dtype=float),
-    face: wp.array(dtype=int),
-):
-    index = wp.tid()
-    hit = wp.mesh_query_point_no_sign(mesh, points[index], 1.0e3)
-    face[index] = hit.face
-    place = wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)
-    distance[index] = wp.length(place - points[index])
-
-
-def _closest(
-    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Distance (P,) to a surface and the triangle (P,) that is closest."""
-    device = "cpu"
-    mesh = wp.Mesh(
-        points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=device),
-        indices=wp.array(triangles.astype(np.int32).ravel(), dtype=int, device=device),
-    )
-    distance = wp.zeros(len(points), dtype=float, device=device)
-    face = wp.zeros(len(points), dtype=int, device=device)
-    wp.launch(
-        _find,
-        dim=len(points),
-        inputs=[mesh.id, wp.array(points.astype(np.float32), dtype=wp.vec3, device=device)],
-        outputs=[distance, face],
-        device=device,
-    )
-    return distance.numpy().copy(), face.numpy().copy()

@@ -8,8 +8,8 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.reader import Sequence
 from drapeline.dataset.record import read_record
+from drapeline.mesh import faces_within
 from drapeline.outfits.fit import rest_body
-from drapeline.registration.correspondence import mask_faces
 from drapeline.registration.dynamic import SampleGarment
 from drapeline.registration.registrar import Registrar, error_rows, write_errors
 from drapeline.registration.skin_weights import garment_weights
@@ -58,7 +58,7 @@ def _register(
         for name in sequence.garments:
             mesh = sequence.mesh(name)
             done = registrar.register(name, mesh.vertices, mesh.faces, body)
-            faces = mask_faces(topology.faces_of(name), done.match.mask)
+            faces = faces_within(topology.faces_of(name), done.match.mask)
             vertex = np.flatnonzero(done.match.mask).astype(np.int32)
             points = body + done.offsets
             weights = garment_weights(points, faces, body, topology.faces, model.weights)

@@ -1,10 +1,10 @@
 """Skinning weights for garments: those of the body beneath, smoothed."""
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.spatial import KDTree
 
 from drapeline.mesh import vertex_normals
+from drapeline.outfits.relax import averaging_matrix
 
 _NEAREST = 8
 _TURN_M = 0.1  # as in registration: a sleeve does not take after the torso beside it
@@ -40,11 +40,7 @@ def garment_weights(
     share /= share.sum(axis=1, keepdims=True)
     out = np.zeros((len(garment), weights.shape[1]))
     out[used] = np.einsum("vk,vkj->vj", share, weights[near])
-    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    pairs = np.concatenate([half, half[:, ::-1]])
-    graph = sp.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(len(garment),) * 2)
-    graph.data[:] = 1
-    mean = sp.diags(1 / np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)) @ graph
+    mean = averaging_matrix(faces, len(garment))
     for _ in range(passes):
         out = (out + mean @ out) / 2
     out[used] /= out[used].sum(axis=1, keepdims=True)

@@ -10,14 +10,11 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.outfits.fit import rest_body
 from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.statistics import body_statistics, offset_statistics
 from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
 from drapeline.storage import load_npz, save_npz, whole_folder
 
-# A vertex that hardly ever wears cloth has no deviation to speak of: dividing by it would blow up
-# a millimetre to the size of a sleeve.
-STD_FLOOR_M = 0.005
-BODY_STD_FLOOR_M = 0.01
 _ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
 
 
@@ -50,8 +47,13 @@ def collect_static(
         raise InputError(f"{output}: no garment is for training, expected one or more")
     offsets = np.concatenate([part.pop("offsets") for part in about])
     mask = np.concatenate([part.pop("mask") for part in about])
-    mean, std = _offset_statistics(offsets[train], mask[train])
-    body_mean, body_std = _body_statistics(rows, np.flatnonzero(train), bodies)
+    chosen = np.flatnonzero(train)
+    mean, std = offset_statistics((offsets[row], mask[row]) for row in chosen)
+    _, first = np.unique(rows["outfit"][chosen], return_index=True)  # each body once
+    body_mean, body_std = body_statistics(
+        rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
+        for row in progress(chosen[first], total=len(first), label="bodies")
+    )
     with whole_folder(output) as scratch:
         np.save(scratch / "offsets.npy", offsets)
         np.save(scratch / "mask.npy", mask)
@@ -60,36 +62,6 @@ def collect_static(
             scratch / "statistics.npz", mean=mean, std=std, body_mean=body_mean, body_std=body_std
         )
     return len(mask)
-
-
-def _offset_statistics(offsets: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation (V, 3) where masked; vertices without two such rows take the median."""
-    count = mask.sum(axis=0)[:, None]
-    total = np.zeros((*mask.shape[1:], 3))
-    square = np.zeros_like(total)
-    for row, worn in zip(offsets, mask, strict=True):
-        total[worn] += row[worn]
-        square[worn] += row[worn].astype(np.float64) ** 2
-    mean = total / np.maximum(count, 1)
-    std = np.sqrt(np.maximum(square / np.maximum(count, 1) - mean**2, 0))
-    enough = count[:, 0] > 1
-    if enough.any():
-        std[~enough] = np.median(std[enough], axis=0)
-    return mean.astype(np.float32), np.maximum(std, STD_FLOOR_M).astype(np.float32)
-
-
-def _body_statistics(
-    rows: dict[str, np.ndarray], chosen: np.ndarray, bodies: dict[str, BodyModel]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation (V, 3) of the rest bodies of rows, each outfit counted once."""
-    _, first = np.unique(rows["outfit"][chosen], return_index=True)
-    total = square = 0.0
-    for row in progress(chosen[first], total=len(first), label="bodies"):
-        body = rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
-        total, square = total + body, square + body**2
-    mean = total / len(first)
-    std = np.sqrt(np.maximum(square / len(first) - mean**2, 0))
-    return mean.astype(np.float32), np.maximum(std, BODY_STD_FLOOR_M).astype(np.float32)
 
 
 class StaticData:
@@ -107,18 +79,13 @@ class StaticData:
         body_mean, body_std: (V, 3) float32 of the rest bodies, over training rows.
     """
 
-    def __init__(self, folder: str | Path, bodies: dict[str, BodyModel] | None = None) -> None:
-        """Open a folder.
-
-        Args:
-            folder: of the rule `collect_static`.
-            bodies: super-resolved, by gender, for `rest_bodies`.
+    def __init__(self, folder: str | Path) -> None:
+        """Open a folder of the rule `collect_static`.
 
         Raises:
             InputError: a file is missing or the files count different rows.
         """
         self.folder = Path(folder)
-        self._bodies = bodies
         rows = load_npz(self.folder / "rows.npz", *_ROWS)
         statistics = load_npz(
             self.folder / "statistics.npz", "mean", "std", "body_mean", "body_std"
@@ -176,16 +143,3 @@ class StaticData:
             "garment": self.garment[rows],
             "names": self.names(rows),
         }
-
-    def rest_bodies(self, rows: np.ndarray) -> np.ndarray:
-        """(n, V, 3) float32 super-resolved bodies T of rows in the rest pose, metres.
-
-        Raises:
-            ValueError: no bodies were given.
-        """
-        if self._bodies is None:
-            raise ValueError(f"{self.folder}: opened without bodies, which rest bodies need")
-        return np.array(
-            [rest_body(self._bodies[GENDERS[self.gender[r]]], self.shape[r]) for r in rows],
-            dtype=np.float32,
-        )

@@ -10,7 +10,6 @@ that each of the file's parameters follows by one linear interpolation.
 import heapq
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,9 +18,8 @@ from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
-from drapeline.frames import JOINT_NAMES, PARENTS
+from drapeline.frames import JOINT_NAMES
 from drapeline.mesh import boundary_loops, edge_counts, edges
-from drapeline.storage import save_npz
 
 VERTICES = 14475
 BOUNDARIES = 5  # a neck, two wrists, two ankles
@@ -124,26 +122,6 @@ def interpolation(corners: np.ndarray, shares: np.ndarray, count: int) -> csr_ma
     """(V, count) matrix that carries values on a file's vertices to the refined ones."""
     rows = np.arange(len(corners)).repeat(3)
     return csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(corners), count))
-
-
-def save_super_body(path: str | Path, body: BodyModel) -> None:
-    """Write a body with SMPL's own key names, readable by `load_body`."""
-    parents = PARENTS.astype(np.int64).copy()
-    parents[0] = 2**32 - 1  # as SMPL's own files mark the root
-    texture = {} if body.vt is None else {"vt": body.vt, "ft": body.ft}
-    save_npz(
-        path,
-        v_template=body.v_template,
-        shapedirs=body.shapedirs,
-        posedirs=body.posedirs,
-        J_regressor=body.J_regressor,
-        weights=body.weights,
-        kintree_table=np.stack([parents, np.arange(24)]),
-        f=body.faces,
-        segmentation=body.segmentation,
-        name=body.name,
-        **texture,
-    )
 
 
 @dataclass

@@ -11,9 +11,9 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
 from sklearn.manifold import TSNE
 
-from drapeline.mesh import Mesh
+from drapeline.mesh import Mesh, faces_within
 from drapeline.metrics.cases import GarmentCase, WornGarment
-from drapeline.metrics.garment_metrics import distances_mm, faces_within, garment_mesh
+from drapeline.metrics.garment_metrics import distances_mm, garment_mesh
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet

@@ -7,13 +7,13 @@ import matplotlib
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
-from drapeline.mesh import triangulate, vertex_normals
+from drapeline.mesh import faces_within, triangulate, vertex_normals
 from drapeline.outfits.fit import rest_body
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.registrar import Registrar, Registration
-from drapeline.registration.round_trip import rebuilt, surface_distance
+from drapeline.registration.round_trip import surface_distance
 from drapeline.registration.topology import Topology
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
@@ -68,7 +68,7 @@ def _row(
 ) -> list[tuple[np.ndarray, str]]:
     faces, triangles = topology.faces_of(garment.name), triangulate(garment.faces)
     laid = done.laid + _FLOAT_M * vertex_normals(done.laid, triangles)
-    vertices, kept = rebuilt(body, faces, done.match.mask, done.offsets)
+    vertices, kept = body + done.offsets, faces_within(faces, done.match.mask)
     error, _, _ = surface_distance(garment.vertices.astype(float), triangles, vertices, kept)
     values = {m.metric: m.value for m in done.measures}
     skin = Painted(body, topology.faces, _SKIN)

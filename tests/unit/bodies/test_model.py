@@ -8,8 +8,14 @@ import smplx
 import torch
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies import bake
-from drapeline.bodies.model import axis_angle_to_matrix, load_body, posed_vertices, shaped, skin
+from drapeline.bodies.model import (
+    axis_angle_to_matrix,
+    load_body,
+    posed_vertices,
+    save_body,
+    shaped,
+    skin,
+)
 from drapeline.bodies.smpl_files import convert_to_pickle
 from drapeline.frames import PARENTS, REST_POSE
 
@@ -124,7 +130,7 @@ def test_gradients_of_skinning():
 
 def test_smplx_opens_the_baked_file_and_agrees(baked_bodies, tmp_path, poses):
     for gender, body in baked_bodies.items():
-        bake.save_body(tmp_path / f"{gender}.npz", body)
+        save_body(tmp_path / f"{gender}.npz", body)
         convert_to_pickle(tmp_path / f"{gender}.npz", tmp_path / f"SMPL_{gender.upper()}.pkl")
         assert load_body(tmp_path / f"{gender}.npz").name == body.name
         theirs = smplx.SMPL(str(tmp_path), gender=gender, batch_size=len(poses))

@@ -4,10 +4,9 @@ import igl
 import numpy as np
 import pytest
 
-from drapeline.mesh import Mesh
+from drapeline.mesh import Mesh, faces_within
 from drapeline.metrics.garment_metrics import (
     distances_mm,
-    faces_within,
     garment_measures,
     garment_mesh,
     gaussian_kl,

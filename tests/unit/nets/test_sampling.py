@@ -10,8 +10,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.mesh import load_obj
-from drapeline.metrics.garment_metrics import faces_within
+from drapeline.mesh import faces_within, load_obj
 from drapeline.nets import sampling
 from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, decode_codes, encode_garments, measure_static, rest_body

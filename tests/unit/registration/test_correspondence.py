@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from drapeline.registration.correspondence import BodyMesh, correspond, mask_faces, rim_edges
+from drapeline.mesh import faces_within, rim_edges
+from drapeline.registration.correspondence import BodyMesh, correspond
 from drapeline.registration.round_trip import round_trip
 
 
@@ -106,7 +107,7 @@ def test_two_fronts_side_by_side_stay_apart(body):
     sewn[95] = 184
     faces = sewn[np.concatenate([triangles, triangles + 96, band + 192])]
     match = correspond(vertices, mesh, laid, faces)
-    kept = mask_faces(mesh.faces, match.mask)
+    kept = faces_within(mesh.faces, match.mask)
     from_left = (match.corner[kept] < 88).all(-1)  # (F, 3)
     from_right = ((match.corner[kept] > 95) & (match.corner[kept] < 184)).all(-1)
     assert not (from_left.any(1) & from_right.any(1)).any()
@@ -123,7 +124,7 @@ def test_the_mask_is_one_piece_with_simple_borders(body):
     mask = rng.random(len(vertices)) < 0.75
     cleaned = mesh.cleaned(mask, np.zeros(len(mask), dtype=bool))
     assert mesh.islands(cleaned) == 0
-    rim = rim_edges(mask_faces(mesh.faces, cleaned))
+    rim = rim_edges(faces_within(mesh.faces, cleaned))
     assert np.bincount(rim.ravel()).max() <= 2
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from drapeline.mesh import edges, triangulate, vertex_normals
+from drapeline.mesh import edges, rim_edges, triangulate, vertex_normals
 from drapeline.outfits.fit import rest_body
 from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
-from drapeline.registration.correspondence import rim_edges
 from drapeline.registration.registrar import Registrar
 from drapeline.registration.skirt_tube import SkirtTube
 from drapeline.registration.super_body import super_body

@@ -7,17 +7,11 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.bodies.model import load_body, posed_vertices, shaped
+from drapeline.bodies.model import load_body, posed_vertices, save_body, shaped
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
 from drapeline.mesh import boundary_loops, edge_counts
-from drapeline.registration.super_body import (
-    VERTICES,
-    interpolation,
-    mirror_of,
-    save_super_body,
-    super_body,
-)
+from drapeline.registration.super_body import VERTICES, interpolation, mirror_of, super_body
 
 
 def rough_body(body, seed=0):
@@ -162,7 +156,7 @@ def test_the_same_bodies_give_the_same_arrays(pair):
 
 def test_a_saved_body_loads_as_it_was(pair, tmp_path):
     ours = pair[1].bodies["female"]
-    save_super_body(tmp_path / "female.npz", ours)
+    save_body(tmp_path / "female.npz", ours)
     loaded = load_body(tmp_path / "female.npz")
     for field in fields(ours):
         expected = getattr(ours, field.name)
