@@ -15,6 +15,7 @@ include: "workflow/rules/static.smk"
 include: "workflow/rules/registration.smk"
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/evaluation.smk"
+include: "workflow/rules/garment4d.smk"
 include: "workflow/rules/renders.smk"
 include: "workflow/rules/report.smk"
 
@@ -29,4 +30,5 @@ rule all:
         gallery_files(),
         REGISTRATION_FILES,
         GCVAE_FILES,
+        GARMENT4D_FILES,
         REPORT_FILES,

@@ -20,7 +20,7 @@ from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
 from drapeline.nets.variants import pooling_of
 from drapeline.outfits.static_plan import plan_static
-from drapeline.outfits.kinds import KINDS
+from drapeline.outfits.kinds import KINDS, TEMPLATE_TYPES
 from drapeline.planning import plan_samples
 from drapeline.settings import checked_settings
 from drapeline.source_digest import source_digest
@@ -65,6 +65,15 @@ except (InputError, OSError) as error:
 RESULTS = config["results"]
 LOGS = f"{RESULTS}/logs"
 BENCHMARKS = f"{RESULTS}/benchmarks"
+# Shards of static outfits that Garment4D learns from besides simulated samples.
+SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
+# Samples that wear a type which Garment4D learns.
+TEMPLATE_WEARERS = [
+    sample
+    for sample, planned in SAMPLES.items()
+    if set(planned.kind.split("+")) & set(TEMPLATE_TYPES)
+]
+RECONSTRUCT = config["garment4d"]["reconstruct"]
 EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
 
 
@@ -189,11 +198,96 @@ def conditioning_settings(wildcards):
 
 
 def metric_files(wildcards):
-    """Metrics of the baselines and of every model of a table."""
-    names = ["baselines", "dynamic_baselines", *METRIC_TABLES[wildcards.table]]
-    return [f"{RESULTS}/metrics/{name}.tsv" for name in names]
+    """Metrics of every model of a table."""
+    return [f"{RESULTS}/metrics/{name}.tsv" for name in METRIC_TABLES[wildcards.table]]
 
 
 def shown_svae():
     """The static model that figures and samples are made with."""
     return config["gcvae"]["sampling"]["variant"]
+
+
+def own_template(wildcards):
+    """The user's own OBJ that garments of this type are registered to."""
+    own = config["garment4d"]["template"]["files"].get(wildcards.garment)
+    return {"own": own} if own else {}
+
+
+def cloud_settings(wildcards):
+    """How point clouds are taken; static outfits in motion follow the config's protocol."""
+    return {
+        "protocol": config["garment4d"]["protocol"],
+        **config["garment4d"]["clouds"],
+        **{k: wildcards[k] for k in ("protocol",) if k in wildcards.keys()},
+        "seed": config["seed"],
+    }
+
+
+def training_sequences():
+    """What the networks of a garment type learn from."""
+    return f"{G4D}/{{garment}}/data_{config['garment4d']['protocol']}"
+
+
+def garment_sequences(wildcards):
+    """Clouds of one protocol; those of static outfits follow the config's."""
+    own = wildcards.protocol == config["garment4d"]["protocol"]
+    shards = SKINNED if own else []
+    return {
+        "samples": [f"{RESULTS}/samples/{sample}" for sample in TEMPLATE_WEARERS],
+        "clouds": [
+            f"{G4D}/clouds_{wildcards.protocol}/{sample}" for sample in TEMPLATE_WEARERS
+        ],
+        "skinned": [f"{G4D}/skinned/{shard}" for shard in shards],
+        "shards": [f"{RESULTS}/static/outfits/{shard}.npz" for shard in shards],
+    }
+
+
+def stage_settings(stage):
+    """Settings of a network of Garment4D, by group."""
+    own, posed = config["garment4d"][stage], config["garment4d"]["posed"]
+    settings = {
+        "network": own["network"],
+        "loss": own.get("loss", posed["loss"]),
+        "training": {**own["training"], "seed": config["seed"]},
+    }
+    if stage == "posed":
+        settings["skinning"] = config["garment4d"]["skinning"]
+    if stage == "canonical":
+        points = config["garment4d"]["clouds"]["points"]
+        settings["network"] = {**own["network"], "points": points}
+    return settings
+
+
+def posed_models(wildcards):
+    """Trained models of the posed stage that an evaluation holds."""
+    return [
+        f"{G4D}/{wildcards.garment}/{name}" for name in POSED_MODELS[wildcards.models]
+    ]
+
+
+def evaluated_sequences(wildcards):
+    """Sequences of a type; for the ablations with points as in the released code too."""
+    data = f"{G4D}/{wildcards.garment}/data_"
+    found = {"data": data + config["garment4d"]["protocol"]}
+    return found | (
+        {"vertex_sampled": data + "vertices"} if wildcards.models == "ablations" else {}
+    )
+
+
+def evaluation_settings(wildcards):
+    """Figures 8 to 10 are part of the ablations alone."""
+    settings = {**config["garment4d"]["evaluation"], "seed": config["seed"]}
+    if wildcards.models == "default":
+        settings |= dict.fromkeys(("neighbours", "missing", "accuracy"), [])
+    return settings
+
+
+def own_scans(wildcards):
+    """The scans to reconstruct a garment from, and the body in them."""
+    missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]
+    if missing:
+        raise WorkflowError(
+            f"garment4d.reconstruct.{missing[0]} is not set, expected the path of your"
+            f" {'point clouds' if missing[0] == 'points' else 'body parameters'}"
+        )
+    return {key: RECONSTRUCT[key] for key in ("points", "body")}

@@ -1,8 +1,17 @@
 # Test rows are read by the rules of this file alone.
 # Which models each table of metrics holds.
 METRIC_TABLES = {
-    "metrics": ["svae", "svae_ours", "dvae_unposed_4"],
-    "metrics_ablations": [*SVAE_VARIANTS, *DVAE_VARIANTS],
+    "metrics": [
+        *["baselines", "dynamic_baselines", "svae", "svae_ours", "dvae_unposed_4"],
+        *[f"garment4d_{garment}_default" for garment in TEMPLATE_TYPES],
+        "representations",
+    ],
+    "metrics_ablations": [
+        *["baselines", "dynamic_baselines", *SVAE_VARIANTS, *DVAE_VARIANTS],
+    ],
+    "metrics_garment4d_ablations": [
+        f"garment4d_{garment}_ablations" for garment in TEMPLATE_TYPES
+    ],
 }
 EVALUATED_SPLITS = ["test"]
 SUPER_BODIES = {g: f"{RESULTS}/registration/body/{g}.npz" for g in GENDERS}

@@ -1,9 +1,9 @@
 """One simulated sample as a CLOTH3D folder, with extras that CLOTH3D's readers pass over."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -108,7 +108,7 @@ def write_sample(
                 garment.name: _write_garment(scratch, garment, simulation, len(record.poses))
                 for garment in garments
             }
-            _write_body(scratch, body, record)
+            _write_body(scratch, body, record.shape, record.poses)
             health = load_npz(simulation / "health.npz")
             save_npz(scratch / "health.npz", **health)
             meta["health"] = summarise_health(health)
@@ -210,10 +210,45 @@ def _write_garment(
     }
 
 
-def _write_body(folder: Path, body: BodyModel, record: BodySequence) -> None:
-    rest, _ = posed_vertices(body, record.shape, REST_POSE[None].copy())
+def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> None:
+    rest, _ = posed_vertices(body, shape, REST_POSE[None].copy())
     save_obj(folder / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
-    poses = record.poses
     with point_cache_writer(folder / f"{BODY}.pc16", len(body.v_template)) as writer:
         for start in range(0, len(poses), _CHUNK):
-            writer.append(posed_vertices(body, record.shape, poses[start : start + _CHUNK])[0])
+            writer.append(posed_vertices(body, shape, poses[start : start + _CHUNK])[0])
+
+
+class MovingGarment(NamedTuple):
+    """A garment that no simulation made.
+
+    Attributes:
+        name: one of CLOTH3D's types.
+        rest: in the rest pose, root-relative metres.
+        frames: (F, V, 3) root-relative metres.
+    """
+
+    name: str
+    rest: Mesh
+    frames: np.ndarray
+
+
+def write_reconstructed(
+    folder: str | Path, body: BodyModel, info: SampleInfo, garments: Sequence[MovingGarment]
+) -> None:
+    """Write garments and their wearer as a CLOTH3D folder without `meta.json`, as the original.
+
+    Args:
+        folder: `{sample}`; replaced as a whole.
+        body: of the wearer's gender.
+        info: of F frames, with an entry for each garment.
+        garments: with F frames each.
+    """
+    with whole_folder(folder) as scratch:
+        write_info(scratch / "info.mat", info)
+        for name, rest, frames in garments:
+            save_obj(scratch / f"{name}.obj", rest)
+            with point_cache_writer(scratch / f"{name}.pc16", len(rest.vertices)) as half:
+                half.append(frames)
+            with point_cache_writer(scratch / f"{name}.f32", len(rest.vertices)) as full:
+                full.append(frames)
+        _write_body(scratch, body, info.shape, info.poses)

@@ -14,19 +14,6 @@ from drapeline.registration.closest import closest_points
 
 DEEP_M = 0.01
 _BEFORE = 0.7  # cosine to the normal
-# Metric -> unit; "1" for shares and counts.
-UNITS = {
-    "surface_error_mm": "mm",
-    "normal_error_deg": "deg",
-    "mask_iou": "1",
-    "kl": "nat",
-    "predicted_to_true_mm": "mm",
-    "true_to_predicted_mm": "mm",
-    "inside_share": "1",
-    "inside_1cm_share": "1",
-    "inside_depth_mm": "mm",
-    "pieces": "1",
-}
 
 
 def surface_error_mm(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.errors import InputError
-from drapeline.metrics.garment_metrics import UNITS
 from drapeline.storage import whole_file
 
 ALL = "all"
@@ -17,18 +16,40 @@ LOW, HIGH = "_low95", "_high95"
 _RESAMPLES = 1000
 
 
+# Metric -> unit; "1" for shares and counts.
+UNITS = {
+    "surface_error_mm": "mm",
+    "normal_error_deg": "deg",
+    "mask_iou": "1",
+    "kl": "nat",
+    "predicted_to_true_mm": "mm",
+    "true_to_predicted_mm": "mm",
+    "inside_share": "1",
+    "inside_1cm_share": "1",
+    "inside_depth_mm": "mm",
+    "pieces": "1",
+    "canonical_error_mm": "mm",
+    "canonical_to_original_mm": "mm",
+    "vertex_error_mm": "mm",
+    "acceleration_error_m_s2": "m/s^2",
+    "to_cloud_mm": "mm",
+    "segmentation_accuracy": "1",
+    "inference_s_per_frame": "s",
+}
+
+
 class MetricRow(NamedTuple):
     """One number.
 
     Attributes:
-        model: "svae", "dvae", "baseline" or "truth".
+        model: "svae", "dvae", "garment4d", "baseline" or "truth".
         variant: which of them, such as "svae_no_mask" or "mean_garment".
         split: "train", "val" or "test".
         garment: one of the garment types, or "all".
         metric: a name that carries its unit; ends in `LOW` or `HIGH` for the ends of an interval.
         value: finite.
-        unit: "mm", "deg", "nat" or "1".
-        n: garments, or frames of garments, that the value is a mean over.
+        unit: one of `UNITS`.
+        n: garments, frames of garments or sequences that the value is a mean over.
         seed: of the training, or of the experiment where nothing was trained.
     """
 

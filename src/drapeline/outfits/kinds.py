@@ -7,6 +7,8 @@ from drapeline.errors import InputError
 GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
 # Garments whose legs hang in one tube.
 SKIRTS = ("Skirt", "Dress")
+# Types that Garment4D has templates of.
+TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 # Every combination of garments that makes an outfit, inner to outer.
 KINDS = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
 

@@ -74,6 +74,9 @@ _PAPER_4 = {
 }  # fmt: skip
 _PAPER_METRICS = ("surface_error_mm", "normal_error_rad", "mask_iou", "kl_loss")
 
+# Other models have pages of their own.
+_MODELS = ("svae", "dvae", "baseline", "truth")
+
 
 def write_gcvae_page(path: str | Path, metrics: str | Path) -> None:
     """Write the page of tables.
@@ -85,7 +88,7 @@ def write_gcvae_page(path: str | Path, metrics: str | Path) -> None:
     Raises:
         InputError: the table is missing or unusable.
     """
-    rows = [row for row in read_metrics(metrics) if row.split == "test"]
+    rows = _test_rows(metrics)
     full = _best_known(rows, ("svae_ours", "svae"))
     write_page(
         path,
@@ -135,7 +138,7 @@ def write_beside_paper(path: str | Path, metrics: str | Path) -> None:
     Raises:
         InputError: the table of metrics is missing or unusable.
     """
-    rows = [row for row in read_metrics(metrics) if row.split == "test"]
+    rows = _test_rows(metrics)
     lines: list[tuple[str, str, str, str, str]] = []
 
     def add(table: str, row: str, metric: str, ours: float | None, theirs: float | None) -> None:
@@ -161,6 +164,10 @@ def write_beside_paper(path: str | Path, metrics: str | Path) -> None:
         writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
         writer.writerow(("table", "row", "metric", OURS, THEIRS))
         writer.writerows(lines)
+
+
+def _test_rows(metrics: str | Path) -> list[MetricRow]:
+    return [row for row in read_metrics(metrics) if row.split == "test" and row.model in _MODELS]
 
 
 def _plain(value: float | None) -> str:

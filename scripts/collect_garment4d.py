@@ -1,0 +1,30 @@
+"""Rule `collect_garment4d`: sequences of one garment type in its template's topology, as arrays."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.nets.garment4d.data import collect_garment4d
+from drapeline.nets.garment4d.sequences import (
+    load_tables,
+    simulated_sequences,
+    skinned_sequences,
+)
+from drapeline.registration.garment_template import load_template
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    given, garment = snakemake.input, snakemake.wildcards.garment
+    tables = load_tables(given.fits, garment)
+    frames = collect_garment4d(
+        snakemake.output[0],
+        garment,
+        [
+            *simulated_sequences(garment, given.samples, given.clouds, tables),
+            *skinned_sequences(garment, given.skinned, given.shards, tables),
+        ],
+        load_template(given.template).faces,
+        snakemake.params.components,
+    )
+    log.info("%d frames", frames)

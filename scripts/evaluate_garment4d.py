@@ -1,0 +1,50 @@
+"""Rule `evaluate_garment4d`: metrics of all networks of one garment type, and reconstructions."""
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.metrics.table import write_metrics
+from drapeline.nets.garment4d.data import SequenceData
+from drapeline.nets.garment4d.evaluation import EvaluationSettings, evaluate
+from drapeline.nets.garment4d.refine import RefineSettings
+from drapeline.nets.garment4d.training import (
+    CanonicalStage,
+    MgnStage,
+    PointNetStage,
+    PosedStage,
+    load_stage,
+    settings_of,
+)
+from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params = snakemake.input, snakemake.params
+    torch.set_num_threads(snakemake.threads)
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    wearers = Wearers(bodies, params.body_points)
+    stages = {
+        variant: load_stage(folder, PosedStage)
+        for variant, folder in zip(params.posed, given.posed, strict=True)
+    }
+    released = given.get("vertex_sampled")
+    rows = evaluate(
+        SequenceData(given.data, wearers),
+        {
+            "canonical": load_stage(given.canonical, CanonicalStage),
+            "pointnet": load_stage(given.pointnet, PointNetStage),
+        },
+        {**stages, "mgn": load_stage(given.mgn, MgnStage)},
+        params.splits,
+        settings_of(EvaluationSettings, params.settings),
+        settings_of(RefineSettings, params.refine),
+        pictures=snakemake.output.pictures,
+        vertex_sampled=None if released is None else SequenceData(released, wearers),
+    )
+    write_metrics(snakemake.output.metrics, rows)

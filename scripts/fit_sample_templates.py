@@ -1,0 +1,28 @@
+"""Rule `fit_sample_templates`: a simulated sample's garments registered to templates at rest."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.dataset.reader import Sequence
+from drapeline.dataset.record import read_record
+from drapeline.registration.garment_template import TEMPLATE_TYPES, load_template
+from drapeline.registration.template_fit import FitSettings
+from drapeline.registration.template_tables import NamedGarment, write_tables
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    sample, garments = snakemake.input.sample, []
+    if read_record(sample).accepted:
+        with Sequence(sample) as sequence:
+            for name in sequence.garments:
+                mesh = sequence.mesh(name)
+                garments.append(NamedGarment(sequence.id, name, mesh.vertices, mesh.faces))
+    count = write_tables(
+        snakemake.output[0],
+        garments,
+        {garment: load_template(snakemake.input[garment]) for garment in TEMPLATE_TYPES},
+        FitSettings(**snakemake.params.settings),
+    )
+    log.info("%d garments", count)

@@ -1,0 +1,25 @@
+"""Rule `skin_static`: static outfits moved by skinning through captured motion, as clouds."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.dataset.clouds import CloudSettings
+from drapeline.frames import GENDERS
+from drapeline.registration.garment_template import TEMPLATE_TYPES
+from drapeline.registration.skinned import SkinnedSettings, write_skinned
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    given, params = snakemake.input, snakemake.params
+    count = write_skinned(
+        snakemake.output[0],
+        given.outfits,
+        given.samples,
+        {gender: load_body(given[gender]) for gender in GENDERS},
+        SkinnedSettings(params.frames, params.step, CloudSettings(**params.clouds)),
+        garments=TEMPLATE_TYPES,
+    )
+    log.info("%d outfits", count)

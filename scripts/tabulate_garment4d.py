@@ -1,0 +1,18 @@
+"""Rule `tabulate_garment4d`: tables 2 to 4, and our numbers beside the paper's."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drapeline.registration.template_tables import ERRORS
+from drapeline.report.garment4d_tables import write_beside_paper, write_garment4d_page
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given = snakemake.input
+    write_garment4d_page(
+        snakemake.output.page, given.metrics, [Path(fits) / ERRORS for fits in given.fits]
+    )
+    write_beside_paper(snakemake.output.table, given.metrics)

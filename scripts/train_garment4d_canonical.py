@@ -1,0 +1,25 @@
+"""Rule `train_garment4d_canonical`: finds the points of a garment and its shape at rest."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.nets.garment4d.data import SequenceData
+from drapeline.nets.garment4d.training import train_canonical
+from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params = snakemake.input, snakemake.params
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    train_canonical(
+        snakemake.output[0],
+        SequenceData(given.data, Wearers(bodies, params.body_points)),
+        params.settings,
+        progress=params.progress,
+        trainer=params.trainer,
+        threads=snakemake.threads,
+    )

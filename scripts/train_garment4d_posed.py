@@ -1,0 +1,28 @@
+"""Rule `train_garment4d_posed`: the network of displacements, in one of its variants."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.nets.garment4d.data import SequenceData
+from drapeline.nets.garment4d.training import CanonicalStage, load_stage, train_posed
+from drapeline.nets.garment4d.variants import POSED_VARIANTS
+from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.nets.variants import laid_over
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params = snakemake.input, snakemake.params
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    train_posed(
+        snakemake.output[0],
+        SequenceData(given.data, Wearers(bodies, params.body_points)),
+        laid_over(params.settings, POSED_VARIANTS[snakemake.wildcards.posed]),
+        load_stage(given.canonical, CanonicalStage),
+        progress=params.progress,
+        trainer=params.trainer,
+        threads=snakemake.threads,
+    )

@@ -1,0 +1,377 @@
+"""The canonical stage: which points are garment, and what shape the garment has at rest.
+
+T(alpha) = G + C alpha (Garment4D 2.1), where alpha is found from the garment's points in all frames
+of a window (2.3), and trained by equation 4. The point order of a cloud does not matter: points are
+first sorted by a hash of their coordinates, so "the first" ones are a random but repeatable choice.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from drapeline.dataset.clouds import LABELS
+from drapeline.nets.chebyshev import linear
+from drapeline.nets.garment4d.losses import (
+    CotangentLaplacian,
+    interpenetration,
+    laplacian_difference,
+)
+from drapeline.nets.garment4d.pointnet import (
+    FeaturePropagation,
+    PointLevel,
+    SetAbstraction,
+    perceptron,
+    pooled,
+)
+from drapeline.nets.garment4d.points import farthest_points, gathered
+from drapeline.registration.garment_space import GarmentSpace
+
+# Points per cloud in the released code.
+_POINTS = 6890
+
+
+@dataclass(frozen=True)
+class Abstraction:
+    """One set abstraction; the last three have an entry for each of its ball sizes.
+
+    Attributes:
+        centres: points that are kept.
+        radii: of the balls, metres.
+        neighbours: most points per ball.
+        widths: features after each layer.
+    """
+
+    centres: int
+    radii: tuple[float, ...]
+    neighbours: tuple[int, ...]
+    widths: tuple[tuple[int, ...], ...]
+
+    @property
+    def outputs(self) -> int:
+        """Features per centre."""
+        return sum(layers[-1] for layers in self.widths)
+
+
+@dataclass(frozen=True)
+class CanonicalSettings:
+    """Sizes of the canonical network; defaults are those of the released code.
+
+    Attributes:
+        segmentation: abstractions of all points, finest first.
+        propagation: features after each layer on the way back, coarsest first.
+        garment_points: most points per cloud that the garment encoder sees.
+        garment: abstractions of the garment's points, finest first.
+        overall: features after each layer before the maximum over points and frames.
+        head: features after each layer between that maximum and the coefficients.
+    """
+
+    segmentation: tuple[Abstraction, ...] = (
+        Abstraction(1024, (0.05, 0.1), (16, 32), ((16, 16, 32), (32, 32, 64))),
+        Abstraction(256, (0.1, 0.2), (16, 32), ((32, 32, 64), (64, 64, 128))),
+        Abstraction(64, (0.2, 0.4), (32, 64), ((64, 64, 128), (128, 128, 256))),
+    )
+    propagation: tuple[tuple[int, ...], ...] = ((512, 256), (256, 128), (128, 64))
+    garment_points: int = 1722
+    garment: tuple[Abstraction, ...] = (
+        Abstraction(512, (0.05, 0.1), (16, 32), ((32, 32), (64, 64))),
+        Abstraction(64, (0.2, 0.4), (32, 64), ((128, 128), (256, 256))),
+    )
+    overall: tuple[int, ...] = (512, 512)
+    head: tuple[int, ...] = (128, 64)
+
+    def scaled(self, points: int, width: float) -> "CanonicalSettings":
+        """The same network for sparser clouds, and thinner.
+
+        Points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
+        radii grow by f, so that balls hold as many points as before, and the others, whose centres
+        number 1 / f as many, by sqrt(f).
+
+        Args:
+            points: per cloud.
+            width: factor on the features of all layers.
+        """
+        spread = math.sqrt(_POINTS / points)
+
+        def thinner(widths: Sequence[int]) -> tuple[int, ...]:
+            return tuple(max(round(width * size), 4) for size in widths)
+
+        def fewer(levels: Sequence[Abstraction]) -> tuple[Abstraction, ...]:
+            return tuple(
+                replace(
+                    level,
+                    centres=max(round(level.centres / spread), 1),
+                    radii=tuple(r * spread ** (0.5 if coarser else 1) for r in level.radii),
+                    widths=tuple(thinner(layers) for layers in level.widths),
+                )
+                for coarser, level in enumerate(levels)
+            )
+
+        return replace(
+            self,
+            segmentation=fewer(self.segmentation),
+            propagation=tuple(thinner(layers) for layers in self.propagation),
+            garment_points=max(round(self.garment_points / spread**2), 1),
+            garment=fewer(self.garment),
+            overall=thinner(self.overall),
+            head=thinner(self.head),
+        )
+
+
+@dataclass(frozen=True)
+class CanonicalWeights:
+    """lambda_1 ... lambda_5 of equation 4; defaults are those of the released code."""
+
+    segmentation: float = 0.05
+    coefficients: float = 0.001
+    vertices: float = 40.0
+    interpenetration: float = 50.0
+    laplacian: float = 1.0
+
+
+class CanonicalOutput(NamedTuple):
+    """What the stage says about B windows of T clouds with P points.
+
+    Attributes:
+        logits: (B, T, P, L) of the labels `dataset.clouds.LABELS`; None without segmentation.
+        coefficients: (B, D) alpha.
+        vertices: (B, N, 3) T(alpha), metres, root frame.
+        levels: the garment's points, finest first, of B * T clouds.
+    """
+
+    logits: torch.Tensor | None
+    coefficients: torch.Tensor
+    vertices: torch.Tensor
+    levels: list[PointLevel]
+
+
+def hashed_order(points: torch.Tensor) -> torch.Tensor:
+    """Indices (B, P) that sort points (B, P, 3) by a hash of their float32 coordinates.
+
+    The order looks random but belongs to the points, not to the order they come in.
+    """
+    bits = (points.detach().float() + 0.0).view(torch.int32).long()  # + 0.0: -0 is 0
+    code = bits[..., 0] * 73856093 ^ bits[..., 1] * 19349663 ^ bits[..., 2] * 83492791
+    for shift in (32, 29):  # low bits of round numbers are all zero: let high ones reach them
+        code = (code ^ (code >> shift)) * -7046029254386353131
+    return code.argsort(dim=1)
+
+
+class Segmentation(nn.Module):
+    """PointNet++ with three levels and back: features and logits of every point.
+
+    Args:
+        settings: sizes.
+        rng: source of the initial weights.
+    """
+
+    def __init__(self, settings: CanonicalSettings, rng: torch.Generator) -> None:
+        super().__init__()
+        self.centres = [level.centres for level in settings.segmentation]
+        widths = [3, *(level.outputs for level in settings.segmentation)]
+        self.down = nn.ModuleList(
+            SetAbstraction(inputs, level.radii, level.neighbours, level.widths, rng)
+            for inputs, level in zip(widths, settings.segmentation, strict=False)
+        )
+        self.up = nn.ModuleList()
+        coarse = widths.pop()
+        for fine, layers in zip(reversed(widths), settings.propagation, strict=True):
+            self.up.append(FeaturePropagation(coarse, fine, layers, rng))
+            coarse = layers[-1]
+        self.outputs = coarse
+        self.head = nn.Sequential(
+            perceptron((coarse, coarse // 2), rng), linear(coarse // 2, len(LABELS), rng)
+        )
+
+    def forward(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Points (C, P, 3) -> features (C, P, outputs) and logits (C, P, L)."""
+        valid = torch.ones(points.shape[:2], dtype=torch.bool, device=points.device)
+        levels = abstracted(PointLevel(points, points, valid), self.down, self.centres)
+        coarse = levels.pop()
+        while levels:
+            fine = levels.pop()
+            features = self.up[len(self.up) - 1 - len(levels)](fine, coarse)
+            coarse = fine._replace(features=features)
+        return coarse.features, self.head(coarse.features)
+
+
+def abstracted(
+    level: PointLevel, down: Sequence[SetAbstraction], centres: Sequence[int]
+) -> list[PointLevel]:
+    """A level and its abstractions, finest first.
+
+    The farthest points of farthest points are the first of them, so one search serves all levels.
+    """
+    levels = [level]
+    chosen = farthest_points(level.points, centres[0], level.valid)
+    for abstraction, count in zip(down, centres, strict=True):
+        levels.append(abstraction(levels[-1], chosen[:, :count]))
+        chosen = torch.arange(count, device=chosen.device).expand(len(chosen), -1)
+    return levels
+
+
+class ShapeEncoder(nn.Module):
+    """From the points of a garment in T frames to its coefficients.
+
+    Args:
+        inputs: features per point.
+        components: D.
+        settings: sizes.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, inputs: int, components: int, settings: CanonicalSettings, rng: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.centres = [level.centres for level in settings.garment]
+        self.widths = [inputs, *(level.outputs for level in settings.garment)]
+        self.down = nn.ModuleList(
+            SetAbstraction(width, level.radii, level.neighbours, level.widths, rng)
+            for width, level in zip(self.widths, settings.garment, strict=False)
+        )
+        self.overall = perceptron((3 + self.widths[-1], *settings.overall), rng)
+        self.head = perceptron((settings.overall[-1], *settings.head), rng)
+        self.coefficients = linear(settings.head[-1], components, rng)
+        with torch.no_grad():  # begin near the mean garment
+            self.coefficients.weight.mul_(0.1)
+
+    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, list[PointLevel]]:
+        """Level of B * T clouds -> coefficients (B, D) and the levels, finest first."""
+        levels = abstracted(level, self.down, self.centres)
+        last = levels[-1]
+        rows = self.overall(torch.cat([last.points, last.features], dim=-1))
+        # Features are not negative, so a cloud without garment points (all zero) has no say.
+        window = pooled(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
+        return self.coefficients(self.head(window)), levels
+
+
+class _ShapeNetwork(nn.Module):
+    """A network that ends in T(alpha) = G + C alpha."""
+
+    def __init__(self, space: GarmentSpace) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.from_numpy(np.array(space.mean, dtype=np.float32)))
+        components = torch.from_numpy(np.array(space.components, dtype=np.float32))
+        self.register_buffer("components", components)
+
+    def vertices(self, coefficients: torch.Tensor) -> torch.Tensor:
+        """Alpha (B, D) -> T(alpha) (B, N, 3)."""
+        return self.mean + torch.tensordot(coefficients, self.components, dims=1)
+
+
+class CanonicalNetwork(_ShapeNetwork):
+    """Segments every cloud, and estimates alpha from what it takes for the garment.
+
+    Args:
+        settings: sizes.
+        space: G and C of the garment's type.
+        label: the type's index in `dataset.clouds.LABELS`.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, settings: CanonicalSettings, space: GarmentSpace, label: int, rng: torch.Generator
+    ) -> None:
+        super().__init__(space)
+        self.label = label
+        self.garment_points = settings.garment_points
+        self.segmentation = Segmentation(settings, rng)
+        self.encoder = ShapeEncoder(self.segmentation.outputs, len(space.components), settings, rng)
+
+    @property
+    def level_channels(self) -> list[int]:
+        """Features per point of the levels, finest first."""
+        return self.encoder.widths
+
+    def forward(self, points: torch.Tensor, labels: torch.Tensor | None = None) -> CanonicalOutput:
+        """Estimate B garments from windows of T clouds.
+
+        Args:
+            points: (B, T, P, 3) metres, root frame.
+            labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
+        """
+        clouds = points.flatten(0, 1)  # (B * T, P, 3)
+        order = hashed_order(clouds)
+        clouds = gathered(clouds, order)
+        features, logits = self.segmentation(clouds)
+        found = logits.argmax(-1) if labels is None else labels.flatten(0, 1).gather(1, order)
+        level = first_of(PointLevel(clouds, features, found == self.label), self.garment_points)
+        alpha, levels = self.encoder(level, points.shape[1])
+        logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
+        return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
+
+
+class PointNetRegressor(_ShapeNetwork):
+    """Baseline PN++ of table 2: alpha from all points, whatever they belong to.
+
+    Args:
+        settings: sizes; those of the segmentation are not used.
+        space: G and C of the garment's type.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator
+    ) -> None:
+        super().__init__(space)
+        self.encoder = ShapeEncoder(3, len(space.components), settings, rng)
+
+    def forward(self, points: torch.Tensor) -> CanonicalOutput:
+        """Estimate B garments from windows of T clouds, (B, T, P, 3) metres, root frame."""
+        clouds = points.flatten(0, 1)
+        clouds = gathered(clouds, hashed_order(clouds))
+        valid = torch.ones(clouds.shape[:2], dtype=torch.bool, device=clouds.device)
+        alpha, levels = self.encoder(PointLevel(clouds, clouds, valid), points.shape[1])
+        return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
+
+
+def first_of(level: PointLevel, count: int) -> PointLevel:
+    """The first `count` valid points of each cloud, padded with zeros where there are fewer."""
+    index = (~level.valid).to(torch.uint8).argsort(dim=1, stable=True)[:, :count]
+    valid = level.valid.gather(1, index)
+    points, features = gathered(level.points, index), gathered(level.features, index)
+    return PointLevel(points * valid[..., None], features * valid[..., None], valid)
+
+
+def canonical_loss(
+    output: CanonicalOutput,
+    labels: torch.Tensor,
+    coefficients: torch.Tensor,
+    canonical: torch.Tensor,
+    body: torch.Tensor,
+    body_normals: torch.Tensor,
+    laplacian: CotangentLaplacian,
+    weights: CanonicalWeights,
+) -> dict[str, torch.Tensor]:
+    """Equation 4.
+
+    Args:
+        output: of B windows.
+        labels: (B, T, P) int64 of the points.
+        coefficients: (B, D) true alpha.
+        canonical: (B, N, 3) true canonical garments, metres.
+        body: (B, M, 3) vertices of the bodies in the rest pose, metres.
+        body_normals: (B, M, 3) their outward unit normals.
+        laplacian: of the garment's mesh.
+        weights: of the terms.
+
+    Returns:
+        Each term before it is weighed, and their weighed sum as "total". There is no term
+        "segmentation" if the network has none.
+    """
+    terms = {
+        "coefficients": (output.coefficients - coefficients).square().sum(-1).mean(),
+        "vertices": (output.vertices - canonical).square().sum(-1).mean(),
+        "interpenetration": interpenetration(output.vertices, body, body_normals),
+        "laplacian": laplacian_difference(laplacian, output.vertices, canonical),
+    }
+    if output.logits is not None:
+        terms["segmentation"] = F.cross_entropy(output.logits.flatten(0, 2), labels.flatten())
+    terms["total"] = sum(getattr(weights, name) * term for name, term in terms.items())
+    return terms

@@ -1,0 +1,392 @@
+"""Sequences of one garment type for Garment4D: collected into arrays that are mapped, in windows.
+
+All coordinates are metres relative to the root joint, Z up, at 30 frames per second. F frames of
+all sequences, S sequences, P points of a cloud, N vertices of the template, M body vertices that
+networks see, T frames of a window, D components of the garment space.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.dataset.clouds import LABELS, mapped
+from drapeline.errors import InputError
+from drapeline.mesh import Mesh
+from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers, proposals
+from drapeline.nets.gcvae_data import Batch
+from drapeline.registration.garment_space import fit_space, load_space
+from drapeline.rule_log import progress
+from drapeline.storage import load_npz, read_json, save_npz, whole_folder, write_json
+
+SOURCES = ("simulated", "skinned")
+_PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")
+_KEPT = 256  # sequences whose bodies stay in memory: 8 MB each at 1,000 vertices, 300 frames
+
+
+@dataclass(frozen=True)
+class GarmentSequence:
+    """One garment through one sequence, before it is collected.
+
+    Attributes:
+        name: of the sequence; no other of the same type has it.
+        source: "simulated", or "skinned" for a garment moved by its skinning weights.
+        split: "train", "val" or "test".
+        gender: 0 female, 1 male.
+        shape: (10,).
+        poses: (T, 72) rad.
+        number: (T,) of the frames in the motion, consecutive.
+        points: (T, P, 3) clouds.
+        labels: (T, P) codes of `LABELS`.
+        canonical: (N, 3) the garment in the rest pose, in template topology.
+        original: the same before registration, triangles.
+        garment: gives (T, N, 3), the posed garment in template topology, when it is needed.
+    """
+
+    name: str
+    source: str
+    split: str
+    gender: int
+    shape: np.ndarray
+    poses: np.ndarray
+    number: np.ndarray
+    points: np.ndarray
+    labels: np.ndarray
+    canonical: np.ndarray
+    original: Mesh
+    garment: Callable[[], np.ndarray]
+
+
+def collect_garment4d(
+    output: str | Path,
+    garment: str,
+    sequences: Sequence[GarmentSequence],
+    faces: np.ndarray,
+    components: int,
+) -> int:
+    """Write all sequences of one type as arrays, and the shape space of those for training.
+
+    Args:
+        output: folder, replaced as a whole.
+        garment: the type.
+        sequences: any number of any splits.
+        faces: (F, 3) of the type's template.
+        components: D of the space; fewer where there are few garments.
+
+    Returns:
+        Number of frames written.
+
+    Raises:
+        InputError: there are fewer than two training sequences, two sequences have one name, or
+            one does not fit the others.
+    """
+    output = Path(output)
+    _check(output, sequences)
+    counts = np.array([len(one.poses) for one in sequences])
+    total, first = int(counts.sum()), sequences[0]
+    canonical = np.stack([one.canonical for one in sequences]).astype(np.float32)
+    trained = np.array([one.split == "train" for one in sequences])
+    space = fit_space(canonical[trained], components, faces)
+    with whole_folder(output) as scratch:
+        arrays = {
+            name: np.lib.format.open_memmap(
+                scratch / f"{name}.npy", mode="w+", dtype=dtype, shape=(total, *shape)
+            )
+            for name, dtype, shape in (
+                ("points", np.float32, first.points.shape[1:]),
+                ("labels", np.uint8, first.labels.shape[1:]),
+                ("garment", np.float32, first.canonical.shape),
+            )
+        }
+        starts = np.cumsum(counts) - counts
+        for one, start in progress(
+            zip(sequences, starts, strict=True), total=len(sequences), label="sequences"
+        ):
+            posed = one.garment()
+            _refuse_unfinite(output, one, posed)
+            values = {"points": one.points, "labels": one.labels, "garment": posed}
+            for name, value in values.items():
+                arrays[name][start : start + len(one.poses)] = value
+        for array in arrays.values():
+            array.flush()
+        save_npz(
+            scratch / "frames.npz",
+            poses=np.concatenate([one.poses for one in sequences]).astype(np.float32),
+            sequence=np.repeat(np.arange(len(sequences)), counts),
+            number=np.concatenate([one.number for one in sequences]),
+        )
+        save_npz(
+            scratch / "sequences.npz",
+            start=starts,
+            count=counts,
+            canonical=canonical,
+            coefficients=space.coefficients(canonical),
+            shape=np.stack([one.shape for one in sequences]).astype(np.float32),
+            **{
+                key: np.array([getattr(one, key) for one in sequences])
+                for key in ("name", "source", "split", "gender")
+            },
+        )
+        save_npz(
+            scratch / "originals.npz",
+            **{
+                f"{one.name}/{key}": getattr(one.original, key)
+                for one in sequences
+                if one.split != "train"
+                for key in ("vertices", "faces")
+            },
+        )
+        space.save(scratch / "space.npz")
+        write_json(scratch / "about.json", {"garment": garment})
+    return total
+
+
+def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
+    if not sequences:
+        raise InputError(f"{output}: no sequences, expected one or more")
+    first, names = sequences[0], set()
+    for one in sequences:
+        if one.name in names:
+            raise InputError(f"{output}: two sequences are named {one.name}, expected one")
+        names.add(one.name)
+        for key in ("points", "canonical"):
+            found, wanted = (getattr(x, key).shape[-2] for x in (one, first))
+            if found != wanted:
+                raise InputError(
+                    f"{output}: sequence {one.name} has {key} of {found} rows, expected"
+                    f" {wanted} as in sequence {first.name}"
+                )
+
+
+def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
+    finite = np.isfinite(posed).all(axis=(1, 2)) & np.isfinite(one.points).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(
+            f"{output}: sequence {one.name} holds NaN or infinity in frame"
+            f" {int(one.number[np.argmin(finite)])}, expected metres"
+        )
+
+
+class SequenceData:
+    """What `collect_garment4d` wrote.
+
+    Args:
+        folder: it wrote.
+        wearers: the bodies.
+
+    Attributes:
+        kind: garment type.
+        label: its code in `LABELS`.
+        space: of canonical garments.
+        points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
+        poses, number: (F, 72) and (F,) frame numbers in the motion.
+        name, source, split, start, count: (S,) of the sequences; start is their first row.
+        shape, gender: (S, 10), (S,).
+        canonical, coefficients: (S, N, 3), (S, D).
+        worn: (S, N, 3) canonical garments that proposals are skinned from; the true ones at first.
+
+    Raises:
+        InputError: a file is missing, lacks an array, or the arrays do not agree in length.
+    """
+
+    def __init__(self, folder: str | Path, wearers: Wearers) -> None:
+        folder = Path(folder)
+        self.kind = str(read_json(folder / "about.json")["garment"])
+        self.label = LABELS.index(self.kind)
+        self.space = load_space(folder / "space.npz")
+        self.points, self.labels, self.garment = (
+            mapped(folder / f"{key}.npy") for key in ("points", "labels", "garment")
+        )
+        frames = load_npz(folder / "frames.npz", "poses", "sequence", "number")
+        self.poses, self.number = frames["poses"], frames["number"]
+        sequences = load_npz(folder / "sequences.npz", *_PER_SEQUENCE, "coefficients")
+        for key, value in sequences.items():
+            setattr(self, key, value)
+        lengths = {len(x) for x in (self.points, self.labels, self.garment, self.poses)}
+        if lengths != {int(self.count.sum())}:
+            raise InputError(
+                f"{folder}: arrays of {', '.join(map(str, sorted(lengths)))} frames, expected"
+                f" {int(self.count.sum())} as in sequences.npz"
+            )
+        self._folder = folder
+        self.wearers = wearers
+        self.wear(self.canonical, SkinningSettings())
+
+    def wear(self, canonical: np.ndarray, skinning: SkinningSettings) -> None:
+        """Skin proposals from these canonical garments (S, N, 3) in this way from now on."""
+        self.worn, self.skinning = canonical, skinning
+        self._weights = lru_cache(None)(self._weights_of)
+        self._shown = lru_cache(_KEPT)(self._shown_of)
+        self._wearer = lru_cache(None)(self._wearer_of)
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def rows(self, sequence: int) -> slice:
+        """Frames of a sequence."""
+        start = int(self.start[sequence])
+        return slice(start, start + int(self.count[sequence]))
+
+    def of_split(self, split: str, sources: Sequence[str] = SOURCES) -> np.ndarray:
+        """Sequences of a split from some sources."""
+        return np.flatnonzero((self.split == split) & np.isin(self.source, sources))
+
+    @cached_property
+    def originals(self) -> dict[str, Mesh]:
+        """Name of a sequence -> canonical garment before registration; none for training."""
+        arrays = load_npz(self._folder / "originals.npz")
+        names = dict.fromkeys(key.rpartition("/")[0] for key in arrays)
+        return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}
+
+    def wearer(self, sequence: int) -> Wearer:
+        """Who wears a sequence's garment."""
+        return self._wearer(int(sequence))
+
+    def weights(self, sequence: int) -> np.ndarray:
+        """(N, 24) float32 skinning weights of the garment worn."""
+        return self._weights(int(sequence))
+
+    def _wearer_of(self, sequence: int) -> Wearer:
+        return self.wearers.of(int(self.gender[sequence]), self.shape[sequence])
+
+    def _weights_of(self, sequence: int) -> np.ndarray:
+        wearer = self.wearer(sequence)
+        return wearer.weights(self.worn[sequence], self.space.faces, self.skinning)
+
+    def _shown_of(self, sequence: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        wearer, poses = self.wearer(sequence), self.poses[self.rows(sequence)]
+        return *wearer.shown(poses), wearer.transforms(poses)
+
+    def windows(
+        self, split: str, frames: int, stride: int, sources: Sequence[str] = SOURCES
+    ) -> np.ndarray:
+        """(W, 2) sequence and first frame within it of windows that cover every frame.
+
+        Raises:
+            InputError: a sequence is shorter than a window.
+        """
+        found = [
+            (sequence, start)
+            for sequence in self.of_split(split, sources)
+            for start in window_starts(
+                int(self.count[sequence]), frames, stride, str(self.name[sequence])
+            )
+        ]
+        return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+    def batch(self, windows: np.ndarray, frames: int, *, posed: bool) -> Batch:
+        """Arrays of windows.
+
+        Args:
+            windows: (B, 2) as from `windows`.
+            frames: T.
+            posed: whether what only the posed stage needs is wanted too.
+
+        Returns:
+            `points` (B, T, P, 3), `labels` (B, T, P) int64, `canonical` (B, N, 3), `coefficients`
+            (B, D), `rest_body` and `rest_normals` (B, M, 3), `names`, `sequence` and `start` (B,),
+            the windows; and if
+            posed `target` (B, T, N, 3), `poses` (B, T, 72), `body` and `body_normals`
+            (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3), `weights` (B, N, 24) and
+            `proposal` (B, T, N, 3).
+        """
+        places = [(int(s), self.start[s] + first, int(first)) for s, first in windows]
+        spans = [slice(row, row + frames) for _, row, _ in places]
+        chosen = np.array([s for s, _, _ in places])
+        rest = [self.wearer(s).rest for s in chosen]
+        batch = {
+            "points": np.stack([self.points[span] for span in spans]),
+            "labels": np.stack([self.labels[span] for span in spans]).astype(np.int64),
+            "canonical": self.canonical[chosen],
+            "coefficients": self.coefficients[chosen].astype(np.float32),
+            "rest_body": np.stack([vertices for vertices, _ in rest]).astype(np.float32),
+            "rest_normals": np.stack([normals for _, normals in rest]).astype(np.float32),
+            "sequence": chosen,
+            "start": np.array([first for _, _, first in places]),
+            "names": [f"{self.name[s]}/{self.number[row]}" for s, row, _ in places],
+        }
+        if not posed:
+            return batch
+        shown = [tuple(x[first : first + frames] for x in self._shown(s)) for s, _, first in places]
+        batch |= {
+            key: np.stack([one[part] for one in shown]).astype(np.float32)
+            for part, key in enumerate(("body", "body_normals", "transforms"))
+        }
+        batch |= {
+            "target": np.stack([self.garment[span] for span in spans]),
+            "poses": np.stack([self.poses[span] for span in spans]),
+            "worn": self.worn[chosen].astype(np.float32),
+            "weights": np.stack([self.weights(s) for s in chosen]),
+        }
+        batch["proposal"] = proposals(batch["worn"], batch["weights"], batch["transforms"])
+        return batch
+
+
+def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
+    """First frames of windows; the last one is shifted back to end with the sequence, not padded.
+
+    Args:
+        count: frames of the sequence.
+        frames: T.
+        stride: from one window to the next, at most T.
+        name: of the sequence, for the error.
+
+    Raises:
+        InputError: the sequence is shorter than a window.
+    """
+    if count < frames:
+        raise InputError(f"sequence {name} has {count} frames, expected at least {frames}")
+    starts = list(range(0, count - frames + 1, stride))
+    return starts if starts[-1] == count - frames else [*starts, count - frames]
+
+
+class Windows:
+    """Windows of all splits as rows, for training.
+
+    Where the validation split holds no sequence of the sources asked for it gives those of any
+    source: a network must be selected by something that it was not trained on.
+
+    Args:
+        data: sequences.
+        frames: T.
+        stride: from one training window to the next; validation windows do not overlap.
+        sources: of the sequences.
+        posed: whether batches are for the posed stage.
+    """
+
+    def __init__(
+        self,
+        data: SequenceData,
+        *,
+        frames: int,
+        stride: int,
+        sources: Sequence[str] = SOURCES,
+        posed: bool,
+    ) -> None:
+        self.data, self.frames, self.posed = data, frames, posed
+        train = data.windows("train", frames, stride, sources)
+        val = data.windows("val", frames, frames, sources)
+        if not len(val):
+            val = data.windows("val", frames, frames)
+        self._windows = np.concatenate([train, val])
+        self._rows = {
+            "train": np.arange(len(train)),
+            "val": np.arange(len(train), len(self._windows)),
+        }
+
+    def __len__(self) -> int:
+        return len(self._windows)
+
+    def rows(self, split: str) -> np.ndarray:
+        """Rows of "train" or "val"."""
+        return self._rows[split]
+
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) zeros: all windows are of one type."""
+        return np.zeros(len(rows), dtype=np.int64)
+
+    def batch(self, rows: np.ndarray) -> Batch:
+        """See `SequenceData.batch`."""
+        return self.data.batch(self._windows[rows], self.frames, posed=self.posed)

@@ -1,0 +1,259 @@
+"""How good trained Garment4D networks are: all variants of one garment type, row by row."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.dataset.clouds import with_holes, with_wrong_labels
+from drapeline.metrics import garment4d as metrics
+from drapeline.metrics.garment4d import Measured
+from drapeline.metrics.table import ALL, MetricRow
+from drapeline.nets.garment4d.data import SequenceData
+from drapeline.nets.garment4d.inference import (
+    Reconstruction,
+    estimate_canonical,
+    reconstruct,
+    refine,
+)
+from drapeline.nets.garment4d.refine import RefineSettings
+from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz, whole_folder
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """What is evaluated besides the plain reconstruction.
+
+    Attributes:
+        stride: frames from one window to the next; 0 for T.
+        neighbours: values of K to skin proposals with (figure 8).
+        missing: shares of points in holes (figure 9).
+        accuracy: shares of points with the right label (figure 10).
+        noise_pose_rad: deviation of what is added to every angle of the poses given, the same in
+            all frames of a sequence.
+        noise_shape: deviation of what is added to the shapes given.
+        contact_every: frames from one to the next that what is inside the body is looked at in.
+        seed: of holes, labels, noise and intervals.
+    """
+
+    stride: int = 0
+    neighbours: tuple[int, ...] = (1, 16, 64, 256)
+    missing: tuple[float, ...] = (0.1, 0.3, 0.5)
+    accuracy: tuple[float, ...] = (1.0, 0.9, 0.7, 0.5)
+    noise_pose_rad: float = 0.05
+    noise_shape: float = 0.5
+    contact_every: int = 5
+    seed: int = 0
+
+
+class Evaluation:
+    """Measures of all variants on one split, sequence by sequence.
+
+    Args:
+        data: sequences of one type.
+        split: "train", "val" or "test".
+        settings: see there.
+    """
+
+    def __init__(self, data: SequenceData, split: str, settings: EvaluationSettings) -> None:
+        self.data, self.split, self.settings = data, split, settings
+        self._measured: dict[str, list[Measured]] = {}
+        simulated = data.of_split(split, ("simulated",))
+        self.sequences = data.of_split(split)
+        # What is only skinned has no true folds; it is better than nothing to measure at all.
+        self.moving = simulated if len(simulated) else self.sequences
+
+    def rows(self) -> list[MetricRow]:
+        """Rows of the table of metrics."""
+        found = [
+            row
+            for variant, measured in self._measured.items()
+            for row in metrics.sequence_summary(
+                measured, variant=variant, split=self.split, seed=self.settings.seed
+            )
+        ]
+        # A table holds one type; several of them are joined, and "all" would be there twice.
+        return [row for row in found if row.garment != ALL]
+
+    def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
+        """Note measures of a variant on a sequence."""
+        one = Measured(str(self.data.name[sequence]), self.data.kind, measures)
+        self._measured.setdefault(variant, []).append(one)
+
+    def canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
+        """M1 of the mean garment and of stages by variant, on sequences of all sources."""
+        data = self.data
+        for sequence in progress(self.sequences, total=len(self.sequences), label="canonical"):
+            true, original = data.canonical[sequence], data.originals.get(str(data.name[sequence]))
+            mean = metrics.canonical_measures(data.space.mean, true, original)
+            self.add("mean_garment", sequence, mean)
+            rows = data.rows(sequence)
+            for variant, stage in stages.items():
+                found, labels = estimate_canonical(stage, data.points[rows])
+                measures = metrics.canonical_measures(found, true, original)
+                if labels is not None:
+                    measures["segmentation_accuracy"] = metrics.segmentation_accuracy(
+                        labels, data.labels[rows]
+                    )
+                self.add(variant, sequence, measures)
+
+    def posed(self, variant: str, stage: PosedStage) -> dict[str, Reconstruction]:
+        """M2, M3 and the like of a stage; name of each sequence -> its reconstruction."""
+        found = {}
+        for sequence in progress(self.moving, total=len(self.moving), label=variant):
+            made = self._reconstructed(stage, sequence)
+            self.garment(variant, sequence, made.final, seconds=made.seconds)
+            found[str(self.data.name[sequence])] = made
+        return found
+
+    def ours(self, sequence: int, made: Reconstruction, refining: RefineSettings) -> np.ndarray:
+        """Measure our variant and return it, (F, N, 3)."""
+        data, rows = self.data, self.data.rows(sequence)
+        started = time.perf_counter()
+        found = refine(
+            made,
+            data.points[rows],
+            data.poses[rows],
+            data.wearer(sequence),
+            data.label,
+            data.space.faces,
+            refining,
+        )
+        seconds = made.seconds + time.perf_counter() - started
+        self.garment("ours", sequence, found, seconds=seconds)
+        return found
+
+    def garment(
+        self,
+        variant: str,
+        sequence: int,
+        garment: np.ndarray,
+        *,
+        seconds: float | None = None,
+        true: bool = True,
+    ) -> None:
+        """All measures of a posed garment (F, N, 3); without `true` those that need no truth."""
+        data, wearer = self.data, self.data.wearer(sequence)
+        rows = data.rows(sequence)
+
+        def body(frame: int) -> np.ndarray:
+            return posed_vertices(wearer.model, wearer.shape, data.poses[rows][frame][None])[0][0]
+
+        measures = metrics.sequence_measures(
+            garment,
+            data.garment[rows] if true else None,
+            wearer=metrics.Wearer(body, wearer.model.faces),
+            points=data.points[rows],
+            contact_every=self.settings.contact_every,
+        )
+        if seconds is not None:
+            measures["inference_s_per_frame"] = seconds / len(garment)
+        self.add(variant, sequence, measures)
+
+    def sweeps(self, stage: PosedStage) -> None:
+        """Figures 8, 9 and 10, and a body that is not quite known."""
+        settings, plain = self.settings, stage.settings.skinning
+        for sequence in progress(self.moving, total=len(self.moving), label="sweeps"):
+            name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
+            points, labels = self.data.points[rows], self.data.labels[rows]
+            for count in settings.neighbours:
+                made = self._reconstructed(
+                    stage, sequence, skinning=replace(plain, neighbours=count)
+                )
+                self._errors(f"neighbours_{count}", sequence, made)
+            for share in settings.missing:
+                rng = rng_for(settings.seed, "missing", name, share)
+                holed = np.stack(
+                    [
+                        with_holes(*frame, share, rng)[0]
+                        for frame in zip(points, labels, strict=True)
+                    ]
+                )
+                made = self._reconstructed(stage, sequence, points=holed)
+                self._errors(f"missing_{round(100 * share)}", sequence, made)
+            for share in settings.accuracy:
+                rng = rng_for(settings.seed, "accuracy", name, share)
+                wrong = with_wrong_labels(labels.ravel(), share, self.data.label, rng)
+                made = self._reconstructed(stage, sequence, labels=wrong.reshape(labels.shape))
+                self._errors(f"accuracy_{round(100 * share)}", sequence, made)
+            rng = rng_for(settings.seed, "noisy body", name)
+            poses = self.data.poses[rows] + rng.normal(0, settings.noise_pose_rad, 72)
+            shape = self.data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
+            wearer = self.data.wearers.of(int(self.data.gender[sequence]), shape)
+            made = self._reconstructed(stage, sequence, poses=poses, wearer=wearer)
+            self._errors("noisy_body", sequence, made)
+
+    def _errors(self, variant: str, sequence: int, made: Reconstruction) -> None:
+        true = self.data.garment[self.data.rows(sequence)]
+        measures = metrics.sequence_measures(made.final, true)
+        measures["inference_s_per_frame"] = made.seconds / len(true)
+        self.add(variant, sequence, measures)
+
+    def _reconstructed(self, stage: PosedStage, sequence: int, **changed: object) -> Reconstruction:
+        rows = self.data.rows(sequence)
+        given = {
+            "points": self.data.points[rows],
+            "poses": self.data.poses[rows],
+            "wearer": self.data.wearer(sequence),
+            "stride": self.settings.stride or None,
+        }
+        return reconstruct(stage, **{**given, **changed})
+
+
+def evaluate(
+    data: SequenceData,
+    canonical: Mapping[str, CanonicalStage],
+    posed: Mapping[str, PosedStage],
+    splits: Sequence[str],
+    settings: EvaluationSettings,
+    refining: RefineSettings,
+    *,
+    pictures: str | Path,
+    vertex_sampled: SequenceData | None = None,
+) -> list[MetricRow]:
+    """Rows of the table of metrics for all variants of one type, and reconstructions for pictures.
+
+    Args:
+        data: sequences of the type.
+        canonical: variant -> trained stage; "canonical" and "pointnet".
+        posed: variant -> trained stage; "posed", "mgn" and ablations.
+        splits: to evaluate; sweeps are made on the test split alone.
+        settings, refining: see there.
+        pictures: folder for `{sequence}.npz` of the test split; replaced as a whole.
+        vertex_sampled: the same sequences with points sampled as in the released code.
+    """
+    found = []
+    with whole_folder(pictures) as scratch:
+        for split in splits:
+            evaluation = Evaluation(data, split, settings)
+            evaluation.canonicals(canonical)
+            made = {variant: evaluation.posed(variant, stage) for variant, stage in posed.items()}
+            for sequence in evaluation.moving:
+                name, rows = str(data.name[sequence]), data.rows(sequence)
+                plain = made["posed"][name]
+                evaluation.garment("lbs", sequence, plain.proposal)
+                ours = evaluation.ours(sequence, plain, refining)
+                evaluation.garment("truth", sequence, data.garment[rows], true=False)
+                if split == "test":
+                    save_npz(
+                        scratch / f"{name}.npz",
+                        labels=plain.labels,
+                        canonical=plain.canonical,
+                        lbs=plain.proposal,
+                        ours=ours,
+                        **{variant: one[name].final for variant, one in made.items()},
+                    )
+            if split == "test":
+                evaluation.sweeps(posed["posed"])
+                if vertex_sampled is not None:
+                    released = Evaluation(vertex_sampled, split, settings)
+                    released.posed("vertex_sampled", posed["posed"])
+                    found += released.rows()
+            found += evaluation.rows()
+    return found

@@ -1,0 +1,198 @@
+"""Whole sequences through trained Garment4D networks.
+
+Coordinates are metres relative to the root joint, Z up. F frames, P points, N vertices.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.nets.garment4d.data import window_starts
+from drapeline.nets.garment4d.refine import RefineSettings, refined
+from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
+from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, proposals
+
+_BATCH = 4  # windows at once
+
+
+class Reconstruction(NamedTuple):
+    """A garment through a sequence, stage by stage; metres, root frame.
+
+    Attributes:
+        labels: (F, P) uint8 of the points, or None from a network that does not tell.
+        canonical: (N, 3) T(alpha').
+        proposal: (F, N, 3) interpolated skinning of it.
+        final: (F, N, 3) with the displacements.
+        seconds: for everything.
+    """
+
+    labels: np.ndarray | None
+    canonical: np.ndarray
+    proposal: np.ndarray
+    final: np.ndarray
+    seconds: float
+
+
+@torch.inference_mode()
+def estimate_canonical(
+    stage: CanonicalStage, points: np.ndarray, labels: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """The canonical garment of a whole sequence: T of the mean alpha' of its windows.
+
+    Args:
+        stage: trained.
+        points: (F, P, 3) clouds, metres, root frame.
+        labels: (F, P) to choose the garment's points by, instead of the network's own.
+
+    Returns:
+        (N, 3) metres, and the labels (F, P) uint8 that the network gives, or None.
+    """
+    windows = _Windows(len(points), stage.settings.training.frames)
+    outputs = list(_outputs(stage, windows, points, labels))
+    alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
+    return stage.network.vertices(alpha[None])[0].numpy(), _labels(outputs, windows)
+
+
+@torch.inference_mode()
+def reconstruct(
+    stage: PosedStage,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    *,
+    stride: int | None = None,
+    skinning: SkinningSettings | None = None,
+    labels: np.ndarray | None = None,
+) -> Reconstruction:
+    """Both stages on a whole sequence; a frame in several windows is their mean.
+
+    Args:
+        stage: trained; it holds the canonical network.
+        points: (F, P, 3) clouds, metres, root frame.
+        poses: (F, 72) rad of the wearer.
+        wearer: the body.
+        stride: from one window to the next; T if None. The last window is shifted back to end
+            with the sequence.
+        skinning: of the proposals, where not as in training.
+        labels: (F, P) to choose the garment's points by, instead of the network's own.
+
+    Raises:
+        InputError: the sequence is shorter than a window.
+    """
+    started = time.perf_counter()
+    training, faces = stage.settings.training, stage.space.faces
+    windows = _Windows(len(points), training.frames, stride)
+    outputs = list(_outputs(stage.canonical, windows, points, labels))
+    alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
+    canonical = stage.canonical.network.vertices(alpha[None])[0].numpy()
+    weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)
+    transforms = wearer.transforms(poses)
+    proposal = proposals(canonical[None], weights[None], transforms[None])[0]
+    body, normals = wearer.shown(poses)
+    frames = {
+        "proposal": proposal,
+        "body": body,
+        "body_normals": normals,
+        "transforms": transforms,
+    }
+    mean = windows.mean(canonical.shape)
+    for chosen, output in zip(windows.parts(), outputs, strict=True):
+        batch = {key: torch.from_numpy(windows.of(chosen, x)) for key, x in frames.items()}
+        for key, value in (("worn", canonical), ("weights", weights)):
+            batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
+        mean.add(chosen, stage.predictions(batch, output.levels)[-1].numpy())
+    return Reconstruction(
+        _labels(outputs, windows), canonical, proposal, mean(), time.perf_counter() - started
+    )
+
+
+class _Windows:
+    """Windows that cover a sequence."""
+
+    def __init__(self, count: int, frames: int, stride: int | None = None) -> None:
+        self.count, self.frames = count, frames
+        starts = window_starts(count, frames, stride or frames, "to reconstruct")
+        self.starts = np.array(starts)
+
+    def parts(self) -> Iterator[np.ndarray]:
+        """First frames of the windows of one batch after the other."""
+        for first in range(0, len(self.starts), _BATCH):
+            yield self.starts[first : first + _BATCH]
+
+    def of(self, starts: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Values (F, ...) of windows, (B, T, ...)."""
+        rows = starts[:, None] + np.arange(self.frames)
+        return np.ascontiguousarray(values[rows])
+
+    def mean(self, shape: Sequence[int]) -> "_Mean":
+        """To fill with values of `shape` per frame."""
+        return _Mean(self, shape)
+
+
+class _Mean:
+    """Mean over all windows that hold a frame."""
+
+    def __init__(self, windows: _Windows, shape: Sequence[int]) -> None:
+        self._frames = windows.frames
+        self._sum = np.zeros((windows.count, *shape), dtype=np.float32)
+        self._held = np.zeros(windows.count, dtype=np.float32)
+
+    def add(self, starts: np.ndarray, values: np.ndarray) -> None:
+        """Values (B, T, ...) of windows."""
+        for start, value in zip(starts, values, strict=True):
+            self._sum[start : start + self._frames] += value
+            self._held[start : start + self._frames] += 1
+
+    def __call__(self) -> np.ndarray:
+        return self._sum / self._held.reshape(-1, *[1] * (self._sum.ndim - 1))
+
+
+def _outputs(
+    stage: CanonicalStage, windows: _Windows, points: np.ndarray, labels: np.ndarray | None
+) -> Iterator:
+    for starts in windows.parts():
+        cloud = torch.from_numpy(windows.of(starts, points))
+        if labels is None:
+            yield stage.network(cloud)
+        else:
+            given = windows.of(starts, np.asarray(labels, dtype=np.int64))
+            yield stage.network(cloud, torch.from_numpy(given))
+
+
+def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
+    if outputs[0].logits is None:
+        return None
+    mean = windows.mean(outputs[0].logits.shape[2:])
+    for starts, output in zip(windows.parts(), outputs, strict=True):
+        mean.add(starts, output.logits.numpy())
+    return mean().argmax(axis=-1).astype(np.uint8)
+
+
+def refine(
+    made: Reconstruction,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    label: int,
+    faces: np.ndarray,
+    settings: RefineSettings,
+) -> np.ndarray:
+    """Our variant: a reconstruction fitted to the points that the network takes for the garment.
+
+    Args:
+        made: of both stages.
+        points, poses, wearer: as it was made from.
+        label: the garment's code in `LABELS`.
+        faces: (E, 3) of the template.
+        settings: weights.
+
+    Returns:
+        (F, N, 3) metres, root frame.
+    """
+    chosen = made.labels == label
+    return refined(
+        made.final, points, chosen, faces, made.canonical, *wearer.shown(poses), settings
+    )

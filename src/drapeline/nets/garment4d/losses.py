@@ -1,0 +1,83 @@
+"""Terms that the losses of both stages share (Garment4D equations 5, 6 and 8); all are means."""
+
+import igl
+import numpy as np
+import torch
+from torch import nn
+
+from drapeline.nets.chebyshev import SparseMatrix
+from drapeline.nets.garment4d.points import nearest_neighbours
+
+
+def interpenetration(
+    vertices: torch.Tensor, body: torch.Tensor, normals: torch.Tensor
+) -> torch.Tensor:
+    """Mean depth in metres under the tangent plane of the nearest body vertex (equation 5).
+
+    Args:
+        vertices: (B, N, 3) garments.
+        body: (B, M, 3) body vertices.
+        normals: (B, M, 3) their outward unit normals.
+
+    Returns:
+        A scalar; which body vertex is nearest has no gradient.
+    """
+    _, nearest = nearest_neighbours(body.detach(), vertices.detach(), 1)
+    nearest = nearest.expand(-1, -1, 3)  # (B, N, 3)
+    away = vertices - body.gather(1, nearest)
+    return torch.relu(-(away * normals.gather(1, nearest)).sum(-1)).mean()
+
+
+class CotangentLaplacian(nn.Module):
+    """The cotangent Laplacian of one mesh, as libigl has it, applied to others of its topology.
+
+    One fixed L keeps the term linear in the vertices it is applied to; the released code rebuilds
+    it from every target instead.
+
+    Args:
+        vertices: (N, 3) the template, metres.
+        faces: (F, 3).
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        super().__init__()
+        self.matrix = SparseMatrix(
+            igl.cotmatrix(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64))
+        )
+
+    def forward(self, vertices: torch.Tensor) -> torch.Tensor:
+        """(..., N, 3) metres -> (..., N, 3) metres."""
+        return self.matrix(vertices.movedim(-2, 0)).movedim(0, -2)
+
+
+def laplacian_difference(
+    laplacian: CotangentLaplacian,
+    predicted: torch.Tensor,
+    true: torch.Tensor,
+    form: str = "paper",
+) -> torch.Tensor:
+    """How much rougher or smoother one garment is than another, mean over vertices (equation 6).
+
+    Args:
+        predicted, true: (..., N, 3) metres.
+        form: "paper": of | |Lx|^2 - |Ly|^2 |, in square metres; printed without the outer bars,
+            without which the flattest garment would be best. "released": of | |Lx| - |Ly| |, in
+            metres, as the released code has it for the canonical garment.
+    """
+    made, wanted = laplacian(predicted), laplacian(true)
+    if form == "released":
+        return (made.norm(dim=-1) - wanted.norm(dim=-1)).abs().mean()
+    return (made.square().sum(-1) - wanted.square().sum(-1)).abs().mean()
+
+
+def temporal_difference(vertices: torch.Tensor, form: str = "paper") -> torch.Tensor:
+    """How far vertices move between frames, mean over vertices and steps (equation 8).
+
+    Args:
+        vertices: (B, T, N, 3) metres; 0 where T is 1.
+        form: "paper": squared distance; "released": distance.
+    """
+    if vertices.shape[1] < 2:
+        return vertices.new_zeros(())
+    step = vertices[:, 1:] - vertices[:, :-1]
+    return step.norm(dim=-1).mean() if form == "released" else step.square().sum(-1).mean()

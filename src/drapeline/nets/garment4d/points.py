@@ -1,0 +1,221 @@
+"""Choices among the points of a cloud: farthest points, balls, nearest neighbours.
+
+All of them give indices and none of them has a gradient. They run on the device of their tensors
+and use its memory as it is, and their results are those of a plain search over all points. A
+cloud may be padded: points that are not `valid` are never chosen, except in a cloud without any
+valid point, whose indices mean nothing.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import torch
+import warp as wp
+
+wp.config.log_level = wp.LOG_WARNING
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def _farthest(
+    points: wp.array2d(dtype=wp.vec3),
+    distance: wp.array2d(dtype=float),
+    chosen: wp.array2d(dtype=wp.int64),
+):
+    """One thread per cloud; `distance` comes in as infinity, or -1 for points not to choose.
+
+    The first point is chosen already.
+    """
+    cloud = wp.tid()
+    for step in range(1, chosen.shape[1]):
+        last = int(chosen[cloud, step - 1])
+        place = points[cloud, last]
+        best = float(-1.0)  # noqa: UP018  (a plain number would be a constant)
+        for i in range(points.shape[1]):
+            away = wp.min(distance[cloud, i], wp.length_sq(points[cloud, i] - place))
+            distance[cloud, i] = away
+            if away > best:
+                best = away
+                last = i
+        chosen[cloud, step] = wp.int64(last)
+
+
+@wp.kernel
+def _ball(
+    points: wp.array2d(dtype=wp.vec3),
+    valid: wp.array2d(dtype=wp.bool),
+    centres: wp.array2d(dtype=wp.vec3),
+    squared_radius: float,
+    chosen: wp.array3d(dtype=wp.int64),
+):
+    """One thread per centre; stops when its list is full."""
+    cloud, centre = wp.tid()
+    place = centres[cloud, centre]
+    width = chosen.shape[2]
+    found = int(0)  # noqa: RUF046, UP018
+    nearest = int(0)  # noqa: RUF046, UP018
+    least = float(wp.inf)
+    for i in range(points.shape[1]):
+        if valid[cloud, i]:
+            away = wp.length_sq(points[cloud, i] - place)
+            if away <= squared_radius:
+                chosen[cloud, centre, found] = wp.int64(i)
+                found += 1
+                if found == width:
+                    return
+            elif away < least:
+                least = away
+                nearest = i
+    if found == 0:
+        chosen[cloud, centre, 0] = wp.int64(nearest)
+        found = 1
+    for slot in range(found, width):
+        chosen[cloud, centre, slot] = chosen[cloud, centre, 0]
+
+
+@wp.kernel
+def _nearest(
+    points: wp.array2d(dtype=wp.vec3),
+    valid: wp.array2d(dtype=wp.bool),
+    queries: wp.array2d(dtype=wp.vec3),
+    squared: wp.array3d(dtype=float),
+    chosen: wp.array3d(dtype=wp.int64),
+):
+    """One thread per query keeps a sorted list; `squared` comes in as infinity."""
+    cloud, query = wp.tid()
+    place = queries[cloud, query]
+    last = chosen.shape[2] - 1
+    most = float(wp.inf)
+    for i in range(points.shape[1]):
+        if valid[cloud, i]:
+            away = wp.length_sq(points[cloud, i] - place)
+            if away < most:
+                slot = last
+                while slot > 0 and squared[cloud, query, slot - 1] > away:
+                    squared[cloud, query, slot] = squared[cloud, query, slot - 1]
+                    chosen[cloud, query, slot] = chosen[cloud, query, slot - 1]
+                    slot -= 1
+                squared[cloud, query, slot] = away
+                chosen[cloud, query, slot] = wp.int64(i)
+                most = squared[cloud, query, last]
+
+
+@torch.no_grad()
+def farthest_points(
+    points: torch.Tensor, count: int, valid: torch.Tensor | None = None
+) -> torch.Tensor:
+    """Points of each cloud that lie far from one another, in the order of choice.
+
+    The first is the cloud's first (valid) point, each further one is farthest from those before;
+    of several the one with the lowest index. So the first points of the answer are the answer for
+    a smaller count. When all places are taken the first point is repeated.
+
+    Args:
+        points: (B, P, 3).
+        count: how many to choose.
+        valid: (B, P) bool.
+
+    Returns:
+        (B, count) int64.
+    """
+    valid = _valid(points, valid)
+    chosen = points.new_zeros((len(points), count), dtype=torch.int64)
+    chosen[:, 0] = valid.to(torch.uint8).argmax(1)
+    distance = points.new_full(valid.shape, torch.inf, dtype=torch.float32)
+    _launch(_farthest, _vectors(points), distance.masked_fill_(~valid, -1), chosen)
+    return chosen
+
+
+@torch.no_grad()
+def ball_neighbours(
+    points: torch.Tensor,
+    centres: torch.Tensor,
+    radius: float,
+    count: int,
+    valid: torch.Tensor | None = None,
+) -> torch.Tensor:
+    """Points within a radius of each centre, those with the lowest indices first.
+
+    A list that is short repeats its first point; if no point is within the radius, the nearest one
+    is taken.
+
+    Args:
+        points: (B, P, 3).
+        centres: (B, Q, 3).
+        radius: in the unit of the points.
+        count: length of the lists.
+        valid: (B, P) bool.
+
+    Returns:
+        (B, Q, count) int64.
+    """
+    chosen = points.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
+    cloud, valid = _vectors(points), _valid(points, valid)
+    _launch(_ball, cloud, valid, _vectors(centres), radius**2, chosen)
+    return chosen
+
+
+@torch.no_grad()
+def nearest_neighbours(
+    points: torch.Tensor, queries: torch.Tensor, k: int, valid: torch.Tensor | None = None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """The k points nearest to each query, nearest first, of several those with the lowest index.
+
+    Args:
+        points: (B, P, 3).
+        queries: (B, Q, 3).
+        k: how many.
+        valid: (B, P) bool.
+
+    Returns:
+        Squared distances (B, Q, k) float32, infinite where a cloud has fewer than k valid points,
+        and indices (B, Q, k) int64, 0 there.
+    """
+    chosen = points.new_zeros((*queries.shape[:2], k), dtype=torch.int64)
+    squared = points.new_full(chosen.shape, torch.inf, dtype=torch.float32)
+    cloud, valid = _vectors(points), _valid(points, valid)
+    _launch(_nearest, cloud, valid, _vectors(queries), squared, chosen)
+    return squared, chosen
+
+
+def gathered(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
+    """Rows (B, P, C) at indices (B, ...) of the same cloud, (B, ..., C)."""
+    clouds, count, width = rows.shape
+    first = torch.arange(clouds, device=index.device) * count
+    flat = (index + first.view(-1, *[1] * (index.dim() - 1))).flatten()
+    return rows.reshape(-1, width).index_select(0, flat).view(*index.shape, width)
+
+
+def _vectors(points: torch.Tensor) -> wp.array:
+    """(B, P, 3) as an array (B, P) of vectors, on the same memory if that is float32."""
+    wp.init()
+    return wp.from_torch(points.detach().to(torch.float32).contiguous(), dtype=wp.vec3)
+
+
+def _valid(points: torch.Tensor, valid: torch.Tensor | None) -> torch.Tensor:
+    if valid is None:
+        return torch.ones(points.shape[:2], dtype=torch.bool, device=points.device)
+    return valid.contiguous()
+
+
+def _launch(kernel: wp.Kernel, *values: wp.array | torch.Tensor | float) -> None:
+    """Run a kernel on the memory of its arrays, all of which have a row per cloud.
+
+    The last is the output; a thread is started for each of its clouds, or for each cloud and
+    centre if it has three axes. Warp uses one core of a CPU, so clouds are shared out here.
+    """
+    arrays = [wp.from_torch(v) if isinstance(v, torch.Tensor) else v for v in values]
+    clouds, *others = arrays[-1].shape[: max(arrays[-1].ndim - 1, 1)]
+    device = arrays[-1].device
+    shares = min(torch.get_num_threads(), clouds) if device.is_cpu else 1
+    size = -(-clouds // max(shares, 1))
+
+    def run(start: int) -> None:
+        part = [v[start : start + size] if isinstance(v, wp.array) else v for v in arrays]
+        wp.launch(kernel, dim=(len(part[-1]), *others), inputs=part, device=device)
+
+    if shares < 2:
+        run(0)
+        return
+    kernel.module.load(device, block_dim=1)  # compiled once, and not by every thread
+    with ThreadPoolExecutor(shares) as pool:
+        list(pool.map(run, range(0, clouds, size)))

@@ -1,0 +1,293 @@
+"""Our last step after the posed network: garments of a whole sequence, fitted to its points.
+
+The network's garments come in windows and need not touch the points. Cloth hardly stretches and
+moves smoothly, so with the lengths of the canonical garment's edges and all frames at once there is
+a system of equations to solve for the vertices: linear, and the same one in every round.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from drapeline.mesh import edges
+from drapeline.registration.closest import closest_points
+
+_APART_M = 4.0  # between frames, where they are searched together
+_ROW = 16  # frames per row of such a layout
+_SMALL_M = 1e-9
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """Weights of the terms, per vertex, relative to the pull of the points.
+
+    Attributes:
+        rounds: how often points find their places on the garment anew.
+        momentum: share of the last round's step that the next one begins with.
+        reach_m: a point this far from the garment pulls half as hard as a close one.
+        stretch: of the edges' lengths.
+        bend: of the distances across edges.
+        smooth: of accelerations, for frames.
+        keep: of the garment that is refined.
+        gap_m: least distance from the body.
+        deep_m: vertices further inside than this are left to the points; what is nearest to them
+            is likely another limb.
+    """
+
+    rounds: int = 20
+    momentum: float = 0.9
+    reach_m: float = 0.06
+    stretch: float = 2.0
+    bend: float = 0.2
+    smooth: float = 0.5
+    keep: float = 0.001
+    gap_m: float = 0.003
+    deep_m: float = 0.05
+
+
+def refined(
+    vertices: np.ndarray,
+    points: np.ndarray,
+    chosen: np.ndarray,
+    faces: np.ndarray,
+    rest: np.ndarray,
+    body: np.ndarray,
+    body_normals: np.ndarray,
+    settings: RefineSettings,
+    shares: np.ndarray | None = None,
+) -> np.ndarray:
+    """Garments near the points, with the canonical garment's lengths, smooth in time.
+
+    Each round pulls every vertex by the mean offset of the points whose nearest places on the
+    garment it is a corner of, and out of the body; then the sum of squares of pulls, changes of
+    length, accelerations and changes from the start is least for what one linear system gives.
+    Its matrix is constant, so it is factorised once, for each frequency in time by itself.
+
+    Args:
+        vertices: (F, N, 3) garments of all frames of a sequence, root frame, metres.
+        points: (F, P, 3).
+        chosen: (F, P) bool, which points are the garment's; a frame may have none.
+        faces: (E, 3) of the garment.
+        rest: (N, 3) the canonical garment.
+        body, body_normals: (F, M, 3) body vertices and outward unit normals.
+        settings: weights.
+        shares: (K,) lengths of the springs when worn by those at rest, `worn_shares`; 1 if None.
+
+    Returns:
+        (F, N, 3) float32.
+    """
+    cloth = Cloth(rest, faces, settings, shares)
+    solve = _SpaceTime(cloth.stiffness, len(vertices), settings)
+    start = np.asarray(vertices, dtype=np.float64)
+    garment, before = start, start
+    for number in range(settings.rounds):
+        ahead = garment + settings.momentum * (garment - before)
+        if number % _BODY_EVERY == 0:
+            nearest = _nearest_rows(body, ahead)
+        pull = point_pull(ahead, points, chosen, faces, settings.reach_m)
+        pull += body_push(ahead, body, body_normals, nearest, settings)
+        before, garment = garment, solve(ahead + pull, cloth.lengths(ahead), start)
+    return garment.astype(np.float32)
+
+
+_BODY_EVERY = 5
+
+
+class Cloth:
+    """Springs along edges and across them, at rest in the canonical garment.
+
+    Args:
+        rest: (N, 3) metres.
+        faces: (E, 3).
+        settings: `stretch` and `bend`.
+        shares: (K,) of their lengths at rest that the springs have when worn; 1 if None.
+    """
+
+    def __init__(
+        self,
+        rest: np.ndarray,
+        faces: np.ndarray,
+        settings: RefineSettings,
+        shares: np.ndarray | None = None,
+    ) -> None:
+        along, across = edges(faces), pairs_across(faces)
+        pairs = np.concatenate([along, across])
+        weights = np.repeat([settings.stretch, settings.bend], [len(along), len(across)])
+        self._length = _lengths(rest, pairs) * (1 if shares is None else shares)
+        rows = np.arange(len(pairs))
+        ones = np.ones(len(pairs))
+        self._difference = sparse.csr_matrix(
+            (np.r_[ones, -ones], (np.r_[rows, rows], pairs.T.ravel())),
+            shape=(len(pairs), len(rest)),
+        )
+        self._back = (self._difference.T @ sparse.diags(weights)).tocsr()
+        self.stiffness = (self._back @ self._difference).tocsc()
+
+    def lengths(self, garment: np.ndarray) -> np.ndarray:
+        """(N, F * 3) sums of the weighted springs at each vertex, turned as they are, at rest."""
+        size = garment.shape
+        rows = garment.transpose(1, 0, 2).reshape(size[1], -1)
+        spring = (self._difference @ rows).reshape(-1, size[0], 3)
+        length = np.linalg.norm(spring, axis=-1, keepdims=True)
+        spring *= self._length[:, None, None] / np.maximum(length, _SMALL_M)
+        return self._back @ spring.reshape(len(spring), -1)
+
+
+def worn_shares(
+    garments: Iterable[np.ndarray], canonicals: Iterable[np.ndarray], faces: np.ndarray
+) -> np.ndarray:
+    """What cloth loses of its lengths to wrinkles finer than the template, and by stretching.
+
+    Args:
+        garments: (F, N, 3) worn garments of each training sequence.
+        canonicals: (N, 3) of the same sequences.
+        faces: (E, 3).
+
+    Returns:
+        (K,) mean lengths of the springs of `Cloth` by those in the canonical garment; the mean
+        over sequences, as if one more had the same share everywhere.
+    """
+    pairs = np.concatenate([edges(faces), pairs_across(faces)])
+    found = [
+        _lengths(garment, pairs).mean(axis=0) / np.maximum(_lengths(rest, pairs), _SMALL_M)
+        for garment, rest in zip(garments, canonicals, strict=True)
+    ]
+    return (np.sum(found, axis=0) + np.mean(found)) / (len(found) + 1)
+
+
+def _lengths(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(..., K) distances of pairs (K, 2) of vertices (..., N, 3)."""
+    away = vertices[..., pairs[:, 0], :] - vertices[..., pairs[:, 1], :]
+    return np.linalg.norm(away, axis=-1)
+
+
+def pairs_across(faces: np.ndarray) -> np.ndarray:
+    """(K, 2) corners that face one another across an inner edge."""
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    apex = np.roll(faces, 1, axis=1).ravel()
+    half = np.sort(half, axis=1)
+    order = np.lexsort((half[:, 1], half[:, 0]))
+    half, apex = half[order], apex[order]
+    twin = (half[1:] == half[:-1]).all(axis=1)
+    return np.stack([apex[:-1][twin], apex[1:][twin]], axis=1)
+
+
+class _SpaceTime:
+    """(K + (1 + keep) I + smooth D^T D) x = right side, for all frames at once.
+
+    D^T D, the squared second differences in time, is diagonal in its own vectors, so the system
+    falls apart into one of N rows for each of them.
+    """
+
+    def __init__(self, stiffness: sparse.csc_matrix, frames: int, settings: RefineSettings) -> None:
+        second = np.zeros((max(frames - 2, 0), frames))
+        for row in range(len(second)):
+            second[row, row : row + 3] = 1, -2, 1
+        self._bend = settings.smooth * second.T @ second
+        values, self._vectors = np.linalg.eigh(self._bend)
+        identity = sparse.identity(stiffness.shape[0], format="csc")
+        self._factors = [
+            splu(
+                stiffness + (1 + settings.keep + max(value, 0.0)) * identity,
+                permc_spec="MMD_AT_PLUS_A",
+                options={"SymmetricMode": True},
+            )
+            for value in values
+        ]
+        self._keep = settings.keep
+
+    def __call__(self, target: np.ndarray, springs: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """Vertices (F, N, 3) from pulled ones (F, N, 3), `Cloth.lengths`, and the start."""
+        frames, count, _ = target.shape
+        right = target + self._keep * start
+        right += springs.reshape(count, frames, 3).transpose(1, 0, 2)
+        modes = np.tensordot(self._vectors, right, axes=(0, 0))  # (F, N, 3)
+        solved = np.stack(
+            [factor.solve(mode) for factor, mode in zip(self._factors, modes, strict=True)]
+        )
+        return np.tensordot(self._vectors, solved, axes=(1, 0))
+
+
+def point_pull(
+    garment: np.ndarray,
+    points: np.ndarray,
+    chosen: np.ndarray,
+    faces: np.ndarray,
+    reach_m: float,
+) -> np.ndarray:
+    """Mean offset from the garment to the points around each vertex, (F, N, 3) metres.
+
+    Args:
+        garment: (F, N, 3).
+        points: (F, P, 3).
+        chosen: (F, P) bool.
+        faces: (E, 3).
+        reach_m: distance at which a point counts half.
+    """
+    frames, count, _ = garment.shape
+    frame, column = np.nonzero(chosen)
+    if not len(frame):
+        return np.zeros(garment.shape)
+    number = np.arange(frames)
+    place = _APART_M * np.stack([number % _ROW, number // _ROW, 0 * number], axis=1)
+    cloud = points[frame, column].astype(np.float64)
+    all_faces = (faces + count * number[:, None, None]).reshape(-1, 3)
+    nearest, face = closest_points(
+        cloud + place[frame], (garment + place[:, None]).reshape(-1, 3), all_faces
+    )
+    corners = all_faces[face]
+    shares = barycentric(nearest - place[frame], garment.reshape(-1, 3)[corners])
+    # From the shares rather than from `nearest`, which is rounded at some metres.
+    offset = cloud - (garment.reshape(-1, 3)[corners] * shares[..., None]).sum(1)
+    weight = shares / (1 + (np.linalg.norm(offset, axis=1) / reach_m) ** 2)[:, None]
+    gather = sparse.csr_matrix(
+        (weight.ravel(), corners.ravel(), np.arange(0, weight.size + 1, 3)),
+        shape=(len(cloud), frames * count),
+    )
+    # A vertex with less than the usual share of points follows its neighbours more.
+    usual = np.repeat(chosen.sum(1) / count, count)
+    total = np.maximum(np.bincount(corners.ravel(), weight.ravel(), frames * count), usual)
+    return (gather.T @ offset / np.maximum(total, _SMALL_M)[:, None]).reshape(garment.shape)
+
+
+def barycentric(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(P, 3) shares of the corners (P, 3, 3) of triangles in points (P, 3) on them."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = points - corners[:, 0]
+    aa, ab, bb = (np.einsum("pi,pi->p", u, v) for u, v in ((a, a), (a, b), (b, b)))
+    pa, pb = np.einsum("pi,pi->p", p, a), np.einsum("pi,pi->p", p, b)
+    area = np.maximum(aa * bb - ab**2, _SMALL_M**2)
+    second, third = (bb * pa - ab * pb) / area, (aa * pb - ab * pa) / area
+    shares = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+def body_push(
+    garment: np.ndarray,
+    body: np.ndarray,
+    normals: np.ndarray,
+    nearest: np.ndarray,
+    settings: RefineSettings,
+) -> np.ndarray:
+    """Offsets that take vertices to `gap_m` above the body, (F, N, 3) metres.
+
+    Args:
+        garment: (F, N, 3).
+        body, normals: (F, M, 3).
+        nearest: (F, N) the body vertex whose tangent plane counts.
+        settings: `gap_m` and `deep_m`.
+    """
+    place = np.take_along_axis(body, nearest[..., None], axis=1)
+    normal = np.take_along_axis(normals, nearest[..., None], axis=1)
+    height = ((garment - place) * normal).sum(-1, keepdims=True)
+    push = np.maximum(settings.gap_m - height, 0) * (height > -settings.deep_m)
+    return push * normal
+
+
+def _nearest_rows(body: np.ndarray, garment: np.ndarray) -> np.ndarray:
+    """(F, N) the nearest body vertex of each frame."""
+    return np.stack([cKDTree(b).query(g)[1] for b, g in zip(body, garment, strict=True)])

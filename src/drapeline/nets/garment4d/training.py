@@ -1,0 +1,511 @@
+"""Trainings of Garment4D: the canonical stage, the posed stage, and a baseline of each."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytorch_lightning as lightning
+import torch
+
+from drapeline.errors import InputError
+from drapeline.nets.checkpoints import read_checkpoint
+from drapeline.nets.fitting import BEST, fit, learning_rate
+from drapeline.nets.garment4d.canonical import (
+    Abstraction,
+    CanonicalNetwork,
+    CanonicalOutput,
+    CanonicalSettings,
+    CanonicalWeights,
+    PointNetRegressor,
+    canonical_loss,
+)
+from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
+from drapeline.nets.garment4d.losses import CotangentLaplacian
+from drapeline.nets.garment4d.pointnet import PointLevel
+from drapeline.nets.garment4d.posed import (
+    MgnNetwork,
+    MgnSettings,
+    PosedNetwork,
+    PosedSettings,
+    PosedWeights,
+    posed_loss,
+)
+from drapeline.nets.garment4d.wearers import SkinningSettings
+from drapeline.nets.gcvae_data import Batch, GarmentData
+from drapeline.nets.gcvae_training import plain
+from drapeline.registration.garment_space import GarmentSpace
+from drapeline.seeding import rng_for
+
+_BATCH = 4  # windows that a frozen network sees at once
+_KEPT_BYTES = 1 << 30  # of what it said about windows of training
+
+
+@dataclass(frozen=True)
+class Garment4dTraining:
+    """How a network of either stage is trained; numbers of the released code.
+
+    Attributes:
+        epochs: passes over the training windows; schedules are in shares of it.
+        batch: windows per step.
+        learning_rate: of Adam.
+        schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
+        frames: T of a window.
+        stride: frames from one training window to the next.
+        sources: of the sequences, of `data.SOURCES`.
+        turn: whether the canonical stage sees windows turned about the vertical at random; not
+            in the paper, but what a garment is at rest does not depend on where its wearer looks.
+        seed: of weights, order and turns.
+    """
+
+    epochs: int = 100
+    batch: int = 20
+    learning_rate: float = 1e-3
+    schedule: str = "constant"
+    frames: int = 10
+    stride: int = 10
+    sources: tuple[str, ...] = SOURCES
+    turn: bool = False
+    seed: int = 0
+
+
+def settings_of(cls: type, values: Mapping[str, Any]) -> Any:
+    """A settings dataclass from nested mappings and lists as they stand in a config or checkpoint.
+
+    Raises:
+        InputError: a name is none of the dataclass's.
+    """
+    known = [one.name for one in fields(cls)]
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        raise InputError(
+            f"{cls.__name__}: no setting '{unknown[0]}', expected one of {', '.join(known)}"
+        )
+    return cls(**{name: _value(value) for name, value in values.items()})
+
+
+def _value(value: Any) -> Any:
+    """Lists as tuples; the only mappings within settings are abstractions."""
+    if isinstance(value, Mapping):
+        return settings_of(Abstraction, value)
+    return tuple(map(_value, value)) if isinstance(value, list | tuple) else value
+
+
+@dataclass(frozen=True)
+class StageSettings:
+    """All that a network of a stage is built from besides the garment space.
+
+    Attributes:
+        network: sizes.
+        loss: weights.
+        training: how long, on what.
+        skinning: of proposals, which the posed stage alone has.
+    """
+
+    network: Any
+    loss: Any
+    training: Garment4dTraining = field(default_factory=Garment4dTraining)
+    skinning: SkinningSettings = field(default_factory=SkinningSettings)
+
+
+class Stage(lightning.LightningModule):
+    """What all trainings share: logged loss terms, the learning rate, a stop at NaN, checkpoints.
+
+    Args:
+        settings: of the subclass's `NETWORK` and `LOSS`.
+        space: of the garment type.
+        label: the type's code in `LABELS`.
+    """
+
+    kind: ClassVar[str]
+    NETWORK: ClassVar[type]
+    LOSS: ClassVar[type]
+    POSED: ClassVar[bool]
+    ERROR: ClassVar[str]
+    SKINNING: ClassVar[SkinningSettings] = SkinningSettings()
+
+    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+        super().__init__()
+        self.settings, self.space, self.label = settings, space, label
+        self.laplacian = CotangentLaplacian(space.mean, space.faces)
+
+    @classmethod
+    def settings_of(cls, values: Mapping[str, Mapping[str, Any]]) -> StageSettings:
+        """From nested mappings as they stand in a config or a checkpoint."""
+        return StageSettings(
+            cls.network_of(values.get("network", {})),
+            settings_of(cls.LOSS, values.get("loss", {})),
+            settings_of(Garment4dTraining, values.get("training", {})),
+            settings_of(SkinningSettings, {**asdict(cls.SKINNING), **values.get("skinning", {})}),
+        )
+
+    @classmethod
+    def network_of(cls, values: Mapping[str, Any]) -> Any:
+        """Sizes from a mapping."""
+        return settings_of(cls.NETWORK, values)
+
+    def weight_rng(self) -> torch.Generator:
+        """For the initial weights."""
+        rng = rng_for(self.settings.training.seed, self.kind, "weights")
+        return torch.Generator().manual_seed(int(rng.integers(2**62)))
+
+    # ---- what kinds of stages do differently
+
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Named terms with their `total`, and the error of the kind in mm, a scalar."""
+        raise NotImplementedError
+
+    # ---- training
+
+    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+        """Loss of one batch."""
+        terms, error = self.losses(batch)
+        loss = terms["total"]
+        if not torch.isfinite(loss):
+            values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
+            raise InputError(
+                f"training stopped in epoch {self.current_epoch}, step {self.global_step}: the loss"
+                f" is {float(loss.detach())} ({values}) for windows {', '.join(batch['names'])};"
+                " expected a finite loss"
+            )
+        self._log("train", {**terms, self.ERROR: error}, len(batch["names"]))
+        return loss
+
+    def validation_step(self, batch: Batch, _: int) -> None:
+        """The same on validation windows; the error is what the best weights are chosen by."""
+        terms, error = self.losses(batch)
+        self._log("val", {**terms, self.ERROR: error}, len(batch["names"]))
+
+    def _log(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
+        named = {f"{stage}_{key}": value.detach() for key, value in values.items()}
+        self.log_dict(
+            named, on_step=False, on_epoch=True, batch_size=count, sync_dist=stage == "val"
+        )
+
+    def on_train_batch_start(self, batch: Batch, index: int) -> None:
+        """Set the learning rate from the step alone."""
+        training = self.settings.training
+        share = self.global_step / self.trainer.estimated_stepping_batches
+        rate = learning_rate(training.learning_rate, training.schedule, share)
+        for group in self.optimizers().param_groups:
+            group["lr"] = rate
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Adam."""
+        trained = [p for p in self.parameters() if p.requires_grad]
+        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate)
+
+    def about(self) -> dict[str, Any]:
+        """All that is needed to build the module again, as plain values and tensors."""
+        return {
+            "kind": self.kind,
+            "settings": plain(asdict(self.settings)),
+            "space": {key: torch.from_numpy(value) for key, value in vars(self.space).items()},
+            "label": self.label,
+        }
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Put in all that is needed to build the module again."""
+        checkpoint["drapeline"] = self.about()
+
+
+class CanonicalStage(Stage):
+    """Canonical garment estimation, with the loss of equation 4."""
+
+    kind = "garment4d_canonical"
+    NETWORK, LOSS, POSED, ERROR = CanonicalSettings, CanonicalWeights, False, "canonical_error_mm"
+
+    @classmethod
+    def network_of(cls, values: Mapping[str, Any]) -> CanonicalSettings:
+        """Sizes; with `points` and `width` those of the others are scaled, see there."""
+        scale = {key: values[key] for key in ("points", "width") if key in values}
+        sizes = settings_of(
+            CanonicalSettings, {key: value for key, value in values.items() if key not in scale}
+        )
+        return sizes.scaled(**scale) if scale else sizes
+
+    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+        super().__init__(settings, space, label)
+        self.network = CanonicalNetwork(settings.network, space, label, self.weight_rng())
+
+    def training_step(self, batch: Batch, index: int) -> torch.Tensor:
+        """Loss of one batch, its clouds turned if so set."""
+        training = self.settings.training
+        if training.turn:
+            rng = rng_for(training.seed, "turn", self.global_step, self.global_rank)
+            angle = torch.from_numpy(rng.uniform(0, 2 * np.pi, len(batch["points"])))
+            batch = {**batch, "points": turned(batch["points"], angle)}
+        return super().training_step(batch, index)
+
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Equation 4, and the mean distance of canonical vertices."""
+        output = self.network(batch["points"])
+        terms = canonical_loss(
+            output,
+            batch["labels"],
+            batch["coefficients"],
+            batch["canonical"],
+            batch["rest_body"],
+            batch["rest_normals"],
+            self.laplacian,
+            self.settings.loss,
+        )
+        return terms, distance_mm(output.vertices, batch["canonical"])
+
+
+class PointNetStage(CanonicalStage):
+    """The PN++ baseline of table 2: coefficients from all points, without segmentation."""
+
+    kind = "garment4d_pointnet"
+
+    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+        super().__init__(settings, space, label)
+        self.network = PointNetRegressor(settings.network, space, self.weight_rng())
+
+
+class PosedStage(Stage):
+    """Posed garment reconstruction from proposals, with the loss of equation 7.
+
+    Args:
+        settings: of the stage.
+        canonical: trained, of the same garment type; it is frozen and gives levels of points.
+    """
+
+    kind = "garment4d_posed"
+    NETWORK, LOSS, POSED, ERROR = PosedSettings, PosedWeights, True, "vertex_error_mm"
+
+    def __init__(self, settings: StageSettings, canonical: CanonicalStage) -> None:
+        super().__init__(settings, canonical.space, canonical.label)
+        self.canonical = canonical.requires_grad_(False)
+        self.network = self.build(canonical.network)
+        self._kept: dict[tuple[int, int], list[PointLevel]] = {}
+        self._room = _KEPT_BYTES
+
+    def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
+        """The network that is trained."""
+        return PosedNetwork(
+            self.settings.network,
+            self.space.faces,
+            len(self.space.mean),
+            canonical.level_channels,
+            self.weight_rng(),
+        )
+
+    def levels(self, points: torch.Tensor, labels: torch.Tensor | None = None) -> CanonicalOutput:
+        """What the canonical network says about windows (B, T, P, 3), without gradient."""
+        with torch.no_grad():
+            return self.canonical.network(points, labels)
+
+    def kept_levels(self, batch: Batch) -> list[PointLevel]:
+        """The same levels of points, of windows seen before from memory."""
+        keys = list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
+        new = [row for row, key in enumerate(keys) if key not in self._kept]
+        found = {key: self._kept[key] for key in keys if key in self._kept}
+        if new:
+            frames = batch["points"].shape[1]
+            levels = self.levels(batch["points"][new]).levels
+            for place, row in enumerate(new):
+                clouds = slice(place * frames, (place + 1) * frames)
+                found[keys[row]] = [PointLevel(*(x[clouds] for x in level)) for level in levels]
+            size = sum(x.nbytes for level in levels for x in level)
+            if size <= self._room:
+                self._kept |= found
+                self._room -= size
+        windows = zip(*(found[key] for key in keys), strict=True)  # level by level
+        return [PointLevel(*(torch.cat(x) for x in zip(*level, strict=True))) for level in windows]
+
+    def predictions(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
+        """Posed garments (B, T, N, 3) in metres, one for each iteration, the last one the best."""
+        return self.network(batch["proposal"], levels, batch["body"], batch["body_normals"])
+
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Equation 7, and the mean distance of posed vertices."""
+        found = self.predictions(batch, self.kept_levels(batch))
+        terms = posed_loss(
+            found,
+            batch["target"],
+            batch["body"],
+            batch["body_normals"],
+            self.laplacian,
+            self.settings.loss,
+        )
+        return terms, distance_mm(found[-1], batch["target"])
+
+    def about(self) -> dict[str, Any]:
+        """With what the canonical network is built from."""
+        return {**super().about(), "canonical": self.canonical.about()}
+
+
+class MgnStage(PosedStage):
+    """The MGN* baseline of table 3: displacements of the canonical garment, then K = 1 skinning."""
+
+    kind = "garment4d_mgn"
+    NETWORK, SKINNING = MgnSettings, SkinningSettings(neighbours=1, passes=0)
+
+    def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
+        """The network that is trained."""
+        return MgnNetwork(
+            self.settings.network, len(self.space.mean), canonical.level_channels, self.weight_rng()
+        )
+
+    def predictions(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
+        """Posed garments (B, T, N, 3) in metres."""
+        return [self.network(batch["worn"], levels, batch["weights"], batch["transforms"])]
+
+
+def train_canonical(
+    folder: str | Path,
+    data: SequenceData,
+    values: Mapping[str, Mapping[str, Any]],
+    *,
+    pointnet: bool = False,
+    progress: str | Path,
+    trainer: Mapping[str, Any],
+    threads: int,
+) -> None:
+    """Train the canonical stage, or its baseline, and leave a folder as `fit` does.
+
+    Args:
+        folder, progress, trainer, threads: see `fit`.
+        data: sequences of the type.
+        values: settings as they stand in a config.
+        pointnet: the PN++ baseline.
+    """
+    cls = PointNetStage if pointnet else CanonicalStage
+    stage = cls(cls.settings_of(values), data.space, data.label)
+    _fit(stage, data, folder, progress, trainer, threads)
+
+
+def train_posed(
+    folder: str | Path,
+    data: SequenceData,
+    values: Mapping[str, Mapping[str, Any]],
+    canonical: CanonicalStage,
+    *,
+    mgn: bool = False,
+    progress: str | Path,
+    trainer: Mapping[str, Any],
+    threads: int,
+) -> None:
+    """Train the posed stage, or its baseline, on proposals from predicted canonical garments.
+
+    Args:
+        folder, progress, trainer, threads: see `fit`.
+        data: sequences of the type; its proposals are changed.
+        values: settings as they stand in a config.
+        canonical: trained on the same data.
+        mgn: the MGN* baseline.
+    """
+    torch.set_num_threads(threads)
+    cls = MgnStage if mgn else PosedStage
+    # Nothing in it depends on the mode, but Lightning warns of modules that evaluate.
+    stage = cls(cls.settings_of(values), canonical.train())
+    frames = stage.settings.training.frames
+    found = predicted_canonicals(canonical, data, ("train", "val"), frames)
+    data.wear(found, stage.settings.skinning)
+    _fit(stage, data, folder, progress, trainer, threads)
+
+
+def _fit(
+    stage: Stage,
+    data: SequenceData,
+    folder: str | Path,
+    progress: str | Path,
+    trainer: Mapping[str, Any],
+    threads: int,
+) -> None:
+    training = stage.settings.training
+    windows = Windows(
+        data,
+        frames=training.frames,
+        stride=training.stride,
+        sources=training.sources,
+        posed=stage.POSED,
+    )
+    fit(
+        stage,
+        GarmentData(windows, batch=training.batch, seed=training.seed),
+        folder,
+        progress=progress,
+        epochs=training.epochs,
+        monitor=f"val_{stage.ERROR}",
+        settings={**plain(asdict(stage.settings)), "sequences": data.name.tolist()},
+        trainer=trainer,
+        threads=threads,
+    )
+
+
+@torch.no_grad()
+def predicted_canonicals(
+    stage: CanonicalStage, data: SequenceData, splits: Sequence[str], frames: int
+) -> np.ndarray:
+    """T(alpha') of the sequences of some splits, (S, N, 3) float32; others have the mean garment.
+
+    Alpha' is the mean over a sequence's windows.
+
+    Args:
+        stage: trained.
+        data: sequences.
+        splits: to predict.
+        frames: T of a window.
+    """
+    alpha = np.zeros_like(data.coefficients, dtype=np.float32)
+    for sequence in np.flatnonzero(np.isin(data.split, splits)):
+        points = data.points[data.rows(sequence)]
+        starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
+        windows = np.stack([points[start : start + frames] for start in starts])
+        found = [
+            stage.network(part).coefficients for part in torch.from_numpy(windows).split(_BATCH)
+        ]
+        alpha[sequence] = torch.cat(found).mean(0).numpy()
+    return data.space.vertices(alpha)
+
+
+_KINDS: dict[str, type[Stage]] = {
+    cls.kind: cls for cls in (CanonicalStage, PointNetStage, PosedStage, MgnStage)
+}
+
+
+def load_stage(folder: str | Path, *kinds: type[Stage]) -> Any:
+    """A trained stage from the folder that its training left, ready to predict.
+
+    Args:
+        folder: of the training.
+        kinds: what it may be.
+
+    Raises:
+        InputError: the checkpoint is missing, damaged, or of another kind.
+    """
+    path = Path(folder) / BEST
+    checkpoint = read_checkpoint(path)
+    about = checkpoint["drapeline"]
+    wanted = [cls.kind for cls in kinds]
+    if about["kind"] not in wanted:
+        raise InputError(
+            f"{path}: holds a '{about['kind']}' network, expected {' or '.join(wanted)}"
+        )
+    stage = _built(about)
+    stage.load_state_dict(checkpoint["state_dict"])
+    return stage.eval()
+
+
+def _built(about: Mapping[str, Any]) -> Stage:
+    cls = _KINDS[about["kind"]]
+    settings = cls.settings_of(about["settings"])
+    if "canonical" in about:
+        return cls(settings, _built(about["canonical"]))
+    space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
+    return cls(settings, space, about["label"])
+
+
+def turned(points: torch.Tensor, angle: torch.Tensor) -> torch.Tensor:
+    """Windows of clouds (B, T, P, 3) turned about the vertical by angles (B,) in rad."""
+    sine, cosine = (x.to(points)[:, None, None] for x in (angle.sin(), angle.cos()))
+    x, y, z = points.unbind(-1)
+    return torch.stack([cosine * x - sine * y, sine * x + cosine * y, z], dim=-1)
+
+
+def distance_mm(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Mean distance in mm of vertices (..., 3) in metres."""
+    return 1000 * (predicted.detach() - true).norm(dim=-1).mean()

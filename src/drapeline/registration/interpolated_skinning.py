@@ -1,0 +1,73 @@
+"""Interpolated skinning weights of Garment4D (equation 2): those of many body vertices around."""
+
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from drapeline.mesh import edges
+
+# Added to distances in metres, so that a vertex a micrometre away is not all there is.
+_SMALL_M = 1e-6
+_COINCIDENT_M = 1e-9
+
+
+def interpolated_weights(
+    garment: np.ndarray,
+    faces: np.ndarray,
+    body: np.ndarray,
+    weights: np.ndarray,
+    neighbours: int = 256,
+    passes: int = 100,
+    step: float = 0.1,
+    power: Literal[1, 2] = 1,
+    coincident: Literal["vertex", "released"] = "vertex",
+) -> np.ndarray:
+    """Equation 2: W_g = W_g^K I_w, then Laplacian smoothing over the garment.
+
+    Args:
+        garment: (N, 3) metres, in the pose and frame of `body`.
+        faces: (F, 3) or (F, 4) of the garment.
+        body: (V, 3) metres.
+        weights: (V, 24) of the body, rows sum to 1.
+        neighbours: K body vertices that each garment vertex takes after; at most V.
+        passes: of uniform Laplacian smoothing.
+        step: share of the way to the neighbours' mean that a pass goes.
+        power: of the inverse distance; the released code has 2.
+        coincident: what a garment vertex on a body vertex takes: "vertex", that one's weights
+            alone; "released", those of all its other neighbours, as the released code does.
+
+    Returns:
+        (N, 24) float32, rows sum to 1.
+    """
+    count = min(neighbours, len(body))
+    distance, near = cKDTree(body).query(garment, k=count)
+    distance, near = distance.reshape(-1, count), near.reshape(-1, count)
+    on = distance < _COINCIDENT_M
+    share = 1 / (distance + _SMALL_M) ** power
+    if coincident == "vertex":
+        share[on.any(axis=1)] = 0
+        share[on] = 1
+    else:
+        share[on & ~on.all(axis=1, keepdims=True)] = 0
+    share /= share.sum(axis=1, keepdims=True)
+    rows = np.arange(len(garment) + 1) * count
+    # One sparse product does not gather the (N, K, 24) weights first.
+    blend = sp.csr_matrix((share.ravel(), near.ravel(), rows), shape=(len(garment), len(body)))
+    out = blend @ np.asarray(weights, dtype=np.float64)
+    smooth = _smoothing(faces, len(garment), step)
+    for _ in range(passes):
+        out = smooth @ out
+    return out.astype(np.float32)
+
+
+def _smoothing(faces: np.ndarray, count: int, step: float) -> sp.csr_matrix:
+    """(N, N) one pass: every vertex goes a step of the way to the mean of its neighbours."""
+    pairs = edges(faces)
+    graph = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
+    graph = (graph + graph.T).tocsr()
+    degree = np.asarray(graph.sum(axis=1)).ravel()
+    mean = sp.diags(1 / np.maximum(degree, 1)) @ graph
+    joined = sp.diags((degree > 0).astype(np.float64))
+    return (sp.identity(count) + step * (mean - joined)).tocsr()

@@ -1,0 +1,133 @@
+"""Skirts on the toy body in motion, as the stages of Garment4D before training leave them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.kinematics import rest_to_pose
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.dataset.clouds import LABELS
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.mesh import Mesh, triangulate
+from drapeline.nets.garment4d.data import GarmentSequence, collect_garment4d
+from drapeline.outfits.fit import rest_body
+from drapeline.registration.dynamic import moved
+from drapeline.registration.interpolated_skinning import interpolated_weights
+from drapeline.seeding import rng_for
+from tiny_sample import tube
+
+KIND = "Skirt"
+POINTS = 160
+AROUND, ROWS = 12, 5
+
+
+def skirt_faces() -> np.ndarray:
+    """(F, 3) int32 of every toy skirt."""
+    return triangulate(tube(0.25, -0.4, 0.05, AROUND, ROWS).faces)
+
+
+def toy_sequence(
+    body: BodyModel, number: int, *, frames: int, source: str, split: str
+) -> GarmentSequence:
+    """A skirt of its own width and length that follows the body and sways besides."""
+    rng = rng_for(0, "toy skirt", number)
+    shape = rng.uniform(-1, 1, 10)
+    radius, bottom = rng.uniform(0.2, 0.3), rng.uniform(-0.6, -0.3)
+    canonical = tube(radius, bottom, 0.05, AROUND, ROWS).vertices
+    steps = np.cumsum(rng.normal(0, 0.02, (frames, 72)), axis=0)
+    poses = REST_POSE + steps
+    rest = rest_body(body, shape)
+    weights = interpolated_weights(canonical, skirt_faces(), rest, body.weights, 16, 5)
+    posed = moved(canonical, rest_to_pose(body, shape, poses), weights)
+    sway = 0.02 * np.sin(0.5 * np.arange(frames) + number)
+    posed[..., 0] += sway[:, None] * (canonical[:, 2] - 0.05) / bottom
+    posed = posed.astype(np.float32)
+    bodies, _ = posed_vertices(body, shape, poses)
+    chosen = [rng.integers(len(x), size=POINTS // 2) for x in (bodies[0], canonical)]
+    points = np.concatenate([bodies[:, chosen[0]], posed[:, chosen[1]]], 1)
+    labels = np.repeat([0, LABELS.index(KIND)], POINTS // 2)
+    order = rng.permutation(POINTS)
+    return GarmentSequence(
+        name=f"{number:05d}",
+        source=source,
+        split=split,
+        gender=0,
+        shape=shape,
+        poses=poses,
+        number=np.arange(frames) + 10,
+        points=points[:, order].astype(np.float32),
+        labels=np.tile(labels[order], (frames, 1)),
+        canonical=canonical,
+        original=Mesh(canonical, skirt_faces()),
+        garment=lambda: posed,
+    )
+
+
+def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
+    """Nine, of which the simulated ones are longer; the last is the only one of the test split."""
+    kinds = [
+        *(("skinned", "train", 3),) * 4,
+        *(("simulated", "train", 8),) * 2,
+        ("skinned", "val", 3),
+        ("simulated", "val", 7),
+        ("simulated", "test", 7),
+    ]
+    return [
+        toy_sequence(body, number, frames=frames, source=source, split=split)
+        for number, (source, split, frames) in enumerate(kinds)
+    ]
+
+
+def save_toy_data(folder: Path, body: BodyModel) -> list[GarmentSequence]:
+    """What the rule `collect_garment4d` leaves."""
+    sequences = toy_sequences(body)
+    collect_garment4d(folder, KIND, sequences, skirt_faces(), 3)
+    return sequences
+
+
+def toy_bodies(body: BodyModel) -> dict[str, BodyModel]:
+    """The same for both genders."""
+    return dict.fromkeys(GENDERS, body)
+
+
+# Settings of trainings that take seconds and still learn something.
+CANONICAL = {
+    "network": {
+        "segmentation": [
+            {"centres": 40, "radii": [0.2], "neighbours": [8], "widths": [[8, 16]]},
+            {"centres": 12, "radii": [0.4], "neighbours": [8], "widths": [[16, 16]]},
+        ],
+        "propagation": [[16], [16]],
+        "garment_points": 60,
+        "garment": [
+            {"centres": 24, "radii": [0.3], "neighbours": [8], "widths": [[16, 16]]},
+            {"centres": 8, "radii": [0.6], "neighbours": [8], "widths": [[16, 16]]},
+        ],
+        "overall": [32],
+        "head": [16],
+    },
+    "loss": {"segmentation": 0.5, "interpenetration": 0.0},
+    "training": {
+        "epochs": 12,
+        "batch": 4,
+        "learning_rate": 0.005,
+        "schedule": "one_cycle",
+        "frames": 3,
+        "stride": 1,
+    },
+}
+POSED = {
+    "network": {
+        "iterations": 2,
+        "hidden": 16,
+        "layers": 3,
+        "features": 8,
+        "garment_radii_m": [0.1, 0.2, 0.4],
+        "garment_counts": [6, 6, 6],
+        "body_radii_m": [0.2],
+        "body_counts": [6],
+    },
+    "loss": {"interpenetration": 0.0, "laplacian": 0.0, "temporal": 0.0},
+    "skinning": {"neighbours": 16, "passes": 5},
+    "training": {**CANONICAL["training"], "epochs": 8},
+}

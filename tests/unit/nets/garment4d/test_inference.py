@@ -1,0 +1,216 @@
+"""Whole toy sequences through networks whose answer is known."""
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.metrics import table
+from drapeline.metrics.table import find_value, read_metrics, write_metrics
+from drapeline.nets.garment4d.data import SequenceData
+from drapeline.nets.garment4d.evaluation import EvaluationSettings, evaluate
+from drapeline.nets.garment4d.inference import estimate_canonical, reconstruct, refine
+from drapeline.nets.garment4d.refine import RefineSettings
+from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
+from drapeline.nets.garment4d.wearers import Wearers, proposals
+from drapeline.seeding import rng_for
+from garment4d_toys import CANONICAL, POSED, save_toy_data, toy_bodies
+
+METRICS = {
+    "canonical_error_mm": "mm",
+    "canonical_to_original_mm": "mm",
+    "vertex_error_mm": "mm",
+    "acceleration_error_m_s2": "m/s^2",
+    "to_cloud_mm": "mm",
+    "segmentation_accuracy": "1",
+    "inference_s_per_frame": "s",
+}
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory, toy_body):
+    folder = tmp_path_factory.mktemp("garment4d") / "data"
+    save_toy_data(folder, toy_body)
+    return SequenceData(folder, Wearers(toy_bodies(toy_body), 30))
+
+
+@pytest.fixture
+def canonical(data):
+    return CanonicalStage(CanonicalStage.settings_of(CANONICAL), data.space, data.label).eval()
+
+
+@pytest.fixture
+def identity(canonical):
+    """Untrained: displacements are zero."""
+    return PosedStage(PosedStage.settings_of(POSED), canonical).eval()
+
+
+@pytest.fixture
+def shaken(identity):
+    rng = rng_for(0, "shaken")
+    with torch.no_grad():
+        for parameter in identity.network.parameters():
+            noise = 0.02 * rng.standard_normal(parameter.shape)
+            parameter.add_(torch.from_numpy(noise.astype(np.float32)))
+    return identity
+
+
+@pytest.fixture
+def given(data):
+    """The arguments of the longest held-out sequence: seven frames, windows of three."""
+    sequence = int(data.of_split("test")[0])
+    rows = data.rows(sequence)
+    return {
+        "points": data.points[rows],
+        "poses": data.poses[rows],
+        "wearer": data.wearer(sequence),
+    }
+
+
+def test_without_displacements_the_result_is_the_skinned_canonical_garment(identity, given):
+    made = reconstruct(identity, **given)
+    np.testing.assert_allclose(made.final, made.proposal, atol=1e-6)
+    wearer = given["wearer"]
+    weights = wearer.weights(made.canonical, identity.space.faces, identity.settings.skinning)
+    expected = proposals(
+        made.canonical[None], weights[None], wearer.transforms(given["poses"])[None]
+    )
+    np.testing.assert_allclose(made.proposal, expected[0], atol=1e-6)
+    assert made.labels.shape == given["points"].shape[:2]
+
+
+def test_the_canonical_garment_has_the_mean_coefficients_of_all_windows(identity, given):
+    points = torch.from_numpy(np.array(given["points"]))
+    network = identity.canonical.network
+    with torch.inference_mode():
+        # Seven frames in windows of three: the last one is shifted back.
+        parts = [network(points[None, start : start + 3]).coefficients for start in (0, 3, 4)]
+        expected = network.vertices(torch.cat(parts).mean(0, keepdim=True))[0].numpy()
+    found, labels = estimate_canonical(identity.canonical, given["points"])
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    made = reconstruct(identity, **given)
+    np.testing.assert_allclose(made.canonical, expected, atol=1e-6)
+    np.testing.assert_array_equal(made.labels, labels)
+
+
+@pytest.mark.parametrize(("stride", "starts"), [(None, (0, 3, 4)), (1, (0, 1, 2, 3, 4))])
+def test_frames_are_the_mean_of_the_windows_that_hold_them(shaken, given, stride, starts):
+    made = reconstruct(shaken, **given, stride=stride)
+    body, normals = given["wearer"].shown(given["poses"])
+    total, held = np.zeros_like(made.final), np.zeros(len(made.final))
+    for start in starts:
+        span = slice(start, start + 3)
+        window = {"proposal": made.proposal, "body": body, "body_normals": normals}
+        batch = {k: torch.from_numpy(np.array(v[None, span])) for k, v in window.items()}
+        points = torch.from_numpy(np.array(given["points"][None, span]))
+        with torch.inference_mode():
+            found = shaken.predictions(batch, shaken.levels(points).levels)[-1]
+        total[span] += found[0].numpy()
+        held[span] += 1
+    np.testing.assert_allclose(made.final, total / held[:, None, None], atol=2e-5)
+    assert np.abs(made.final - made.proposal).max() > 1e-3
+
+
+def test_the_order_of_the_points_does_not_matter(shaken, given):
+    made = reconstruct(shaken, **given)
+    order = rng_for(0, "order").permutation(given["points"].shape[1])
+    turned = reconstruct(shaken, **{**given, "points": given["points"][:, order]})
+    np.testing.assert_allclose(turned.final, made.final, atol=1e-5)
+    np.testing.assert_array_equal(turned.labels, made.labels[:, order])
+
+
+def test_clouds_without_a_garment_still_give_one(shaken, given):
+    nothing = np.zeros(given["points"].shape[:2], dtype=np.uint8)
+    made = reconstruct(shaken, **given, labels=nothing)
+    assert np.isfinite(made.final).all()
+    np.testing.assert_allclose(
+        reconstruct(shaken, **given, labels=nothing).final, made.final, atol=1e-6
+    )
+
+
+def test_a_sequence_shorter_than_a_window_is_refused(identity, given):
+    short = {**given, "points": given["points"][:2], "poses": given["poses"][:2]}
+    with pytest.raises(InputError, match="2 frames, expected at least 3"):
+        reconstruct(identity, **short)
+
+
+def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, given):
+    sequence = int(data.of_split("test")[0])
+    true = data.garment[data.rows(sequence)]
+    made = reconstruct(identity, **given)
+    # The true canonical garment and the true labels, so that only the sway is left to find.
+    weights = data.wearer(sequence).weights(
+        data.canonical[sequence], data.space.faces, identity.settings.skinning
+    )
+    transforms = data.wearer(sequence).transforms(given["poses"])
+    proposal = proposals(data.canonical[sequence][None], weights[None], transforms[None])[0]
+    made = made._replace(
+        labels=data.labels[data.rows(sequence)],
+        canonical=data.canonical[sequence],
+        proposal=proposal,
+        final=proposal,
+    )
+    # Thirty body points tell nothing of where the body ends: no gap is asked for.
+    settings = RefineSettings(gap_m=-1.0)
+    found = refine(made, **given, label=data.label, faces=data.space.faces, settings=settings)
+    before, after = (np.linalg.norm(x - true, axis=-1).mean() for x in (proposal, found))
+    assert after < 0.85 * before
+
+
+@pytest.fixture
+def rows(monkeypatch, data, canonical, identity, tmp_path):
+    for name, unit in METRICS.items():
+        monkeypatch.setitem(table.UNITS, name, unit)
+    settings = EvaluationSettings(
+        neighbours=(1, 16), missing=(0.3,), accuracy=(1.0, 0.5), noise_shape=2.0
+    )
+    found = evaluate(
+        data,
+        {"canonical": canonical},
+        {"posed": identity},
+        ("val", "test"),
+        settings,
+        RefineSettings(rounds=4),
+        pictures=tmp_path / "pictures",
+        vertex_sampled=data,
+    )
+    write_metrics(tmp_path / "metrics.tsv", found)
+    return read_metrics(tmp_path / "metrics.tsv")
+
+
+def test_every_variant_is_measured_against_the_truth(rows, data, identity, given, tmp_path):
+    def value(variant, metric, split="test"):
+        return find_value(rows, variant, split, "Skirt", metric).value
+
+    assert {row.garment for row in rows} == {"Skirt"}
+    sequence = int(data.of_split("test")[0])
+    true = data.garment[data.rows(sequence)]
+    mean = 1000 * np.linalg.norm(data.canonical[sequence] - data.space.mean, axis=-1).mean()
+    assert value("mean_garment", "canonical_error_mm") == pytest.approx(mean, rel=1e-4)
+    made = reconstruct(identity, **given)
+    error = 1000 * np.linalg.norm(made.final - true, axis=-1).mean()
+    assert value("posed", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("lbs", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("neighbours_16", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("vertex_sampled", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("neighbours_1", "vertex_error_mm") != pytest.approx(error, rel=1e-4)
+    assert value("noisy_body", "vertex_error_mm") > error
+    labels = {variant for _, variant, *_ in rows}
+    assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
+    # The truth is told apart from the body only; toy points are its own vertices.
+    assert find_value(rows, "truth", "test", "Skirt", "vertex_error_mm") is None
+    assert value("truth", "to_cloud_mm") < value("posed", "to_cloud_mm")
+    # Simulated sequences alone are measured in motion, all of them at rest.
+    assert find_value(rows, "posed", "val", "Skirt", "vertex_error_mm").n == 1
+    assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 2
+    assert not [row for row in rows if row.split == "val" and row.variant == "noisy_body"]
+
+
+def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):
+    name = str(data.name[data.of_split("test")[0]])
+    assert [path.name for path in (tmp_path / "pictures").iterdir()] == [f"{name}.npz"]
+    with np.load(tmp_path / "pictures" / f"{name}.npz") as pictures:
+        made = reconstruct(identity, **given)
+        for key, expected in (("canonical", made.canonical), ("lbs", made.proposal)):
+            np.testing.assert_allclose(pictures[key], expected, atol=1e-6)
+        assert pictures["posed"].shape == made.final.shape

@@ -1,0 +1,237 @@
+"""Trainings of a few steps on toy skirts."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.nets.checkpoints import read_checkpoint
+from drapeline.nets.garment4d.canonical import CanonicalNetwork
+from drapeline.nets.garment4d.data import SequenceData, Windows
+from drapeline.nets.garment4d.training import (
+    CanonicalStage,
+    MgnStage,
+    PointNetStage,
+    PosedStage,
+    load_stage,
+    predicted_canonicals,
+    train_canonical,
+    train_posed,
+    turned,
+)
+from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.nets.gcvae_data import as_tensors
+from drapeline.seeding import rng_for
+from garment4d_toys import CANONICAL, POSED, save_toy_data, toy_bodies
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, toy_body):
+    folder = tmp_path_factory.mktemp("garment4d")
+    save_toy_data(folder / "data", toy_body)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wearers(toy_body):
+    return Wearers(toy_bodies(toy_body), 30)
+
+
+@pytest.fixture
+def data(folder, wearers):
+    return SequenceData(folder / "data", wearers)
+
+
+def run(train, folder, name, data, values, *stage, **options):
+    train(
+        folder / name,
+        data,
+        values,
+        *stage,
+        progress=folder / ".progress" / name,
+        trainer={"accelerator": "cpu"},
+        threads=1,
+        **options,
+    )
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def canonical(folder, wearers):
+    data = SequenceData(folder / "data", wearers)
+    return run(train_canonical, folder, "canonical", data, CANONICAL)
+
+
+@pytest.fixture(scope="module")
+def posed(folder, wearers, canonical):
+    data = SequenceData(folder / "data", wearers)
+    stage = load_stage(canonical, CanonicalStage)
+    return run(train_posed, folder, "posed", data, POSED, stage)
+
+
+def column(folder, name):
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
+
+
+def batch_of(data, stage, split):
+    training = stage.settings.training
+    windows = Windows(data, frames=training.frames, stride=training.stride, posed=stage.POSED)
+    return as_tensors(windows.batch(windows.rows(split)))
+
+
+def test_the_canonical_stage_learns_shapes_of_skirts_it_has_not_seen(canonical, data):
+    errors = column(canonical, "val_canonical_error_mm")
+    held = data.canonical[data.of_split("val")]
+    mean_garment = 1000 * np.linalg.norm(held - data.space.mean, axis=-1).mean()
+    assert min(errors) < 0.7 * mean_garment
+    losses = column(canonical, "train_segmentation")
+    assert losses[-1] < 0.6 * losses[0]
+
+
+def test_the_posed_stage_learns_the_sway_that_skinning_lacks(posed, data):
+    stage = load_stage(posed, PosedStage)
+    data.wear(predicted_canonicals(stage.canonical, data, ("val",), 3), stage.settings.skinning)
+    batch = batch_of(data, stage, "val")
+    assert set(data.source[batch["sequence"]]) == {"simulated", "skinned"}
+    errors = column(posed, "val_vertex_error_mm")
+    assert min(errors) < 0.8 * errors[0]
+    proposal = 1000 * (batch["proposal"] - batch["target"]).norm(dim=-1).mean()
+    assert min(errors) < 0.9 * float(proposal)
+
+
+def test_a_loaded_stage_says_what_was_validated_last(posed, canonical, data):
+    stage = load_stage(posed, PosedStage)
+    assert not stage.training
+    alone = load_stage(canonical, CanonicalStage)
+    for key, value in alone.state_dict().items():
+        torch.testing.assert_close(value, stage.canonical.state_dict()[key], msg=key)
+    # The history's validation errors are those of the weights that were kept.
+    batch = batch_of(data, alone, "val")
+    with torch.inference_mode():
+        _, error = alone.losses(batch)
+    assert float(error) == pytest.approx(min(column(canonical, "val_canonical_error_mm")), rel=0.02)
+
+
+def test_the_canonical_network_is_not_trained_further(posed, canonical):
+    before = read_checkpoint(canonical / "best.ckpt")["state_dict"]
+    after = read_checkpoint(posed / "last.ckpt")["state_dict"]
+    for key, value in before.items():
+        torch.testing.assert_close(after[f"canonical.{key}"], value, msg=key)
+
+
+def test_levels_from_memory_are_those_of_the_network(posed, data, monkeypatch):
+    stage = load_stage(posed, PosedStage)
+    batch = batch_of(data, stage, "val")
+    count = len(batch["names"])
+    part = {key: value[: count - 1] for key, value in batch.items()}
+    stage.kept_levels(part)
+    expected = stage.levels(batch["points"]).levels
+    asked = []
+    levels = stage.levels
+    monkeypatch.setattr(stage, "levels", lambda points: asked.append(len(points)) or levels(points))
+    for _ in range(2):
+        for one, true in zip(stage.kept_levels(batch), expected, strict=True):
+            for x, y in zip(one, true, strict=True):
+                torch.testing.assert_close(x, y)
+    assert asked == [1]
+    # Without room for more everything is asked for anew.
+    stage._kept.clear()
+    stage._room = 0
+    stage.kept_levels(batch)
+    stage.kept_levels(batch)
+    assert asked == [1, count, count]
+
+
+def test_baselines_are_trained_and_loaded(folder, data, canonical):
+    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 1}}
+    out = run(train_canonical, folder, "pointnet", data, short, pointnet=True)
+    stage = load_stage(out, CanonicalStage, PointNetStage)
+    assert stage.kind == "garment4d_pointnet"
+    posed = {"training": {**POSED["training"], "epochs": 1}, "network": {"widths": [8, 16]}}
+    out = run(
+        train_posed, folder, "mgn", data, posed, load_stage(canonical, CanonicalStage), mgn=True
+    )
+    stage = load_stage(out, MgnStage)
+    assert stage.settings.skinning.neighbours == 1
+    assert data.skinning == stage.settings.skinning
+    # Copied weights are those of single body vertices.
+    body = data.wearer(0).model.weights
+    for row in data.weights(0)[::7]:
+        assert np.abs(body - row).max(axis=1).min() < 1e-6
+
+
+def test_two_trainings_end_with_the_same_weights(folder, wearers):
+    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 2}}
+    ends = []
+    for name in ("first", "second"):
+        data = SequenceData(folder / "data", wearers)
+        out = run(train_canonical, folder, name, data, short)
+        ends.append(read_checkpoint(out / "last.ckpt")["state_dict"])
+    for key, value in ends[0].items():
+        torch.testing.assert_close(value, ends[1][key], msg=key)
+
+
+def test_a_loss_that_is_not_finite_names_the_windows(folder, data):
+    data.canonical = np.full_like(data.canonical, np.nan)
+    with pytest.raises(InputError, match=r"loss is nan \(.*for windows 0000.*/1\d.*expected a fin"):
+        run(train_canonical, folder, "nan", data, CANONICAL)
+    assert not (folder / "nan").exists()
+
+
+def test_settings_come_from_plain_values_and_go_back(canonical):
+    about = read_checkpoint(canonical / "best.ckpt")["drapeline"]
+    settings = CanonicalStage.settings_of(about["settings"])
+    assert settings == CanonicalStage.settings_of(CANONICAL)
+    assert json.loads((canonical / "settings.json").read_text())["loss"] == {
+        **about["settings"]["loss"]
+    }
+    assert settings.training == replace(settings.training, sources=("simulated", "skinned"))
+    scaled = CanonicalStage.settings_of({"network": {"points": 1000, "width": 0.25}}).network
+    assert scaled.garment[0].widths[0] == (8, 8)
+
+
+def test_turned_windows_keep_heights_and_distances_and_come_back():
+    points = torch.from_numpy(rng_for(0, "turned").normal(size=(2, 3, 5, 3)))
+    quarter = turned(points, torch.tensor([np.pi / 2, 0.0], dtype=torch.float64))
+    torch.testing.assert_close(quarter[1], points[1])
+    torch.testing.assert_close(quarter[0, ..., 0], -points[0, ..., 1])
+    torch.testing.assert_close(quarter[0, ..., 1], points[0, ..., 0])
+    angle = torch.tensor([0.7, -2.0], dtype=torch.float64)
+    there = turned(points, angle)
+    torch.testing.assert_close(there[..., 2], points[..., 2])
+    torch.testing.assert_close(there.norm(dim=-1), points.norm(dim=-1))
+    torch.testing.assert_close(turned(there, -angle), points)
+
+
+def test_training_turns_windows_where_it_is_asked_to(folder, data, monkeypatch):
+    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 1, "turn": True}}
+    seen = []
+    forward = CanonicalNetwork.forward
+    monkeypatch.setattr(
+        CanonicalNetwork,
+        "forward",
+        lambda self, points, labels=None: seen.append(points) or forward(self, points, labels),
+    )
+    run(train_canonical, folder, "turned", data, short)
+    stored = {round(float(z), 6): float(x) for x, _, z in data.points.reshape(-1, 3)}
+
+    def share_in_place(points):
+        flat = points.reshape(-1, 3).tolist()
+        return np.mean([abs(x - stored.get(round(z, 6), np.inf)) < 1e-6 for x, _, z in flat])
+
+    *trained, validated = seen
+    assert share_in_place(validated) > 0.9
+    assert max(share_in_place(points) for points in trained) < 0.1
+
+
+def test_unknown_settings_and_wrong_kinds_are_refused(canonical, tmp_path):
+    with pytest.raises(InputError, match="CanonicalWeights: no setting 'laplace', expected one of"):
+        CanonicalStage.settings_of({"loss": {"laplace": 1.0}})
+    with pytest.raises(InputError, match="holds a 'garment4d_canonical' network, expected"):
+        load_stage(canonical, PosedStage, MgnStage)
+    with pytest.raises(InputError, match="no such file"):
+        load_stage(tmp_path, PosedStage)

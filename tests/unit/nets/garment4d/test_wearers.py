@@ -1,0 +1,35 @@
+"""What networks see of a body."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.frames import REST_POSE
+from drapeline.mesh import vertex_normals
+from drapeline.nets.garment4d.wearers import BodySurface
+from drapeline.seeding import rng_for
+
+
+def test_body_points_and_normals_are_those_of_the_whole_body(toy_body):
+    rng = rng_for(0, "surface")
+    chosen = rng.permutation(len(toy_body.v_template))[:30]
+    shape, poses = rng.uniform(-2, 2, 10), REST_POSE + rng.normal(0, 0.3, (4, 72))
+    whole, _ = posed_vertices(toy_body, shape, poses)
+    vertices, normals = BodySurface(toy_body, chosen).posed(shape, poses)
+    np.testing.assert_allclose(vertices, whole[:, chosen], atol=1e-6)
+    for frame in range(4):
+        expected = vertex_normals(whole[frame], toy_body.faces)[chosen]
+        np.testing.assert_allclose(normals[frame], expected, atol=1e-4)
+
+
+def test_pose_blend_shapes_reach_the_body_points(toy_body):
+    rng = rng_for(0, "blend shapes")
+    body = replace(
+        toy_body, posedirs=rng.normal(0, 0.01, toy_body.posedirs.shape).astype(np.float32)
+    )
+    shape, poses = np.zeros(10), REST_POSE + rng.normal(0, 0.3, (2, 72))
+    whole, _ = posed_vertices(body, shape, poses)
+    vertices, _ = BodySurface(body, np.arange(25)).posed(shape, poses)
+    np.testing.assert_allclose(vertices, whole[:, :25], atol=1e-5)
+    assert np.abs(whole - posed_vertices(toy_body, shape, poses)[0]).max() > 0.005

@@ -1,0 +1,130 @@
+"""The tables of Garment4D: our numbers and the paper's never share a column."""
+
+import csv
+import re
+
+import pytest
+
+from drapeline.metrics.table import HIGH, LOW, UNITS, MetricRow, write_metrics
+from drapeline.report.garment4d_tables import OURS, THEIRS, write_beside_paper, write_garment4d_page
+
+
+def row(variant, garment, metric, value, split="test", model="garment4d", n=5):
+    unit = UNITS[metric.removesuffix(LOW).removesuffix(HIGH)]
+    return MetricRow(model, variant, split, garment, metric, value, unit, n, 0)
+
+
+@pytest.fixture
+def metrics(tmp_path):
+    """Metrics of two posed models, of a baseline and of a sweep, mostly for skirts."""
+    rows = [
+        row("posed", "Skirt", "vertex_error_mm", 27.125),
+        row("posed", "Skirt", "vertex_error_mm" + LOW, 20.0),
+        row("posed", "Skirt", "vertex_error_mm" + HIGH, 35.5),
+        row("posed", "Skirt", "acceleration_error_m_s2", 3.5),
+        row("posed", "Skirt", "vertex_error_mm", 99.0, split="val"),
+        row("posed", "Tshirt", "vertex_error_mm", 88.0, model="other"),
+        row("posed", "Skirt", "inside_share", 0.0123),
+        row("posed", "Skirt", "inference_s_per_frame", 0.0042),
+        row("lbs", "Skirt", "vertex_error_mm", 41.0),
+        row("lbs", "Trousers", "vertex_error_mm", 19.0, n=3),
+        row("truth", "Skirt", "inside_share", 0.0045),
+        row("truth", "Skirt", "to_cloud_mm", 6.25),
+        row("canonical", "Skirt", "canonical_error_mm", 24.0),
+        row("canonical", "Skirt", "segmentation_accuracy", 0.953),
+        row("neighbours_16", "Skirt", "vertex_error_mm", 30.0),
+        row("neighbours_4", "Skirt", "vertex_error_mm", 31.0),
+    ]
+    write_metrics(tmp_path / "metrics.tsv", rows)
+    return tmp_path / "metrics.tsv"
+
+
+def sections(path):
+    """Heading -> HTML up to the next one."""
+    parts = re.split(r"<h[23]>(.*?)</h[23]>", path.read_text())
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def body_rows(html):
+    rows = re.findall(r"<tr>(.*?)</tr>", html.split("<tbody>")[1], re.DOTALL)
+    return [re.findall(r"<td[^>]*>(.*?)</td>", line) for line in rows]
+
+
+def test_posed_table_has_models_by_type_with_intervals(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    text = sections(tmp_path / "page.html")["Table 3: posed garments, vertex error M2 (mm)"]
+    assert body_rows(text) == [
+        ["Interpolated LBS", "41.0", "-", "19.0", "5 / - / 3"],
+        ["Garment4D", "27.1 [20.0, 35.5]", "-", "-", "5 / - / -"],
+    ]
+    assert '<td class="number good">27.1 [20.0, 35.5]</td>' in text
+    assert '<td class="number good">19.0</td>' in text
+    assert 'good">41.0' not in text
+
+
+def test_only_the_test_split_of_this_model_is_shown(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    text = (tmp_path / "page.html").read_text()
+    assert "99.0" not in text
+    assert "88.0" not in text
+
+
+def test_shares_are_in_per_cent_and_the_truth_is_there_too(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    parts = sections(tmp_path / "page.html")
+    assert body_rows(parts["Vertices inside the body"]) == [
+        ["Skirt", "Ground truth itself", "0.45", "-", "-"],
+        ["Skirt", "Garment4D", "1.23", "-", "-"],
+    ]
+    assert body_rows(parts["Points with the right label (%)"])[0][1] == "95.3"
+    assert body_rows(parts["Time per frame (ms)"])[0][1] == "4.2"
+    cloud = parts["Table 5: distance of vertices to the cloud, one way (mm)"]
+    assert body_rows(cloud)[0][:2] == ["Ground truth itself", "6.25"]
+
+
+def test_ablations_need_both_errors_and_sweeps_rise(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    parts = sections(tmp_path / "page.html")
+    pairs = parts["Ablations (figure 6) and inputs: M2 (mm) / M3 (m/s²)"]
+    assert body_rows(pairs) == [["Full model", "27.1 / 3.50", "-", "-"]]
+    sweep = parts["Neighbours, holes and wrong labels (figures 8 to 10): M2 (mm)"]
+    assert [line[:2] for line in body_rows(sweep)] == [["K = 4", "31.0"], ["K = 16", "30.0"]]
+    distance = parts["Distance to the garment as simulated (mm)"]
+    assert "There are none." in distance
+
+
+def test_the_papers_numbers_stand_apart(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    ours, theirs = (tmp_path / "page.html").read_text().split(f"<h2>{THEIRS}</h2>")
+    for number in ("33.71", "30.23", "79.52", "49.39", "26.48", "12.59", "3.273", "+8.42"):
+        assert number not in ours
+        assert f'<td class="number theirs">{number}</td>' in theirs
+
+
+def test_registration_is_judged_against_its_targets(metrics, tmp_path):
+    lines = ["garment\tname\tmetric\tvalue\tunit"]
+    for name, near, flipped in (("a", 2.0, 0), ("b", 4.0, 2)):
+        lines += [
+            f"Skirt\t{name}\toriginal_to_remeshed_mm\t{near}\tmm",
+            f"Skirt\t{name}\trims_mm\t{3 * near}\tmm",
+            f"Skirt\t{name}\tflipped_faces\t{flipped}\t1",
+        ]
+    (tmp_path / "a.tsv").write_text("\n".join(lines) + "\n")
+    write_garment4d_page(tmp_path / "page.html", metrics, [tmp_path / "a.tsv"])
+    text = sections(tmp_path / "page.html")["Registration to the templates"]
+    assert body_rows(text) == [["Skirt", "2", "3.00, at most 4.00", "9.00, at most 12.00", "2"]]
+    assert '"number good">3.00' in text
+    assert '"number bad">9.00' in text
+    assert '"number bad">2<' in text
+
+
+def test_beside_paper_has_two_columns(metrics, tmp_path):
+    write_beside_paper(tmp_path / "beside.tsv", metrics)
+    with open(tmp_path / "beside.tsv") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    found = {(r["table"], r["row"], r["metric"]): (r[OURS], r[THEIRS]) for r in rows}
+    assert found["2", "canonical Skirt", "canonical_error_mm"] == ("24", "30.23")
+    assert found["3", "posed Skirt", "vertex_error_mm"] == ("27.125", "49.39")
+    assert found["3", "posed Tshirt", "vertex_error_mm"] == ("-", "37.83")
+    assert found["4", "mgn Trousers", "acceleration_error_m_s2"] == ("-", "4.135")
+    assert len(found) == 6 + 9 + 6

@@ -1,0 +1,599 @@
+from drapeline.nets.garment4d.variants import POSED_VARIANTS
+
+G4D = f"{RESULTS}/garment4d"
+TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in TEMPLATE_TYPES}
+TEMPLATE_FITS = [
+    *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
+    *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
+]
+# Which trained models of the posed stage each evaluation holds.
+POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
+GARMENT4D_FILES = [
+    f"{RESULTS}/report/representations.html",
+    *expand(
+        f"{RESULTS}/report/garment4d_{{name}}",
+        name=[
+            *["metrics.html", "steps.png", "results.png", "moving.png"],
+            *["explained.svg", "modes.png", "skinning.png"],
+        ],
+    ),
+]
+
+
+wildcard_constraints:
+    protocol="surface|vertices",
+    garment="|".join(TEMPLATE_TYPES),
+    posed="|".join(POSED_VARIANTS),
+    models="|".join(POSED_MODELS),
+
+
+rule make_garment_template:
+    input:
+        unpack(own_template),
+        **{f"{gender}_body": body_file(gender) for gender in GENDERS},
+        **{
+            f"{gender}_templates": f"{RESULTS}/templates/{gender}.npz"
+            for gender in GENDERS
+        },
+    output:
+        f"{G4D}/{{garment}}/template.npz",
+    log:
+        f"{LOGS}/make_garment_template/{{garment}}.log",
+    benchmark:
+        f"{BENCHMARKS}/make_garment_template/{{garment}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        edge_length_m=lookup(dpath="garment4d/template/edge_length_m", within=config),
+        code=source_hash("make_garment_template"),
+    script:
+        "../../scripts/make_garment_template.py"
+
+
+rule fit_static_templates:
+    input:
+        **TEMPLATES,
+        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
+        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
+    output:
+        directory(f"{G4D}/fits/static/{{shard}}"),
+    log:
+        f"{LOGS}/fit_static_templates/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/fit_static_templates/{{shard}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    params:
+        settings=lookup(dpath="garment4d/registration", within=config),
+        code=source_hash("fit_static_templates"),
+    script:
+        "../../scripts/fit_static_templates.py"
+
+
+rule fit_sample_templates:
+    input:
+        **TEMPLATES,
+        sample=f"{RESULTS}/samples/{{sample}}",
+    output:
+        directory(f"{G4D}/fits/samples/{{sample}}"),
+    log:
+        f"{LOGS}/fit_sample_templates/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/fit_sample_templates/{{sample}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        settings=lookup(dpath="garment4d/registration", within=config),
+        code=source_hash("fit_sample_templates"),
+    script:
+        "../../scripts/fit_sample_templates.py"
+
+
+rule sample_clouds:
+    input:
+        f"{RESULTS}/samples/{{sample}}",
+    output:
+        directory(f"{G4D}/clouds_{{protocol}}/{{sample}}"),
+    log:
+        f"{LOGS}/sample_clouds_{{protocol}}/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{sample}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=60,
+    params:
+        settings=cloud_settings,
+        code=source_hash("sample_clouds"),
+    script:
+        "../../scripts/sample_clouds.py"
+
+
+rule skin_static:
+    input:
+        **WHOLE_BODIES,
+        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
+        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
+        samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
+    output:
+        directory(f"{G4D}/skinned/{{shard}}"),
+    log:
+        f"{LOGS}/skin_static/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/skin_static/{{shard}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        frames=lookup(dpath="garment4d/skinned/frames", within=config),
+        step=lookup(dpath="garment4d/skinned/step", within=config),
+        clouds=cloud_settings,
+        code=source_hash("skin_static"),
+    script:
+        "../../scripts/skin_static.py"
+
+
+rule collect_garment4d:
+    input:
+        unpack(garment_sequences),
+        template=f"{G4D}/{{garment}}/template.npz",
+        fits=TEMPLATE_FITS,
+    output:
+        directory(f"{G4D}/{{garment}}/data_{{protocol}}"),
+    log:
+        f"{LOGS}/collect_garment4d/{{garment}}_{{protocol}}.log",
+    benchmark:
+        f"{BENCHMARKS}/collect_garment4d/{{garment}}_{{protocol}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=240,
+    params:
+        components=lookup(dpath="garment4d/components", within=config),
+        code=source_hash("collect_garment4d"),
+    script:
+        "../../scripts/collect_garment4d.py"
+
+
+rule train_garment4d_canonical:
+    input:
+        **WHOLE_BODIES,
+        data=training_sequences(),
+    output:
+        directory(f"{G4D}/{{garment}}/canonical"),
+    log:
+        f"{LOGS}/train_garment4d_canonical/{{garment}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_garment4d_canonical/{{garment}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=1440,
+    params:
+        settings=stage_settings("canonical"),
+        body_points=lookup(dpath="garment4d/body_points", within=config),
+        trainer=lookup(dpath="garment4d/trainer", within=config),
+        progress=in_progress("canonical"),
+        code=source_hash("train_garment4d_canonical"),
+    script:
+        "../../scripts/train_garment4d_canonical.py"
+
+
+rule train_garment4d_pointnet:
+    input:
+        **WHOLE_BODIES,
+        data=training_sequences(),
+    output:
+        directory(f"{G4D}/{{garment}}/pointnet"),
+    log:
+        f"{LOGS}/train_garment4d_pointnet/{{garment}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_garment4d_pointnet/{{garment}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=1440,
+    params:
+        settings=stage_settings("canonical"),
+        body_points=lookup(dpath="garment4d/body_points", within=config),
+        trainer=lookup(dpath="garment4d/trainer", within=config),
+        progress=in_progress("pointnet"),
+        code=source_hash("train_garment4d_pointnet"),
+    script:
+        "../../scripts/train_garment4d_pointnet.py"
+
+
+rule train_garment4d_posed:
+    input:
+        **WHOLE_BODIES,
+        data=training_sequences(),
+        canonical=f"{G4D}/{{garment}}/canonical",
+    output:
+        directory(f"{G4D}/{{garment}}/{{posed}}"),
+    log:
+        f"{LOGS}/train_garment4d_posed/{{garment}}_{{posed}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_garment4d_posed/{{garment}}_{{posed}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=1440,
+    params:
+        settings=stage_settings("posed"),
+        body_points=lookup(dpath="garment4d/body_points", within=config),
+        trainer=lookup(dpath="garment4d/trainer", within=config),
+        progress=in_progress("posed"),
+        code=source_hash("train_garment4d_posed"),
+    script:
+        "../../scripts/train_garment4d_posed.py"
+
+
+rule train_garment4d_mgn:
+    input:
+        **WHOLE_BODIES,
+        data=training_sequences(),
+        canonical=f"{G4D}/{{garment}}/canonical",
+    output:
+        directory(f"{G4D}/{{garment}}/mgn"),
+    log:
+        f"{LOGS}/train_garment4d_mgn/{{garment}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_garment4d_mgn/{{garment}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=1440,
+    params:
+        settings=stage_settings("mgn"),
+        body_points=lookup(dpath="garment4d/body_points", within=config),
+        trainer=lookup(dpath="garment4d/trainer", within=config),
+        progress=in_progress("mgn"),
+        code=source_hash("train_garment4d_mgn"),
+    script:
+        "../../scripts/train_garment4d_mgn.py"
+
+
+rule evaluate_garment4d:
+    input:
+        unpack(evaluated_sequences),
+        **WHOLE_BODIES,
+        canonical=f"{G4D}/{{garment}}/canonical",
+        pointnet=f"{G4D}/{{garment}}/pointnet",
+        mgn=f"{G4D}/{{garment}}/mgn",
+        posed=posed_models,
+    output:
+        metrics=f"{RESULTS}/metrics/garment4d_{{garment}}_{{models}}.tsv",
+        pictures=directory(f"{G4D}/{{garment}}/reconstructions_{{models}}"),
+    log:
+        f"{LOGS}/evaluate_garment4d/{{garment}}_{{models}}.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_garment4d/{{garment}}_{{models}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=240,
+    params:
+        posed=lambda wildcards: POSED_MODELS[wildcards.models],
+        splits=EVALUATED_SPLITS,
+        settings=evaluation_settings,
+        refine=lookup(dpath="garment4d/refine", within=config),
+        body_points=lookup(dpath="garment4d/body_points", within=config),
+        code=source_hash("evaluate_garment4d"),
+    script:
+        "../../scripts/evaluate_garment4d.py"
+
+
+rule compare_representations:
+    input:
+        **{
+            garment: f"{G4D}/{garment}/data_{config['garment4d']['protocol']}"
+            for garment in TEMPLATE_TYPES
+        },
+        data=f"{RESULTS}/static/data",
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        fits=expand(f"{G4D}/fits/static/{{shard}}", shard=STATIC),
+        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/svae_ours"],
+    output:
+        f"{RESULTS}/metrics/representations.tsv",
+    log:
+        f"{LOGS}/compare_representations.log",
+    benchmark:
+        f"{BENCHMARKS}/compare_representations.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
+        split=EVALUATED_SPLITS[0],
+        seed=config["seed"],
+        code=source_hash("compare_representations"),
+    script:
+        "../../scripts/compare_representations.py"
+
+
+rule tabulate_representations:
+    input:
+        f"{RESULTS}/metrics/representations.tsv",
+    output:
+        report(
+            f"{RESULTS}/report/representations.html",
+            caption="../report/representations.rst",
+            category="Garment4D",
+            labels={"shows": "the same garments through all codes"},
+        ),
+    log:
+        f"{LOGS}/tabulate_representations.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_representations.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("tabulate_representations"),
+    script:
+        "../../scripts/tabulate_representations.py"
+
+
+rule tabulate_garment4d:
+    input:
+        metrics=f"{RESULTS}/{{table}}.tsv",
+        fits=TEMPLATE_FITS,
+    output:
+        page=report(
+            f"{RESULTS}/report/garment4d_{{table}}.html",
+            caption="../report/garment4d_tables.rst",
+            category="Garment4D",
+            labels={"shows": "tables 2 to 4 ({table})"},
+        ),
+        table=f"{RESULTS}/report/garment4d_{{table}}_beside_paper.tsv",
+    log:
+        f"{LOGS}/tabulate_garment4d/{{table}}.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_garment4d/{{table}}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("tabulate_garment4d"),
+    script:
+        "../../scripts/tabulate_garment4d.py"
+
+
+rule plot_garment4d_steps:
+    input:
+        reconstructions=expand(
+            f"{G4D}/{{garment}}/reconstructions_default", garment=TEMPLATE_TYPES
+        ),
+    output:
+        steps=report(
+            f"{RESULTS}/report/garment4d_steps.png",
+            caption="../report/garment4d_steps.rst",
+            category="Garment4D",
+            labels={"shows": "figure 4: from points to the garment"},
+        ),
+        results=report(
+            f"{RESULTS}/report/garment4d_results.png",
+            caption="../report/garment4d_steps.rst",
+            category="Garment4D",
+            labels={"shows": "figure 5: reconstructions"},
+        ),
+        moving=report(
+            f"{RESULTS}/report/garment4d_moving.png",
+            caption="../report/garment4d_steps.rst",
+            category="Garment4D",
+            labels={"shows": "a reconstruction in motion"},
+        ),
+    log:
+        f"{LOGS}/plot_garment4d_steps.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_garment4d_steps.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        code=source_hash("plot_garment4d_steps"),
+    script:
+        "../../scripts/plot_garment4d_steps.py"
+
+
+rule plot_garment_spaces:
+    input:
+        **{
+            garment: f"{G4D}/{garment}/data_{config['garment4d']['protocol']}"
+            for garment in TEMPLATE_TYPES
+        },
+    output:
+        explained=report(
+            f"{RESULTS}/report/garment4d_explained.svg",
+            caption="../report/garment4d_spaces.rst",
+            category="Garment4D",
+            labels={"shows": "variance of the principal components"},
+        ),
+        modes=report(
+            f"{RESULTS}/report/garment4d_modes.png",
+            caption="../report/garment4d_spaces.rst",
+            category="Garment4D",
+            labels={"shows": "the first principal components"},
+        ),
+    log:
+        f"{LOGS}/plot_garment_spaces.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_garment_spaces.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        code=source_hash("plot_garment_spaces"),
+    script:
+        "../../scripts/plot_garment_spaces.py"
+
+
+rule plot_skinning:
+    input:
+        **WHOLE_BODIES,
+        data=f"{G4D}/Skirt/data_{config['garment4d']['protocol']}",
+    output:
+        report(
+            f"{RESULTS}/report/garment4d_skinning.png",
+            caption="../report/garment4d_skinning.rst",
+            category="Garment4D",
+            labels={"shows": "figure 7: K = 1 against interpolated skinning"},
+        ),
+    log:
+        f"{LOGS}/plot_skinning.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_skinning.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        skinning=lookup(dpath="garment4d/skinning", within=config),
+        code=source_hash("plot_skinning"),
+    script:
+        "../../scripts/plot_skinning.py"
+
+
+rule plot_garment4d_curves:
+    input:
+        f"{RESULTS}/metrics_garment4d_ablations.tsv",
+    output:
+        **{
+            name: report(
+                f"{RESULTS}/report/garment4d_{name}.svg",
+                caption="../report/garment4d_curves.rst",
+                category="Garment4D",
+                labels={"shows": shown},
+            )
+            for name, shown in {
+                "ablation": "figure 6: without single parts",
+                "neighbours": "figure 8: neighbours K",
+                "missing": "figure 9: missing points",
+                "accuracy": "figure 10: segmentation errors",
+            }.items()
+        },
+    log:
+        f"{LOGS}/plot_garment4d_curves.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_garment4d_curves.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("plot_garment4d_curves"),
+    script:
+        "../../scripts/plot_garment4d_curves.py"
+
+
+rule garment4d_ablations:
+    # Trains and evaluates figures 6 and 8 to 10; nothing of it is part of the default.
+    input:
+        f"{RESULTS}/metrics_garment4d_ablations.tsv",
+        f"{RESULTS}/report/garment4d_metrics_garment4d_ablations.html",
+        rules.plot_garment4d_curves.output,
+
+
+rule reconstruct_garment:
+    input:
+        unpack(own_scans),
+        **WHOLE_BODIES,
+        model=f"{G4D}/{RECONSTRUCT['garment']}/posed",
+    output:
+        directory(f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"),
+    log:
+        f"{LOGS}/reconstruct_garment.log",
+    benchmark:
+        f"{BENCHMARKS}/reconstruct_garment.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=240,
+    params:
+        garment=RECONSTRUCT["garment"],
+        up=RECONSTRUCT["up"],
+        points=lookup(dpath="garment4d/clouds/points", within=config),
+        body_points=lookup(dpath="garment4d/body_points", within=config),
+        refine=lookup(dpath="garment4d/refine", within=config),
+        colour=[0.45, 0.55, 0.75],
+        seed=config["seed"],
+        code=source_hash("reconstruct_garment"),
+    script:
+        "../../scripts/reconstruct_garment.py"
+
+
+rule export_reconstructed:
+    input:
+        f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}",
+    output:
+        directory(f"{RESULTS}/exports/reconstructed/{{format}}"),
+    log:
+        f"{LOGS}/export_reconstructed/{{format}}.log",
+    benchmark:
+        f"{BENCHMARKS}/export_reconstructed/{{format}}.tsv"
+    conda:
+        "../../envs/blender.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        code=source_hash("export_reconstructed"),
+    script:
+        "../../scripts/export_reconstructed.py"
+
+
+rule reconstruct:
+    # The garment in the scans that the config names, in every format.
+    input:
+        expand(f"{RESULTS}/exports/reconstructed/{{format}}", format=EXPORT_FORMATS),
