@@ -1,6 +1,6 @@
 """Garments of any topology are brought to a template's (Garment4D, section 2.2).
 
-The source garment is deformed onto the template: its openings and branches first, then its
+The source garment is deformed onto the template: its openings and seams first, then its
 surface, and at last by equation 3. Where the template's vertices come to lie on the deformed
 source tells which corners they follow, in every frame of the source's sequence.
 """
@@ -34,6 +34,7 @@ _STARTS = 64  # places on an opening at which the match of two loops may begin
 _MM2 = 1e6  # equation 3 is minimised in mm^2, or the solver would take it for solved
 _RIM_M = 0.02
 _ASIDE_M = 0.003  # this far from the body's middle a seam counts as twice as long
+_TURN_M = 0.1  # a place may be this much further away if it faces a radian better
 _REPAIRS = 20
 _REPAIRS_PER_RING = 5
 
@@ -490,9 +491,6 @@ def _closest(
         corners[away] = triangles[owner[near]]
         shares[away] = corners[away] == near[:, None]
     return corners, shares
-
-
-_TURN_M = 0.1
 
 
 def _closest_faces(

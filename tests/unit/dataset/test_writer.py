@@ -5,16 +5,22 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import load_body, posed_vertices
-from drapeline.dataset.info_mat import read_info
+from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.point_cache import PointCache, PointCacheWriter, point_cache_writer
+from drapeline.dataset.reader import Sequence
 from drapeline.dataset.record import body_fingerprint
-from drapeline.dataset.writer import summarise_health, write_sample
+from drapeline.dataset.writer import (
+    MovingGarment,
+    summarise_health,
+    write_reconstructed,
+    write_sample,
+)
 from drapeline.errors import InputError
 from drapeline.frames import PARENTS, REST_POSE
-from drapeline.mesh import load_obj
+from drapeline.mesh import Mesh, load_obj, triangulate
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz
-from tiny_sample import GARMENTS, body_truth, write_stages, write_tiny_sample
+from tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample
 
 
 def write(tiny, body, sample="00001"):
@@ -189,3 +195,25 @@ def test_the_stored_body_is_that_of_a_saved_and_loaded_model(tmp_path, toy_body,
     points, _ = posed_vertices(loaded, tiny.shape, record["poses"])
     stored = PointCache(tiny.folder / "Body.pc16").frames()
     assert np.abs(points - stored).max() < 5e-4
+
+
+def test_a_reconstructed_garment_reads_as_a_sample_of_the_original(tmp_path, toy_body):
+    rest = tube(0.25, -0.4, 0.05, 12, 5)
+    frames = np.stack([rest.vertices, rest.vertices + [0.1, 0, 0]]).astype(np.float32)
+    poses = np.repeat(REST_POSE[None], 2, 0)
+    trans = np.array([[0, 0, 0.9], [0.2, 0, 0.9]])
+    info = SampleInfo(
+        poses=poses,
+        trans=trans,
+        shape=np.zeros(10),
+        gender=0,
+        outfit={"Skirt": {"texture": {"type": "color", "data": [0.4, 0.5, 0.7]}}},
+    )
+    mesh = Mesh(rest.vertices, triangulate(rest.faces))
+    write_reconstructed(tmp_path / "Skirt", toy_body, info, [MovingGarment("Skirt", mesh, frames)])
+    with Sequence(tmp_path / "Skirt") as sample:
+        assert list(sample.garments) == ["Skirt"]
+        np.testing.assert_allclose(sample.vertices("Skirt"), frames + trans[:, None], atol=1e-6)
+        np.testing.assert_array_equal(sample.mesh("Skirt").faces, mesh.faces)
+        body, _ = posed_vertices(toy_body, np.zeros(10), poses)
+        np.testing.assert_allclose(sample.body_vertices(), body + trans[:, None], atol=1e-3)

@@ -1,0 +1,26 @@
+"""The page that compares codes."""
+
+from drapeline.metrics.table import HIGH, LOW, MetricRow, write_metrics
+from drapeline.report.representation_table import write_representations
+
+
+def row(variant, garment, value, metric="predicted_to_true_mm", split="test"):
+    return MetricRow("representation", variant, split, garment, metric, value, "mm", 5, 1)
+
+
+def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
+    rows = [
+        row("svae_ours", "Skirt", 3.25),
+        row("svae_ours", "Skirt", 3.0, "predicted_to_true_mm" + LOW),
+        row("svae_ours", "Skirt", 3.5, "predicted_to_true_mm" + HIGH),
+        row("svae_ours", "Skirt", 77.0, split="val"),
+        row("garment4d_pca", "all", 4.5),
+    ]
+    write_metrics(tmp_path / "metrics.tsv", rows)
+    write_representations(tmp_path / "page.html", tmp_path / "metrics.tsv", "test")
+    page = (tmp_path / "page.html").read_text()
+    assert "3.25 (3.00 to 3.50)" in page
+    assert "4.50" in page
+    assert "77" not in page
+    first = page.split("SVAE, our variant")[1].split("</tr>")[0]
+    assert first.count(">-<") == 3
