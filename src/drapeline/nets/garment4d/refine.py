@@ -5,8 +5,9 @@ moves smoothly, so with the lengths of the canonical garment's edges and all fra
 a system of equations to solve for the vertices: linear, and the same one in every round.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -19,6 +20,8 @@ from drapeline.registration.closest import closest_points
 _APART_M = 4.0  # between frames, where they are searched together
 _ROW = 16  # frames per row of such a layout
 _SMALL_M = 1e-9
+_BODY_EVERY = 5  # rounds between searches for the nearest body vertices
+_USUAL_ERROR_M = 0.08  # of proposals, where nothing is known of them
 
 
 @dataclass(frozen=True)
@@ -31,22 +34,36 @@ class RefineSettings:
         reach_m: a point this far from the garment pulls half as hard as a close one.
         stretch: of the edges' lengths.
         bend: of the distances across edges.
-        smooth: of accelerations, for frames.
-        keep: of the garment that is refined.
+        smooth: of accelerations, between frames.
+        keep_m: a vertex that starts with this error is drawn back as hard as points pull it.
         gap_m: least distance from the body.
         deep_m: vertices further inside than this are left to the points; what is nearest to them
             is likely another limb.
     """
 
-    rounds: int = 20
+    rounds: int = 15
     momentum: float = 0.9
     reach_m: float = 0.06
     stretch: float = 2.0
     bend: float = 0.2
     smooth: float = 0.5
-    keep: float = 0.001
+    keep_m: float = 0.008
     gap_m: float = 0.003
     deep_m: float = 0.05
+
+
+class Habits(NamedTuple):
+    """What the worn garments of training tell of a type; see `habits_of`.
+
+    Attributes:
+        shares: (K,) lengths of the springs of `Cloth` when worn, by those in the canonical garment.
+        error_m: (N,) root mean square error of the proposals, metres.
+        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
+    """
+
+    shares: np.ndarray
+    error_m: np.ndarray
+    follow: np.ndarray
 
 
 def refined(
@@ -58,7 +75,8 @@ def refined(
     body: np.ndarray,
     body_normals: np.ndarray,
     settings: RefineSettings,
-    shares: np.ndarray | None = None,
+    proposal: np.ndarray | None = None,
+    habits: Habits | None = None,
 ) -> np.ndarray:
     """Garments near the points, with the canonical garment's lengths, smooth in time.
 
@@ -75,14 +93,23 @@ def refined(
         rest: (N, 3) the canonical garment.
         body, body_normals: (F, M, 3) body vertices and outward unit normals.
         settings: weights.
-        shares: (K,) lengths of the springs when worn by those at rest, `worn_shares`; 1 if None.
+        proposal: (F, N, 3) skinned garments that accelerations are compared with; `vertices` if
+            None.
+        habits: of the type; if None, lengths are those at rest, all vertices start equally well,
+            and accelerations are compared with zero.
 
     Returns:
         (F, N, 3) float32.
     """
-    cloth = Cloth(rest, faces, settings, shares)
-    solve = _SpaceTime(cloth.stiffness, len(vertices), settings)
+    if habits is None:
+        count = len(rest)
+        habits = Habits(np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count))
+    cloth = Cloth(rest, faces, settings, habits.shares)
+    keep = (settings.keep_m / np.maximum(habits.error_m, settings.keep_m)) ** 2
     start = np.asarray(vertices, dtype=np.float64)
+    solver = SpaceTime(cloth.stiffness, 1 + keep, len(start), settings.smooth)
+    constant = keep[:, None] * start
+    constant += habits.follow[:, None] * solver.bent(start if proposal is None else proposal)
     garment, before = start, start
     for number in range(settings.rounds):
         ahead = garment + settings.momentum * (garment - before)
@@ -90,11 +117,44 @@ def refined(
             nearest = _nearest_rows(body, ahead)
         pull = point_pull(ahead, points, chosen, faces, settings.reach_m)
         pull += body_push(ahead, body, body_normals, nearest, settings)
-        before, garment = garment, solve(ahead + pull, cloth.lengths(ahead), start)
+        before, garment = garment, solver(constant + ahead + pull + cloth.lengths(ahead))
     return garment.astype(np.float32)
 
 
-_BODY_EVERY = 5
+def habits_of(
+    garments: Sequence[np.ndarray],
+    proposals: Sequence[np.ndarray],
+    canonicals: Sequence[np.ndarray],
+    faces: np.ndarray,
+) -> Habits:
+    """Means over training sequences, as if one more had the mean at all vertices and springs.
+
+    Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
+    the body where others hang.
+
+    Args:
+        garments: (F, N, 3) worn garments of each sequence, truly simulated, metres.
+        proposals: (F, N, 3) the same sequences by skinning alone.
+        canonicals: (N, 3) of the same sequences.
+        faces: (E, 3).
+    """
+    pairs = springs(faces)[0]
+    share, squared, both, skinned = [], [], 0.0, 0.0
+    for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
+        share.append(
+            _lengths(garment, pairs).mean(axis=0) / np.maximum(_lengths(rest, pairs), _SMALL_M)
+        )
+        squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
+        made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
+        both, skinned = both + (made * true).sum((0, 2)), skinned + (made**2).sum((0, 2))
+    follow = (both + np.mean(both) / len(share)) / np.maximum(
+        skinned + np.mean(skinned) / len(share), _SMALL_M**2
+    )
+    return Habits(_with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1))
+
+
+def _with_mean(rows: list[np.ndarray]) -> np.ndarray:
+    return (np.sum(rows, axis=0) + np.mean(rows)) / (len(rows) + 1)
 
 
 class Cloth:
@@ -104,20 +164,15 @@ class Cloth:
         rest: (N, 3) metres.
         faces: (E, 3).
         settings: `stretch` and `bend`.
-        shares: (K,) of their lengths at rest that the springs have when worn; 1 if None.
+        shares: (K,) or (1,) of their lengths at rest that the springs have when worn.
     """
 
     def __init__(
-        self,
-        rest: np.ndarray,
-        faces: np.ndarray,
-        settings: RefineSettings,
-        shares: np.ndarray | None = None,
+        self, rest: np.ndarray, faces: np.ndarray, settings: RefineSettings, shares: np.ndarray
     ) -> None:
-        along, across = edges(faces), pairs_across(faces)
-        pairs = np.concatenate([along, across])
-        weights = np.repeat([settings.stretch, settings.bend], [len(along), len(across)])
-        self._length = _lengths(rest, pairs) * (1 if shares is None else shares)
+        pairs, across = springs(faces)
+        weights = np.where(across, float(settings.bend), float(settings.stretch))
+        self._length = _lengths(rest, pairs) * shares
         rows = np.arange(len(pairs))
         ones = np.ones(len(pairs))
         self._difference = sparse.csr_matrix(
@@ -128,35 +183,20 @@ class Cloth:
         self.stiffness = (self._back @ self._difference).tocsc()
 
     def lengths(self, garment: np.ndarray) -> np.ndarray:
-        """(N, F * 3) sums of the weighted springs at each vertex, turned as they are, at rest."""
-        size = garment.shape
-        rows = garment.transpose(1, 0, 2).reshape(size[1], -1)
-        spring = (self._difference @ rows).reshape(-1, size[0], 3)
+        """(F, N, 3) sums of each vertex's weighted springs, turned as they are but at rest."""
+        frames, count, _ = garment.shape
+        rows = garment.transpose(1, 0, 2).reshape(count, -1)
+        spring = (self._difference @ rows).reshape(-1, frames, 3)
         length = np.linalg.norm(spring, axis=-1, keepdims=True)
         spring *= self._length[:, None, None] / np.maximum(length, _SMALL_M)
-        return self._back @ spring.reshape(len(spring), -1)
+        out = self._back @ spring.reshape(len(spring), -1)
+        return out.reshape(count, frames, 3).transpose(1, 0, 2)
 
 
-def worn_shares(
-    garments: Iterable[np.ndarray], canonicals: Iterable[np.ndarray], faces: np.ndarray
-) -> np.ndarray:
-    """What cloth loses of its lengths to wrinkles finer than the template, and by stretching.
-
-    Args:
-        garments: (F, N, 3) worn garments of each training sequence.
-        canonicals: (N, 3) of the same sequences.
-        faces: (E, 3).
-
-    Returns:
-        (K,) mean lengths of the springs of `Cloth` by those in the canonical garment; the mean
-        over sequences, as if one more had the same share everywhere.
-    """
-    pairs = np.concatenate([edges(faces), pairs_across(faces)])
-    found = [
-        _lengths(garment, pairs).mean(axis=0) / np.maximum(_lengths(rest, pairs), _SMALL_M)
-        for garment, rest in zip(garments, canonicals, strict=True)
-    ]
-    return (np.sum(found, axis=0) + np.mean(found)) / (len(found) + 1)
+def springs(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertex pairs (K, 2): all edges, then corners that face one another; (K,) bool the latter."""
+    along, across = edges(faces), pairs_across(faces)
+    return np.concatenate([along, across]), np.arange(len(along) + len(across)) >= len(along)
 
 
 def _lengths(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
@@ -176,40 +216,43 @@ def pairs_across(faces: np.ndarray) -> np.ndarray:
     return np.stack([apex[:-1][twin], apex[1:][twin]], axis=1)
 
 
-class _SpaceTime:
-    """(K + (1 + keep) I + smooth D^T D) x = right side, for all frames at once.
+class SpaceTime:
+    """(K + diag(d) + smooth D^T D) x = b, for all frames at once.
 
     D^T D, the squared second differences in time, is diagonal in its own vectors, so the system
     falls apart into one of N rows for each of them.
+
+    Args:
+        stiffness: K, (N, N).
+        diagonal: d, (N,).
+        frames: F.
+        smooth: weight of the second differences.
     """
 
-    def __init__(self, stiffness: sparse.csc_matrix, frames: int, settings: RefineSettings) -> None:
-        second = np.zeros((max(frames - 2, 0), frames))
-        for row in range(len(second)):
-            second[row, row : row + 3] = 1, -2, 1
-        self._bend = settings.smooth * second.T @ second
+    def __init__(
+        self, stiffness: sparse.csc_matrix, diagonal: np.ndarray, frames: int, smooth: float
+    ) -> None:
+        second = np.diff(np.eye(frames), 2, axis=0) if frames > 2 else np.zeros((1, frames))
+        self._bend = smooth * second.T @ second
         values, self._vectors = np.linalg.eigh(self._bend)
-        identity = sparse.identity(stiffness.shape[0], format="csc")
         self._factors = [
             splu(
-                stiffness + (1 + settings.keep + max(value, 0.0)) * identity,
+                (stiffness + sparse.diags(diagonal + max(value, 0.0))).tocsc(),
                 permc_spec="MMD_AT_PLUS_A",
                 options={"SymmetricMode": True},
             )
             for value in values
         ]
-        self._keep = settings.keep
 
-    def __call__(self, target: np.ndarray, springs: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Vertices (F, N, 3) from pulled ones (F, N, 3), `Cloth.lengths`, and the start."""
-        frames, count, _ = target.shape
-        right = target + self._keep * start
-        right += springs.reshape(count, frames, 3).transpose(1, 0, 2)
-        modes = np.tensordot(self._vectors, right, axes=(0, 0))  # (F, N, 3)
-        solved = np.stack(
-            [factor.solve(mode) for factor, mode in zip(self._factors, modes, strict=True)]
-        )
-        return np.tensordot(self._vectors, solved, axes=(1, 0))
+    def bent(self, garment: np.ndarray) -> np.ndarray:
+        """smooth D^T D x, (F, N, 3)."""
+        return np.tensordot(self._bend, garment, axes=(1, 0))
+
+    def __call__(self, right: np.ndarray) -> np.ndarray:
+        """x (F, N, 3) for b (F, N, 3)."""
+        modes = np.tensordot(self._vectors, right, axes=(0, 0))
+        solved = [factor.solve(mode) for factor, mode in zip(self._factors, modes, strict=True)]
+        return np.tensordot(self._vectors, np.stack(solved), axes=(1, 0))
 
 
 def point_pull(

