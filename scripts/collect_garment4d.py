@@ -3,12 +3,9 @@
 from typing import TYPE_CHECKING
 
 from drapeline.nets.garment4d.data import collect_garment4d
-from drapeline.nets.garment4d.sequences import (
-    load_tables,
-    simulated_sequences,
-    skinned_sequences,
-)
+from drapeline.nets.garment4d.sequences import simulated_sequences, skinned_sequences
 from drapeline.registration.garment_template import load_template
+from drapeline.registration.template_tables import load_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

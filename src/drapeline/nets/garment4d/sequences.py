@@ -15,7 +15,6 @@ from drapeline.nets.garment4d.data import GarmentSequence
 from drapeline.outfits.static import load_static
 from drapeline.registration.skinned import load_skinned
 from drapeline.registration.template_fit import RemeshTable, remeshed
-from drapeline.storage import load_npz
 
 
 def simulated_sequences(
@@ -118,23 +117,3 @@ def _table(tables: Mapping[str, RemeshTable], name: str, garment: str) -> Remesh
     if name not in tables:
         raise InputError(f"{name}: its {garment} is not registered, expected a remesh table")
     return tables[name]
-
-
-def load_tables(paths: Iterable[str | Path]) -> dict[str, RemeshTable]:
-    """Remesh tables of many garments of one type, by the name of their outfit or sample.
-
-    Args:
-        paths: `.npz` files with `{name}/corners` and `{name}/shares` of any number of garments.
-
-    Raises:
-        InputError: a file is missing or a garment lacks one of the two.
-    """
-    found = {}
-    for path in paths:
-        arrays = load_npz(path)
-        for name in dict.fromkeys(key.rpartition("/")[0] for key in arrays):
-            for key in ("corners", "shares"):
-                if f"{name}/{key}" not in arrays:
-                    raise InputError(f"{path}: lacks {name}/{key}, expected it for every garment")
-            found[name] = RemeshTable(arrays[f"{name}/corners"], arrays[f"{name}/shares"])
-    return found
