@@ -68,9 +68,7 @@ def write_tables(
     for one in progress(wanted, total=len(wanted), label="garments"):
         target = targets[one.garment]
         try:
-            table = remesh_table(
-                fit_to_template(one.vertices, one.faces, target, settings), target
-            )
+            table = remesh_table(fit_to_template(one.vertices, one.faces, target, settings), target)
         except InputError as error:
             raise InputError(f"{one.name}/{one.garment}: {error}") from error
         for key in RemeshTable._fields:

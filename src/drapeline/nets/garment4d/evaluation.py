@@ -18,12 +18,14 @@ from drapeline.nets.garment4d.inference import (
     estimate_canonical,
     reconstruct,
     refine,
+    training_habits,
 )
-from drapeline.nets.garment4d.refine import RefineSettings
+from drapeline.nets.garment4d.refine import Habits, RefineSettings
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
+from drapeline.outfits.fit import rest_body
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import save_npz, whole_folder
+from drapeline.storage import whole_folder
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,9 @@ class Evaluation:
             found[str(self.data.name[sequence])] = made
         return found
 
-    def ours(self, sequence: int, made: Reconstruction, refining: RefineSettings) -> np.ndarray:
+    def ours(
+        self, sequence: int, made: Reconstruction, refining: RefineSettings, habits: Habits | None
+    ) -> np.ndarray:
         """Measure our variant and return it, (F, N, 3)."""
         data, rows = self.data, self.data.rows(sequence)
         started = time.perf_counter()
@@ -124,6 +128,7 @@ class Evaluation:
             data.label,
             data.space.faces,
             refining,
+            habits,
         )
         seconds = made.seconds + time.perf_counter() - started
         self.garment("ours", sequence, found, seconds=seconds)
@@ -155,6 +160,30 @@ class Evaluation:
         if seconds is not None:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
+
+    def shown(self, sequence: int, made: Reconstruction) -> metrics.Reconstruction:
+        """A reconstruction with all that figures need; the floor is below the lowest vertex."""
+        data, rows, wearer = self.data, self.data.rows(sequence), self.data.wearer(sequence)
+        poses = data.poses[rows]
+        body = posed_vertices(wearer.model, wearer.shape, poses)[0]
+        return metrics.Reconstruction(
+            name=str(data.name[sequence]),
+            garment=data.kind,
+            faces=data.space.faces,
+            canonical=made.canonical,
+            proposal=made.proposal,
+            final=made.final,
+            true=data.garment[rows],
+            true_canonical=data.canonical[sequence],
+            points=data.points[rows],
+            labels=made.labels,
+            body=body,
+            rest_body=rest_body(wearer.model, wearer.shape),
+            body_faces=wearer.model.faces,
+            root_rotation=poses[:, :3],
+            root_height=-body[..., 2].min(axis=1),
+            number=data.number[rows],
+        )
 
     def sweeps(self, stage: PosedStage) -> None:
         """Figures 8, 9 and 10, and a body that is not quite known."""
@@ -225,10 +254,11 @@ def evaluate(
         posed: variant -> trained stage; "posed", "mgn" and ablations.
         splits: to evaluate; sweeps are made on the test split alone.
         settings, refining: see there.
-        pictures: folder for `{sequence}.npz` of the test split; replaced as a whole.
+        pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
+            `metrics.garment4d.Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code.
     """
-    found = []
+    found, habits = [], training_habits(data)
     with whole_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(data, split, settings)
@@ -238,17 +268,12 @@ def evaluate(
                 name, rows = str(data.name[sequence]), data.rows(sequence)
                 plain = made["posed"][name]
                 evaluation.garment("lbs", sequence, plain.proposal)
-                ours = evaluation.ours(sequence, plain, refining)
+                ours = evaluation.ours(sequence, plain, refining, habits)
                 evaluation.garment("truth", sequence, data.garment[rows], true=False)
                 if split == "test":
-                    save_npz(
-                        scratch / f"{name}.npz",
-                        labels=plain.labels,
-                        canonical=plain.canonical,
-                        lbs=plain.proposal,
-                        ours=ours,
-                        **{variant: one[name].final for variant, one in made.items()},
-                    )
+                    shown = evaluation.shown(sequence, plain)
+                    shown.save(scratch / f"{name}.npz")
+                    replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
             if split == "test":
                 evaluation.sweeps(posed["posed"])
                 if vertex_sampled is not None:

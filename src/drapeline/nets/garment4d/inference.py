@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from drapeline.nets.garment4d.data import window_starts
-from drapeline.nets.garment4d.refine import RefineSettings, refined
+from drapeline.nets.garment4d.data import SequenceData, window_starts
+from drapeline.nets.garment4d.refine import Habits, RefineSettings, habits_of, refined
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, proposals
 
@@ -179,6 +179,7 @@ def refine(
     label: int,
     faces: np.ndarray,
     settings: RefineSettings,
+    habits: Habits | None = None,
 ) -> np.ndarray:
     """Our variant: a reconstruction fitted to the points that the network takes for the garment.
 
@@ -188,11 +189,44 @@ def refine(
         label: the garment's code in `LABELS`.
         faces: (E, 3) of the template.
         settings: weights.
+        habits: of the type's training sequences, see `training_habits`.
 
     Returns:
         (F, N, 3) metres, root frame.
     """
     chosen = made.labels == label
     return refined(
-        made.final, points, chosen, faces, made.canonical, *wearer.shown(poses), settings
+        made.final,
+        points,
+        chosen,
+        faces,
+        made.canonical,
+        *wearer.shown(poses),
+        settings,
+        proposal=made.proposal,
+        habits=habits,
+    )
+
+
+def training_habits(data: SequenceData) -> Habits | None:
+    """What simulated training sequences tell of worn garments; None where there are none.
+
+    Static outfits in motion hang as skinning has it, so they would tell nothing of cloth.
+    """
+    chosen = data.of_split("train", ("simulated",))
+    if not len(chosen):
+        return None
+    wearers = [data.wearer(sequence) for sequence in chosen]
+    return habits_of(
+        [data.garment[data.rows(sequence)] for sequence in chosen],
+        [
+            proposals(
+                data.canonical[sequence][None],
+                wearer.weights(data.canonical[sequence], data.space.faces, data.skinning)[None],
+                wearer.transforms(data.poses[data.rows(sequence)])[None],
+            )[0]
+            for sequence, wearer in zip(chosen, wearers, strict=True)
+        ],
+        [data.canonical[sequence] for sequence in chosen],
+        data.space.faces,
     )

@@ -6,8 +6,6 @@ cloud may be padded: points that are not `valid` are never chosen, except in a c
 valid point, whose indices mean nothing.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-
 import torch
 import warp as wp
 
@@ -201,21 +199,8 @@ def _launch(kernel: wp.Kernel, *values: wp.array | torch.Tensor | float) -> None
     """Run a kernel on the memory of its arrays, all of which have a row per cloud.
 
     The last is the output; a thread is started for each of its clouds, or for each cloud and
-    centre if it has three axes. Warp uses one core of a CPU, so clouds are shared out here.
+    centre if it has three axes.
     """
     arrays = [wp.from_torch(v) if isinstance(v, torch.Tensor) else v for v in values]
-    clouds, *others = arrays[-1].shape[: max(arrays[-1].ndim - 1, 1)]
-    device = arrays[-1].device
-    shares = min(torch.get_num_threads(), clouds) if device.is_cpu else 1
-    size = -(-clouds // max(shares, 1))
-
-    def run(start: int) -> None:
-        part = [v[start : start + size] if isinstance(v, wp.array) else v for v in arrays]
-        wp.launch(kernel, dim=(len(part[-1]), *others), inputs=part, device=device)
-
-    if shares < 2:
-        run(0)
-        return
-    kernel.module.load(device, block_dim=1)  # compiled once, and not by every thread
-    with ThreadPoolExecutor(shares) as pool:
-        list(pool.map(run, range(0, clouds, size)))
+    shape = arrays[-1].shape[: max(arrays[-1].ndim - 1, 1)]
+    wp.launch(kernel, dim=shape, inputs=arrays, device=arrays[-1].device)

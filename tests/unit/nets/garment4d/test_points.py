@@ -149,26 +149,6 @@ def test_a_batch_is_its_clouds_one_by_one():
         )
 
 
-@pytest.mark.parametrize("threads", [2, 3, 8])
-def test_the_number_of_threads_does_not_matter(threads):
-    points, centres, valid = clouds(4, 80), clouds(4, 20, seed=2), flags(4, 80)
-
-    def answers():
-        away, index = nearest_neighbours(points, centres, 4, valid)
-        ball = ball_neighbours(points, centres, 0.3, 5, valid)
-        return farthest_points(points, 9, valid), ball, away, index
-
-    before = torch.get_num_threads()
-    try:
-        torch.set_num_threads(1)
-        alone = answers()
-        torch.set_num_threads(threads)
-        for ours, one in zip(answers(), alone, strict=True):
-            assert torch.equal(ours, one)
-    finally:
-        torch.set_num_threads(before)
-
-
 def test_points_need_be_neither_contiguous_nor_single_precision():
     points, centres = clouds(2, 60), clouds(2, 10, seed=2)
     turned = points.transpose(0, 1).contiguous().transpose(0, 1).double().requires_grad_(True)
