@@ -6,6 +6,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.metrics import table
+from drapeline.metrics.garment4d import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.evaluation import EvaluationSettings, evaluate
@@ -208,9 +209,13 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
 
 def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):
     name = str(data.name[data.of_split("test")[0]])
-    assert [path.name for path in (tmp_path / "pictures").iterdir()] == [f"{name}.npz"]
-    with np.load(tmp_path / "pictures" / f"{name}.npz") as pictures:
-        made = reconstruct(identity, **given)
-        for key, expected in (("canonical", made.canonical), ("lbs", made.proposal)):
-            np.testing.assert_allclose(pictures[key], expected, atol=1e-6)
-        assert pictures["posed"].shape == made.final.shape
+    files = sorted(path.name for path in (tmp_path / "pictures").iterdir())
+    assert files == [f"{name}.npz", f"{name}_ours.npz"]
+    shown, ours = (load_reconstruction(tmp_path / "pictures" / file) for file in files)
+    made = reconstruct(identity, **given)
+    for key in ("canonical", "proposal", "final"):
+        np.testing.assert_allclose(getattr(shown, key), getattr(made, key), atol=1e-6)
+    assert shown.garment == "Skirt"
+    assert ours.final.shape == shown.true.shape
+    assert np.abs(ours.final - shown.final).max() > 1e-3
+    assert (shown.body[..., 2].min(axis=1) + shown.root_height == 0).all()
