@@ -8,6 +8,7 @@ first sorted by a hash of their coordinates, so "the first" ones are a random bu
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from drapeline.nets.garment4d.losses import (
 from drapeline.nets.garment4d.pointnet import (
     FeaturePropagation,
     PointLevel,
+    RunningNorm,
     SetAbstraction,
     perceptron,
     pooled,
@@ -69,6 +71,8 @@ class CanonicalSettings:
         garment: abstractions of the garment's points, finest first.
         overall: features after each layer before the maximum over points and frames.
         head: features after each layer between that maximum and the coefficients.
+        located: whether points also say where on the known body they are, see `Wearer.located`;
+            the paper's do not.
     """
 
     segmentation: tuple[Abstraction, ...] = (
@@ -84,6 +88,7 @@ class CanonicalSettings:
     )
     overall: tuple[int, ...] = (512, 512)
     head: tuple[int, ...] = (128, 64)
+    located: bool = False
 
     def scaled(self, points: int, width: float) -> "CanonicalSettings":
         """The same network for sparser clouds, and thinner.
@@ -162,6 +167,22 @@ def hashed_order(points: torch.Tensor) -> torch.Tensor:
     return code.argsort(dim=1)
 
 
+def given_features(settings: CanonicalSettings) -> int:
+    """Features that points come with: where they are, or where on the body they are."""
+    return 4 if settings.located else 3
+
+
+def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
+    """Windows (B, T, P, 3 or 7) as B * T clouds in an order of their own, and that order."""
+    rows = points.flatten(0, 1)
+    order = hashed_order(rows[..., :3])
+    rows = gathered(rows, order)
+    places = rows[..., :3].contiguous()
+    features = rows[..., 3:] if rows.shape[-1] > 3 else places
+    valid = torch.ones(rows.shape[:2], dtype=torch.bool, device=rows.device)
+    return PointLevel(places, features, valid), order
+
+
 class Segmentation(nn.Module):
     """PointNet++ with three levels and back: features and logits of every point.
 
@@ -173,7 +194,7 @@ class Segmentation(nn.Module):
     def __init__(self, settings: CanonicalSettings, rng: torch.Generator) -> None:
         super().__init__()
         self.centres = [level.centres for level in settings.segmentation]
-        widths = [3, *(level.outputs for level in settings.segmentation)]
+        widths = [given_features(settings), *(level.outputs for level in settings.segmentation)]
         self.down = nn.ModuleList(
             SetAbstraction(inputs, level.radii, level.neighbours, level.widths, rng)
             for inputs, level in zip(widths, settings.segmentation, strict=False)
@@ -188,10 +209,9 @@ class Segmentation(nn.Module):
             perceptron((coarse, coarse // 2), rng), linear(coarse // 2, len(LABELS), rng)
         )
 
-    def forward(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Points (C, P, 3) -> features (C, P, outputs) and logits (C, P, L)."""
-        valid = torch.ones(points.shape[:2], dtype=torch.bool, device=points.device)
-        levels = abstracted(PointLevel(points, points, valid), self.down, self.centres)
+    def forward(self, level: PointLevel) -> tuple[torch.Tensor, torch.Tensor]:
+        """P points of C clouds -> features (C, P, outputs) and logits (C, P, L)."""
+        levels = abstracted(level, self.down, self.centres)
         coarse = levels.pop()
         while levels:
             fine = levels.pop()
@@ -236,7 +256,15 @@ class ShapeEncoder(nn.Module):
             for width, level in zip(self.widths, settings.garment, strict=False)
         )
         self.overall = perceptron((3 + self.widths[-1], *settings.overall), rng)
-        self.head = perceptron((settings.overall[-1], *settings.head), rng)
+        self.direct = nn.ModuleList()
+        width = settings.overall[-1]
+        if settings.located:
+            # Places on the body tell lengths and widths best where nothing has averaged them yet.
+            sizes = (inputs, settings.overall[0] // 2, settings.overall[0] // 2)
+            self.direct = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(sizes))
+            width += sizes[-1]
+        self.seen = RunningNorm(width)
+        self.head = perceptron((width, *settings.head), rng)
         self.coefficients = linear(settings.head[-1], components, rng)
         with torch.no_grad():  # begin near the mean garment
             self.coefficients.weight.mul_(0.1)
@@ -247,8 +275,14 @@ class ShapeEncoder(nn.Module):
         last = levels[-1]
         rows = self.overall(torch.cat([last.points, last.features], dim=-1))
         # Features are not negative, so a cloud without garment points (all zero) has no say.
-        window = pooled(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
-        return self.coefficients(self.head(window)), levels
+        window = pooled(rows, last.valid)
+        if self.direct:
+            rows = level.features
+            for layer in self.direct:
+                rows = layer(rows).relu()
+            window = torch.cat([window, pooled(rows, level.valid)], dim=-1)
+        window = window.unflatten(0, (-1, frames)).amax(1)
+        return self.coefficients(self.head(self.seen(window))), levels
 
 
 class _ShapeNetwork(nn.Module):
@@ -282,7 +316,10 @@ class CanonicalNetwork(_ShapeNetwork):
         self.label = label
         self.garment_points = settings.garment_points
         self.segmentation = Segmentation(settings, rng)
-        self.encoder = ShapeEncoder(self.segmentation.outputs, len(space.components), settings, rng)
+        given = given_features(settings) if settings.located else 0
+        inputs = self.segmentation.outputs + given
+        self.located = settings.located
+        self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
 
     @property
     def level_channels(self) -> list[int]:
@@ -293,15 +330,16 @@ class CanonicalNetwork(_ShapeNetwork):
         """Estimate B garments from windows of T clouds.
 
         Args:
-            points: (B, T, P, 3) metres, root frame.
+            points: (B, T, P, 3) metres, root frame; or (B, T, P, 7) if settings say `located`.
             labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
         """
-        clouds = points.flatten(0, 1)  # (B * T, P, 3)
-        order = hashed_order(clouds)
-        clouds = gathered(clouds, order)
-        features, logits = self.segmentation(clouds)
+        level, order = as_level(points)  # B * T clouds
+        features, logits = self.segmentation(level)
+        if self.located:
+            features = torch.cat([features, level.features], dim=-1)
         found = logits.argmax(-1) if labels is None else labels.flatten(0, 1).gather(1, order)
-        level = first_of(PointLevel(clouds, features, found == self.label), self.garment_points)
+        level = level._replace(features=features, valid=found == self.label)
+        level = first_of(level, self.garment_points)
         alpha, levels = self.encoder(level, points.shape[1])
         logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
         return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
@@ -320,14 +358,12 @@ class PointNetRegressor(_ShapeNetwork):
         self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator
     ) -> None:
         super().__init__(space)
-        self.encoder = ShapeEncoder(3, len(space.components), settings, rng)
+        inputs = given_features(settings)
+        self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
 
     def forward(self, points: torch.Tensor) -> CanonicalOutput:
-        """Estimate B garments from windows of T clouds, (B, T, P, 3) metres, root frame."""
-        clouds = points.flatten(0, 1)
-        clouds = gathered(clouds, hashed_order(clouds))
-        valid = torch.ones(clouds.shape[:2], dtype=torch.bool, device=clouds.device)
-        alpha, levels = self.encoder(PointLevel(clouds, clouds, valid), points.shape[1])
+        """Estimate B garments from windows of T clouds, see `CanonicalNetwork`."""
+        alpha, levels = self.encoder(as_level(points)[0], points.shape[1])
         return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
 
 

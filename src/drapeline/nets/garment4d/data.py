@@ -218,6 +218,7 @@ class SequenceData:
         """Skin proposals from these canonical garments (S, N, 3) in this way from now on."""
         self.worn, self.skinning = canonical, skinning
         self._weights = lru_cache(None)(self._weights_of)
+        self._located = lru_cache(_KEPT)(self._located_of)
         self._shown = lru_cache(_KEPT)(self._shown_of)
         self._wearer = lru_cache(None)(self._wearer_of)
 
@@ -276,20 +277,33 @@ class SequenceData:
         ]
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
-    def batch(self, windows: np.ndarray, frames: int, *, posed: bool) -> Batch:
+    def clouds(self, sequence: int, *, located: bool) -> np.ndarray:
+        """(F, P, 3) points of a sequence, or (F, P, 7) as `Wearer.located` has them."""
+        rows = self.rows(sequence)
+        if not located:
+            return self.points[rows]
+        return self._located(int(sequence))
+
+    def _located_of(self, sequence: int) -> np.ndarray:
+        rows = self.rows(sequence)
+        return self.wearer(sequence).located(self.points[rows], self.poses[rows])
+
+    def batch(
+        self, windows: np.ndarray, frames: int, *, posed: bool, located: bool = False
+    ) -> Batch:
         """Arrays of windows.
 
         Args:
             windows: (B, 2) as from `windows`.
             frames: T.
             posed: whether what only the posed stage needs is wanted too.
+            located: whether points also say where on the body they are.
 
         Returns:
-            `points` (B, T, P, 3), `labels` (B, T, P) int64, `canonical` (B, N, 3), `coefficients`
-            (B, D), `rest_body` and `rest_normals` (B, M, 3), `names`, `sequence` and `start` (B,),
-            the windows; and if
-            posed `target` (B, T, N, 3), `poses` (B, T, 72), `body` and `body_normals`
-            (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3), `weights` (B, N, 24) and
+            `points` (B, T, P, 3 or 7), `labels` (B, T, P) int64, `canonical` (B, N, 3),
+            `coefficients` (B, D), `rest_body` and `rest_normals` (B, M, 3), `names`, `sequence` and
+            `start` (B,), the windows; and if posed `target` (B, T, N, 3), `poses` (B, T, 72),
+            `body` and `body_normals` (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3), `weights` (B, N, 24) and
             `proposal` (B, T, N, 3).
         """
         places = [(int(s), self.start[s] + first, int(first)) for s, first in windows]
@@ -297,7 +311,9 @@ class SequenceData:
         chosen = np.array([s for s, _, _ in places])
         rest = [self.wearer(s).rest for s in chosen]
         batch = {
-            "points": np.stack([self.points[span] for span in spans]),
+            "points": np.stack(
+                [self.clouds(s, located=located)[first : first + frames] for s, _, first in places]
+            ),
             "labels": np.stack([self.labels[span] for span in spans]).astype(np.int64),
             "canonical": self.canonical[chosen],
             "coefficients": self.coefficients[chosen].astype(np.float32),
@@ -354,6 +370,7 @@ class Windows:
         stride: from one training window to the next; validation windows do not overlap.
         sources: of the sequences.
         posed: whether batches are for the posed stage.
+        located: whether points also say where on the body they are.
     """
 
     def __init__(
@@ -364,8 +381,9 @@ class Windows:
         stride: int,
         sources: Sequence[str] = SOURCES,
         posed: bool,
+        located: bool = False,
     ) -> None:
-        self.data, self.frames, self.posed = data, frames, posed
+        self.data, self.frames, self.posed, self.located = data, frames, posed, located
         train = data.windows("train", frames, stride, sources)
         val = data.windows("val", frames, frames, sources)
         if not len(val):
@@ -389,4 +407,6 @@ class Windows:
 
     def batch(self, rows: np.ndarray) -> Batch:
         """See `SequenceData.batch`."""
-        return self.data.batch(self._windows[rows], self.frames, posed=self.posed)
+        return self.data.batch(
+            self._windows[rows], self.frames, posed=self.posed, located=self.located
+        )

@@ -97,7 +97,8 @@ class Evaluation:
             self.add("mean_garment", sequence, mean)
             rows = data.rows(sequence)
             for variant, stage in stages.items():
-                found, labels = estimate_canonical(stage, data.points[rows])
+                clouds = data.clouds(sequence, located=stage.located)
+                found, labels = estimate_canonical(stage, clouds)
                 measures = metrics.canonical_measures(found, true, original)
                 if labels is not None:
                     measures["segmentation_accuracy"] = metrics.segmentation_accuracy(

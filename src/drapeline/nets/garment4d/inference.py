@@ -44,7 +44,7 @@ def estimate_canonical(
 
     Args:
         stage: trained.
-        points: (F, P, 3) clouds, metres, root frame.
+        points: (F, P, 3) clouds, metres, root frame; (F, P, 7) for a `located` stage.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
 
     Returns:
@@ -85,7 +85,8 @@ def reconstruct(
     started = time.perf_counter()
     training, faces = stage.settings.training, stage.space.faces
     windows = _Windows(len(points), training.frames, stride)
-    outputs = list(_outputs(stage.canonical, windows, points, labels))
+    seen = wearer.located(points, poses) if stage.located else points
+    outputs = list(_outputs(stage.canonical, windows, seen, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
     canonical = stage.canonical.network.vertices(alpha[None])[0].numpy()
     weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)

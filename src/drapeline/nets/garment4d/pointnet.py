@@ -16,6 +16,7 @@ from drapeline.nets.chebyshev import linear
 from drapeline.nets.garment4d.points import ball_neighbours, gathered, nearest_neighbours
 
 _SMALL = 1e-8
+_MOMENTUM, _FLOOR = 0.02, 1e-4
 
 
 class PointLevel(NamedTuple):
@@ -145,6 +146,30 @@ def perceptron(widths: Sequence[int], rng: torch.Generator) -> nn.Sequential:
     for a, b in pairwise(widths):
         layers += [linear(a, b, rng), nn.LayerNorm(b), nn.ReLU()]
     return nn.Sequential(*layers)
+
+
+class RunningNorm(nn.Module):
+    """Features less their mean over what training has shown so far, by their deviation.
+
+    Most of what is pooled from a whole cloud is the same for all garments; a layer after it has to
+    see the rest. Only training with gradients adds to the statistics.
+    """
+
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(features))
+        self.register_buffer("square", torch.ones(features))
+        self.register_buffer("steps", torch.zeros(()))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> (B, C)."""
+        if self.training and torch.is_grad_enabled():
+            with torch.no_grad():
+                self.steps += 1
+                share = torch.clamp(1 / self.steps, min=_MOMENTUM)
+                self.mean += share * (x.mean(0) - self.mean)
+                self.square += share * (((x - self.mean) ** 2).mean(0) - self.square)
+        return (x - self.mean) / (self.square + _FLOOR).sqrt()
 
 
 def pooled(features: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:

@@ -145,6 +145,11 @@ class Stage(lightning.LightningModule):
         """Sizes from a mapping."""
         return settings_of(cls.NETWORK, values)
 
+    @property
+    def located(self) -> bool:
+        """Whether points also say where on the body they are."""
+        return self.settings.network.located
+
     def weight_rng(self) -> torch.Generator:
         """For the initial weights."""
         rng = rng_for(self.settings.training.seed, self.kind, "weights")
@@ -240,7 +245,7 @@ class CanonicalStage(Stage):
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
-        output = self.network(batch["points"])
+        output = self.estimated(batch)
         terms = canonical_loss(
             output,
             batch["labels"],
@@ -253,6 +258,13 @@ class CanonicalStage(Stage):
         )
         return terms, distance_mm(output.vertices, batch["canonical"])
 
+    def estimated(self, batch: Batch) -> CanonicalOutput:
+        """Of a batch; in training alpha is made from the points that truly are the garment's.
+
+        It would learn nothing before the segmentation has.
+        """
+        return self.network(batch["points"], batch["labels"] if self.training else None)
+
 
 class PointNetStage(CanonicalStage):
     """The PN++ baseline of table 2: coefficients from all points, without segmentation."""
@@ -262,6 +274,10 @@ class PointNetStage(CanonicalStage):
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
         self.network = PointNetRegressor(settings.network, space, self.weight_rng())
+
+    def estimated(self, batch: Batch) -> CanonicalOutput:
+        """Of a batch."""
+        return self.network(batch["points"])
 
 
 class PosedStage(Stage):
@@ -281,6 +297,11 @@ class PosedStage(Stage):
         self.network = self.build(canonical.network)
         self._kept: dict[tuple[int, int], list[PointLevel]] = {}
         self._room = _KEPT_BYTES
+
+    @property
+    def located(self) -> bool:
+        """As the canonical stage has it."""
+        return self.canonical.located
 
     def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
         """The network that is trained."""
@@ -422,6 +443,7 @@ def _fit(
         stride=training.stride,
         sources=training.sources,
         posed=stage.POSED,
+        located=stage.located,
     )
     fit(
         stage,
@@ -452,7 +474,7 @@ def predicted_canonicals(
     """
     alpha = np.zeros_like(data.coefficients, dtype=np.float32)
     for sequence in np.flatnonzero(np.isin(data.split, splits)):
-        points = data.points[data.rows(sequence)]
+        points = data.clouds(sequence, located=stage.located)
         starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
         windows = np.stack([points[start : start + frames] for start in starts])
         found = [
@@ -500,10 +522,10 @@ def _built(about: Mapping[str, Any]) -> Stage:
 
 
 def turned(points: torch.Tensor, angle: torch.Tensor) -> torch.Tensor:
-    """Windows of clouds (B, T, P, 3) turned about the vertical by angles (B,) in rad."""
+    """Windows of clouds (B, T, P, 3 or 7) turned about the vertical by angles (B,) in rad."""
     sine, cosine = (x.to(points)[:, None, None] for x in (angle.sin(), angle.cos()))
-    x, y, z = points.unbind(-1)
-    return torch.stack([cosine * x - sine * y, sine * x + cosine * y, z], dim=-1)
+    x, y, *others = points.unbind(-1)
+    return torch.stack([cosine * x - sine * y, sine * x + cosine * y, *others], dim=-1)
 
 
 def distance_mm(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:

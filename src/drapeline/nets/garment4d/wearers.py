@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import torch
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, shaped, skin
@@ -19,6 +20,8 @@ from drapeline.nets.garment4d.points import farthest_points
 from drapeline.nets.garment4d.skinning import skinned
 from drapeline.outfits.fit import rest_body
 from drapeline.registration.interpolated_skinning import interpolated_weights
+
+_HEIGHT_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class BodySurface:
 
     Args:
         body: in SMPL's format.
-        chosen: (M,) vertex ids.
+        chosen: (M,) vertex ids, kept as an attribute.
     """
 
     def __init__(self, body: BodyModel, chosen: np.ndarray) -> None:
@@ -51,6 +54,7 @@ class BodySurface:
         self._used, places = np.unique(np.r_[faces.ravel(), chosen], return_inverse=True)
         self._corners = places[: faces.size].reshape(faces.shape)
         self._chosen = places[faces.size :]
+        self.chosen = chosen
         self._body = body
         # Rows sum the area vectors of the faces about each chosen vertex.
         row = np.full(len(self._used), -1)
@@ -105,6 +109,31 @@ class Wearer:
     def shown(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (F, M, 3) and normals (F, M, 3) float32 in poses (F, 72)."""
         return self.surface.posed(self.shape, poses)
+
+    def located(self, points: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Points with where on the body they are: at rest with what is beneath, and how high above.
+
+        Args:
+            points: (F, P, 3) metres, root frame.
+            poses: (F, 72) rad.
+
+        Returns:
+            (F, P, 7) float32: the points; the same moved to the rest pose with the nearest of the
+            body's vertices that networks see; and their height over it along its normal in units
+            of 5 cm, cut at 3.
+        """
+        body, normals = self.shown(poses)
+        weights = self.model.weights[self.surface.chosen]
+        motion = np.einsum("mj,fjab->fmab", weights, self.transforms(poses))
+        found = np.empty((*points.shape[:2], 7), dtype=np.float32)
+        for frame, cloud in enumerate(points):
+            _, near = cKDTree(body[frame]).query(cloud)
+            place = motion[frame, near]
+            turn, shift = place[:, :3, :3], place[:, :3, 3]
+            rest = np.linalg.solve(turn, (cloud - shift)[..., None])[..., 0]
+            height = ((cloud - body[frame, near]) * normals[frame, near]).sum(axis=1)
+            found[frame] = np.column_stack([cloud, rest, np.clip(height / _HEIGHT_M, -3, 3)])
+        return found
 
     def transforms(self, poses: np.ndarray) -> np.ndarray:
         """(F, 24, 4, 4) float32 motions of the joints' parts from the rest pose to poses."""

@@ -91,7 +91,7 @@ def windows(space, count, frames=2, points=120, seed=0):
 
 @pytest.fixture(scope="module")
 def network(space):
-    network = CanonicalNetwork(SETTINGS, space, LABEL, rng())
+    network = CanonicalNetwork(SETTINGS, space, LABEL, rng()).eval()
     points, _, _, _ = windows(space, 2)
     with torch.no_grad():  # let an untrained one call half of the points a skirt
         logits = network(points).logits.flatten(0, 2)
@@ -102,8 +102,8 @@ def network(space):
 
 def both(space):
     return [
-        CanonicalNetwork(SETTINGS, space, LABEL, rng()),
-        PointNetRegressor(SETTINGS, space, rng()),
+        CanonicalNetwork(SETTINGS, space, LABEL, rng()).eval(),
+        PointNetRegressor(SETTINGS, space, rng()).eval(),
     ]
 
 
