@@ -303,8 +303,8 @@ class SequenceData:
             `points` (B, T, P, 3 or 7), `labels` (B, T, P) int64, `canonical` (B, N, 3),
             `coefficients` (B, D), `rest_body` and `rest_normals` (B, M, 3), `names`, `sequence` and
             `start` (B,), the windows; and if posed `target` (B, T, N, 3), `poses` (B, T, 72),
-            `body` and `body_normals` (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3), `weights` (B, N, 24) and
-            `proposal` (B, T, N, 3).
+            `body` and `body_normals` (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3),
+            `weights` (B, N, 24) and `proposal` (B, T, N, 3).
         """
         places = [(int(s), self.start[s] + first, int(first)) for s, first in windows]
         spans = [slice(row, row + frames) for _, row, _ in places]

@@ -298,3 +298,24 @@ def test_scaled_settings_keep_the_number_of_points_per_ball():
     assert small.segmentation[0].widths == ((8, 8, 16), (16, 16, 32))
     assert small.propagation[-1] == (64, 32)
     assert replace(small, head=(3,)).head == (3,)
+
+
+@pytest.mark.parametrize("kind", ["canonical", "pointnet"])
+def test_points_that_know_their_place_make_the_estimate_depend_on_it(space, kind):
+    settings = replace(SETTINGS, located=True)
+    network = (
+        CanonicalNetwork(settings, space, LABEL, rng())
+        if kind == "canonical"
+        else PointNetRegressor(settings, space, rng())
+    ).eval()
+    points, labels, _, _ = windows(space, 2)
+    given = (labels,) if kind == "canonical" else ()
+    place = torch.randn(*points.shape[:3], 4, generator=rng(5))
+    first, second = (
+        network(torch.cat([points, scale * place], -1), *given).coefficients for scale in (1, 2)
+    )
+    assert (first - second).abs().max() > 1e-4
+    shuffled = torch.randperm(points.shape[2], generator=rng(6))
+    moved = torch.cat([points, place], -1)[:, :, shuffled]
+    again = network(moved, *(x[:, :, shuffled] for x in given)).coefficients
+    torch.testing.assert_close(again, first, atol=1e-5, rtol=1e-4)

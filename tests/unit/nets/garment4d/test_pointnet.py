@@ -8,6 +8,7 @@ from drapeline.nets.garment4d.pointnet import (
     FeaturePropagation,
     Neighbourhoods,
     PointLevel,
+    RunningNorm,
     SetAbstraction,
     interpolated,
     pooled,
@@ -169,3 +170,16 @@ def test_every_parameter_gets_a_gradient():
     (rows * torch.randn(rows.shape, generator=rng(7))).sum().backward()
     for name, parameter in [*down.named_parameters(), *up.named_parameters()]:
         assert parameter.grad.abs().sum() > 0, name
+
+
+def test_only_training_with_gradients_adds_to_what_was_seen():
+    norm = RunningNorm(3)
+    x = 5 + 2 * torch.randn(64, 3, generator=rng(1))
+    with torch.no_grad():
+        torch.testing.assert_close(norm(x), x, rtol=1e-3, atol=1e-3)
+    for _ in range(50):
+        norm(x)
+    seen = norm.eval()(x)
+    assert seen.mean().abs() < 0.05
+    assert (seen.std(0) - 1).abs().max() < 0.1
+    torch.testing.assert_close(norm(x[:1]), seen[:1])

@@ -7,8 +7,9 @@ import numpy as np
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from drapeline.mesh import vertex_normals
-from drapeline.nets.garment4d.wearers import BodySurface
+from drapeline.nets.garment4d.wearers import BodySurface, Wearers
 from drapeline.seeding import rng_for
+from garment4d_toys import toy_bodies
 
 
 def test_body_points_and_normals_are_those_of_the_whole_body(toy_body):
@@ -33,3 +34,19 @@ def test_pose_blend_shapes_reach_the_body_points(toy_body):
     vertices, _ = BodySurface(body, np.arange(25)).posed(shape, poses)
     np.testing.assert_allclose(vertices, whole[:, :25], atol=1e-5)
     assert np.abs(whole - posed_vertices(toy_body, shape, poses)[0]).max() > 0.005
+
+
+def test_points_over_the_body_rest_where_what_is_beneath_them_rests(toy_body):
+    wearer = Wearers(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
+    poses = REST_POSE + rng_for(0, "located").normal(0, 0.2, (2, 72))
+    body, normals = wearer.shown(poses)
+    points = body + 0.02 * normals
+    found = wearer.located(points, poses)
+    assert found.shape == (*points.shape[:2], 7)
+    np.testing.assert_array_equal(found[..., :3], points)
+    rest, _ = wearer.rest
+    gap = np.linalg.norm(found[..., 3:6] - rest, axis=-1)
+    assert np.median(gap) < 0.025  # 2 cm above it, but where parts blend
+    np.testing.assert_allclose(np.median(found[..., 6]), 0.02 / 0.05, atol=0.05)
+    far = wearer.located(points + 10 * normals, poses)
+    assert far[..., 6].max() == 3
