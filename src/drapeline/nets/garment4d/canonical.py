@@ -259,8 +259,9 @@ class ShapeEncoder(nn.Module):
         self.direct = nn.ModuleList()
         width = settings.overall[-1]
         if settings.located:
-            # Places on the body tell lengths and widths best where nothing has averaged them yet.
-            sizes = (inputs, settings.overall[0] // 2, settings.overall[0] // 2)
+            # Places on the body tell lengths and widths best where nothing has averaged them yet,
+            # and unlike features of the segmentation they do not change while it learns.
+            sizes = (given_features(settings), settings.overall[0] // 2, settings.overall[0] // 2)
             self.direct = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(sizes))
             width += sizes[-1]
         self.seen = RunningNorm(width)
@@ -277,7 +278,7 @@ class ShapeEncoder(nn.Module):
         # Features are not negative, so a cloud without garment points (all zero) has no say.
         window = pooled(rows, last.valid)
         if self.direct:
-            rows = level.features
+            rows = level.features[..., -self.direct[0].in_features :]
             for layer in self.direct:
                 rows = layer(rows).relu()
             window = torch.cat([window, pooled(rows, level.valid)], dim=-1)
