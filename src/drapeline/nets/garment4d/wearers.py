@@ -125,7 +125,7 @@ class Wearer:
         body, normals = self.shown(poses)
         weights = self.model.weights[self.surface.chosen]
         motion = np.einsum("mj,fjab->fmab", weights, self.transforms(poses))
-        found = np.empty((*points.shape[:2], 7), dtype=np.float32)
+        found = np.zeros((*points.shape[:2], 7), dtype=np.float32)
         for frame, cloud in enumerate(points):
             _, near = cKDTree(body[frame]).query(cloud)
             place = motion[frame, near]
