@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drapeline.bodies.model import load_body, posed_vertices
+from drapeline.dataset.splits import SPLITS
 from drapeline.frames import GENDERS
 from drapeline.nets.garment4d.data import SequenceData, proposals
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers
@@ -15,6 +16,7 @@ from drapeline.rule_log import rule_log
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
+_ROWS = 2
 _HIP_AND_KNEE = slice(3, 18)  # what pulls a skirt apart
 
 with rule_log(snakemake.log[0]):
@@ -22,29 +24,30 @@ with rule_log(snakemake.log[0]):
     data = SequenceData(snakemake.input.data, Wearers(bodies, 1))
     many = SkinningSettings(**snakemake.params.skinning)
     cases = []
-    for split in ("test", "val"):
-        for sequence in data.of_split(split, ("simulated",)):
-            poses = data.poses[data.rows(sequence)]
-            frame = int(np.abs(poses[:, _HIP_AND_KNEE]).sum(axis=1).argmax())
-            wearer, worn = data.wearer(sequence), data.canonical[sequence]
-            transforms = wearer.transforms(poses[frame][None])[None]
-            posed = [
-                proposals(
-                    worn[None], wearer.weights(worn, data.space.faces, how)[None], transforms
-                )[0, 0]
-                for how in (replace(many, neighbours=1, passes=0), many)
+    order = [row for split in reversed(SPLITS) for row in data.of_split(split)]
+    # Simulated samples first; the sort keeps the order of the splits.
+    for sequence in sorted(order, key=lambda row: data.source[row] != "simulated")[:_ROWS]:
+        poses = data.poses[data.rows(sequence)]
+        frame = int(np.abs(poses[:, _HIP_AND_KNEE]).sum(axis=1).argmax())
+        wearer, worn = data.wearer(sequence), data.canonical[sequence]
+        transforms = wearer.transforms(poses[frame][None])[None]
+        posed = [
+            proposals(worn[None], wearer.weights(worn, data.space.faces, how)[None], transforms)[
+                0, 0
             ]
-            body = posed_vertices(wearer.model, wearer.shape, poses[frame][None])[0][0]
-            cases.append(
-                SkinnedTwice(
-                    f"{data.name[sequence]}\nframe {data.number[data.rows(sequence)][frame]}",
-                    data.kind,
-                    worn,
-                    data.space.faces,
-                    *posed,
-                    body,
-                    wearer.model.faces,
-                    float(-body[:, 2].min()),
-                )
+            for how in (replace(many, neighbours=1, passes=0), many)
+        ]
+        body = posed_vertices(wearer.model, wearer.shape, poses[frame][None])[0][0]
+        cases.append(
+            SkinnedTwice(
+                f"{data.name[sequence]}\nframe {data.number[data.rows(sequence)][frame]}",
+                data.kind,
+                worn,
+                data.space.faces,
+                *posed,
+                body,
+                wearer.model.faces,
+                float(-body[:, 2].min()),
             )
-    plot_neighbours(snakemake.output[0], cases[:2], many.neighbours)
+        )
+    plot_neighbours(snakemake.output[0], cases, many.neighbours)
