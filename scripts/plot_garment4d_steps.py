@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drapeline.errors import InputError
 from drapeline.metrics.garment4d import load_reconstruction
 from drapeline.report.garment4d_figures import animate_steps, plot_results, plot_steps
 from drapeline.rule_log import rule_log
@@ -12,6 +13,10 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 _STEPS, _RESULTS, _MOVING = 2, 5, 24
+_PER_FRAME = (
+    *("proposal", "final", "true", "points", "labels", "body"),
+    *("root_rotation", "root_height", "number"),
+)
 
 
 def spread(count: int, shown: int) -> list[int]:
@@ -21,24 +26,20 @@ def spread(count: int, shown: int) -> list[int]:
 
 
 with rule_log(snakemake.log[0]):
-    cases = [
-        load_reconstruction(next(iter(sorted(Path(folder).glob("*.npz")))))
-        for folder in snakemake.input.reconstructions
-    ]
-    plot_steps(snakemake.output.steps, [(c, spread(len(c.final), _STEPS)) for c in cases])
-    plot_results(snakemake.output.results, [(c, spread(len(c.final), _RESULTS)) for c in cases])
-    first = cases[0]
-    shown = slice(0, _MOVING)
+    # Of each type the first test sequence; names of simulated ones come before the others'.
+    found = [sorted(Path(folder).glob("*_ours.npz"))[:1] for folder in snakemake.input]
+    ours = [path for paths in found for path in paths]
+    if not ours:
+        raise InputError(
+            f"{snakemake.input[0]}: no sequence of any type is in the test split, expected one or"
+            " more; ask for more samples or for a larger share"
+        )
+    plain = [path.with_name(path.name.replace("_ours", "")) for path in ours]
+    steps, results = ([load_reconstruction(path) for path in paths] for paths in (plain, ours))
+    plot_steps(snakemake.output.steps, [(c, spread(len(c.final), _STEPS)) for c in steps])
+    plot_results(snakemake.output.results, [(c, spread(len(c.final), _RESULTS)) for c in results])
+    first = results[0]
     animate_steps(
         snakemake.output.moving,
-        replace(
-            first,
-            **{
-                name: getattr(first, name)[shown]
-                for name in ("proposal", "final", "true", "points", "labels", "body")
-            },
-            root_rotation=first.root_rotation[shown],
-            root_height=first.root_height[shown],
-            number=first.number[shown],
-        ),
+        replace(first, **{name: getattr(first, name)[:_MOVING] for name in _PER_FRAME}),
     )
