@@ -259,9 +259,9 @@ class ShapeEncoder(nn.Module):
         self.direct = nn.ModuleList()
         width = settings.overall[-1]
         if settings.located:
-            # Places on the body tell lengths and widths best where nothing has averaged them yet,
-            # and unlike features of the segmentation they do not change while it learns.
-            sizes = (given_features(settings), settings.overall[0] // 2, settings.overall[0] // 2)
+            # Places on the body tell lengths and widths best where nothing has averaged them yet.
+            # Points of all labels: bare skin tells where cloth ends.
+            sizes = (1 + given_features(settings), *[settings.overall[0] // 2] * 2)
             self.direct = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(sizes))
             width += sizes[-1]
         self.seen = RunningNorm(width)
@@ -270,18 +270,27 @@ class ShapeEncoder(nn.Module):
         with torch.no_grad():  # begin near the mean garment
             self.coefficients.weight.mul_(0.1)
 
-    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, list[PointLevel]]:
-        """Level of B * T clouds -> coefficients (B, D) and the levels, finest first."""
+    def forward(
+        self, level: PointLevel, frames: int, everything: torch.Tensor
+    ) -> tuple[torch.Tensor, list[PointLevel]]:
+        """Level of B * T clouds -> coefficients (B, D) and the levels, finest first.
+
+        Args:
+            level: the points to encode.
+            frames: T.
+            everything: (B * T, P, 1 + F) of all points, valid or not: how surely each belongs to
+                the garment, and the features it came with.
+        """
         levels = abstracted(level, self.down, self.centres)
         last = levels[-1]
         rows = self.overall(torch.cat([last.points, last.features], dim=-1))
         # Features are not negative, so a cloud without garment points (all zero) has no say.
         window = pooled(rows, last.valid)
         if self.direct:
-            rows = level.features[..., -self.direct[0].in_features :]
+            rows = everything
             for layer in self.direct:
                 rows = layer(rows).relu()
-            window = torch.cat([window, pooled(rows, level.valid)], dim=-1)
+            window = torch.cat([window, rows.amax(1)], dim=-1)
         window = window.unflatten(0, (-1, frames)).amax(1)
         return self.coefficients(self.head(self.seen(window))), levels
 
@@ -336,12 +345,16 @@ class CanonicalNetwork(_ShapeNetwork):
         """
         level, order = as_level(points)  # B * T clouds
         features, logits = self.segmentation(level)
+        if labels is None:
+            chosen, sure = logits.argmax(-1) == self.label, logits.softmax(-1)[..., self.label]
+        else:
+            chosen = labels.flatten(0, 1).gather(1, order) == self.label
+            sure = chosen.to(features)
+        everything = torch.cat([sure[..., None], level.features], dim=-1)
         if self.located:
             features = torch.cat([features, level.features], dim=-1)
-        found = logits.argmax(-1) if labels is None else labels.flatten(0, 1).gather(1, order)
-        level = level._replace(features=features, valid=found == self.label)
-        level = first_of(level, self.garment_points)
-        alpha, levels = self.encoder(level, points.shape[1])
+        garment = first_of(level._replace(features=features, valid=chosen), self.garment_points)
+        alpha, levels = self.encoder(garment, points.shape[1], everything)
         logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
         return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
 
@@ -364,7 +377,10 @@ class PointNetRegressor(_ShapeNetwork):
 
     def forward(self, points: torch.Tensor) -> CanonicalOutput:
         """Estimate B garments from windows of T clouds, see `CanonicalNetwork`."""
-        alpha, levels = self.encoder(as_level(points)[0], points.shape[1])
+        level, _ = as_level(points)
+        nothing = torch.zeros_like(level.features[..., :1])  # is known of labels
+        everything = torch.cat([nothing, level.features], dim=-1)
+        alpha, levels = self.encoder(level, points.shape[1], everything)
         return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
 
 
