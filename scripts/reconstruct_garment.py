@@ -8,7 +8,8 @@ from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import MovingGarment, write_reconstructed
 from drapeline.frames import GENDERS
 from drapeline.mesh import Mesh
-from drapeline.nets.garment4d.inference import reconstruct, refine
+from drapeline.nets.garment4d.data import SequenceData
+from drapeline.nets.garment4d.inference import reconstruct, refine, training_habits
 from drapeline.nets.garment4d.refine import RefineSettings
 from drapeline.nets.garment4d.training import PosedStage, load_stage, settings_of
 from drapeline.nets.garment4d.wearers import Wearers
@@ -24,11 +25,13 @@ with rule_log(snakemake.log[0]) as log:
     stage, body = load_stage(given.model, PosedStage), scans.body
     points = scans.points(params.points, seed=params.seed)
     gender = GENDERS.index(body.gender)
-    wearer = Wearers(bodies, params.body_points).of(gender, body.shape)
+    wearers = Wearers(bodies, params.body_points)
+    wearer = wearers.of(gender, body.shape)
     made = reconstruct(stage, points, body.poses, wearer)
     faces = stage.space.faces
     refining = settings_of(RefineSettings, params.refine)
-    final = refine(made, points, body.poses, wearer, stage.label, faces, refining)
+    habits = training_habits(SequenceData(given.data, wearers))
+    final = refine(made, points, body.poses, wearer, stage.label, faces, refining, habits)
     write_reconstructed(
         snakemake.output[0],
         bodies[body.gender],

@@ -1,4 +1,4 @@
-"""Rule `train_garment4d_canonical`: finds the points of a garment and its shape at rest."""
+"""Rule `train_garment4d_canonical`: a garment's points and its shape at rest; or PN++."""
 
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ with rule_log(snakemake.log[0]):
         snakemake.output[0],
         SequenceData(given.data, Wearers(bodies, params.body_points)),
         params.settings,
+        pointnet=snakemake.wildcards.canonical == "pointnet",
         progress=params.progress,
         trainer=params.trainer,
         threads=snakemake.threads,

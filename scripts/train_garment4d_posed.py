@@ -1,4 +1,4 @@
-"""Rule `train_garment4d_posed`: the network of displacements, in one of its variants."""
+"""Rule `train_garment4d_posed`: the network of displacements, in one of its variants; or MGN*."""
 
 from typing import TYPE_CHECKING
 
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    given, params = snakemake.input, snakemake.params
+    given, params, variant = snakemake.input, snakemake.params, snakemake.wildcards.posed
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     train_posed(
         snakemake.output[0],
         SequenceData(given.data, Wearers(bodies, params.body_points)),
-        laid_over(params.settings, POSED_VARIANTS[snakemake.wildcards.posed]),
+        laid_over(params.settings, POSED_VARIANTS.get(variant, {})),
         load_stage(given.canonical, CanonicalStage),
+        mgn=variant == "mgn",
         progress=params.progress,
         trainer=params.trainer,
         threads=snakemake.threads,

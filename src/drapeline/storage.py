@@ -106,6 +106,18 @@ def link_or_copy(source: str | Path, target: str | Path) -> None:
         shutil.copy2(source, target)
 
 
+def mapped(path: str | Path) -> np.ndarray:
+    """An `.npy` array, memory-mapped for reading.
+
+    Raises:
+        InputError: it is missing or no array.
+    """
+    try:
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: not readable as an array ({error})") from error
+
+
 def save_npz(path: str | Path, **arrays: Any) -> None:
     """Write arrays (strings and numbers included, nothing pickled) to a compressed `.npz`."""
     for name, value in arrays.items():

@@ -258,6 +258,11 @@ def stage_settings(stage):
     return settings
 
 
+def posed_settings(wildcards):
+    """Settings of the posed stage, or of its baseline."""
+    return stage_settings("mgn" if wildcards.posed == "mgn" else "posed")
+
+
 def posed_models(wildcards):
     """Trained models of the posed stage that an evaluation holds."""
     return [

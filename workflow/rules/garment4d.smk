@@ -23,7 +23,8 @@ GARMENT4D_FILES = [
 wildcard_constraints:
     protocol="surface|vertices",
     garment="|".join(TEMPLATE_TYPES),
-    posed="|".join(POSED_VARIANTS),
+    canonical="canonical|pointnet",
+    posed="|".join([*POSED_VARIANTS, "mgn"]),
     models="|".join(POSED_MODELS),
 
 
@@ -179,11 +180,11 @@ rule train_garment4d_canonical:
         **WHOLE_BODIES,
         data=training_sequences(),
     output:
-        directory(f"{G4D}/{{garment}}/canonical"),
+        directory(f"{G4D}/{{garment}}/{{canonical}}"),
     log:
-        f"{LOGS}/train_garment4d_canonical/{{garment}}.log",
+        f"{LOGS}/train_garment4d_canonical/{{garment}}_{{canonical}}.log",
     benchmark:
-        f"{BENCHMARKS}/train_garment4d_canonical/{{garment}}.tsv"
+        f"{BENCHMARKS}/train_garment4d_canonical/{{garment}}_{{canonical}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: 1
@@ -198,32 +199,6 @@ rule train_garment4d_canonical:
         code=source_hash("train_garment4d_canonical"),
     script:
         "../../scripts/train_garment4d_canonical.py"
-
-
-rule train_garment4d_pointnet:
-    input:
-        **WHOLE_BODIES,
-        data=training_sequences(),
-    output:
-        directory(f"{G4D}/{{garment}}/pointnet"),
-    log:
-        f"{LOGS}/train_garment4d_pointnet/{{garment}}.log",
-    benchmark:
-        f"{BENCHMARKS}/train_garment4d_pointnet/{{garment}}.tsv"
-    conda:
-        "../../envs/train.yaml"
-    threads: 1
-    resources:
-        mem_mb=3000,
-        runtime=1440,
-    params:
-        settings=stage_settings("canonical"),
-        body_points=lookup(dpath="garment4d/body_points", within=config),
-        trainer=lookup(dpath="garment4d/trainer", within=config),
-        progress=in_progress("pointnet"),
-        code=source_hash("train_garment4d_pointnet"),
-    script:
-        "../../scripts/train_garment4d_pointnet.py"
 
 
 rule train_garment4d_posed:
@@ -244,40 +219,13 @@ rule train_garment4d_posed:
         mem_mb=3000,
         runtime=1440,
     params:
-        settings=stage_settings("posed"),
+        settings=posed_settings,
         body_points=lookup(dpath="garment4d/body_points", within=config),
         trainer=lookup(dpath="garment4d/trainer", within=config),
         progress=in_progress("posed"),
         code=source_hash("train_garment4d_posed"),
     script:
         "../../scripts/train_garment4d_posed.py"
-
-
-rule train_garment4d_mgn:
-    input:
-        **WHOLE_BODIES,
-        data=training_sequences(),
-        canonical=f"{G4D}/{{garment}}/canonical",
-    output:
-        directory(f"{G4D}/{{garment}}/mgn"),
-    log:
-        f"{LOGS}/train_garment4d_mgn/{{garment}}.log",
-    benchmark:
-        f"{BENCHMARKS}/train_garment4d_mgn/{{garment}}.tsv"
-    conda:
-        "../../envs/train.yaml"
-    threads: 1
-    resources:
-        mem_mb=3000,
-        runtime=1440,
-    params:
-        settings=stage_settings("mgn"),
-        body_points=lookup(dpath="garment4d/body_points", within=config),
-        trainer=lookup(dpath="garment4d/trainer", within=config),
-        progress=in_progress("mgn"),
-        code=source_hash("train_garment4d_mgn"),
-    script:
-        "../../scripts/train_garment4d_mgn.py"
 
 
 rule evaluate_garment4d:
@@ -547,6 +495,7 @@ rule reconstruct_garment:
         unpack(own_scans),
         **WHOLE_BODIES,
         model=f"{G4D}/{RECONSTRUCT['garment']}/posed",
+        data=training_sequences().format(garment=RECONSTRUCT["garment"]),
     output:
         directory(f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"),
     log:

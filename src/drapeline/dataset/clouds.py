@@ -20,9 +20,9 @@ from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.seeding import rng_for
-from drapeline.storage import read_json, whole_folder, write_json
+from drapeline.storage import mapped, read_json, whole_folder, write_json
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 LABELS = (BODY, *GARMENTS)  # index = label of a point
 
@@ -500,15 +500,3 @@ def load_clouds(folder: str | Path) -> CloudSequence:
             " expected (F, P, 3) and (F, P)"
         )
     return CloudSequence(points, labels, about)
-
-
-def mapped(path: Path) -> np.ndarray:
-    """An `.npy` array, memory-mapped for reading.
-
-    Raises:
-        InputError: it is missing or no array.
-    """
-    try:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: not readable as an array ({error})") from error

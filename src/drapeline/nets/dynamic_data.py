@@ -19,7 +19,7 @@ from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import Version, dynamic_offsets, load_sample_garment
 from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, read_json, save_npz, whole_folder
+from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder
 
 # A condition on f frames is on the pose of the frame and of f - 1 before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
@@ -157,10 +157,7 @@ class DynamicData:
         self.version = str(garments.pop("version"))
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
-        self.offsets, self.base = (
-            np.load(folder / f"{key}.npy", mmap_mode="r", allow_pickle=False)
-            for key in ("offsets", "base")
-        )
+        self.offsets, self.base = (mapped(folder / f"{key}.npy") for key in ("offsets", "base"))
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -1,18 +1,15 @@
 """Lightning modules: the static and the dynamic garment VAE, their losses and their schedules."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytorch_lightning as lightning
 import torch
 
-from drapeline.errors import InputError
 from drapeline.nets.conditioning import ConditioningAutoencoder
 from drapeline.nets.domain import Domain, rest_bodies
-from drapeline.nets.fitting import learning_rate
 from drapeline.nets.gcvae import Code, Gcvae, GcvaeNetwork
 from drapeline.nets.gcvae_data import Batch, Garments, as_tensors, refuse_unfinite
 from drapeline.nets.gcvae_loss import (
@@ -24,36 +21,27 @@ from drapeline.nets.gcvae_loss import (
     offset_sums,
 )
 from drapeline.nets.mesh_normals import FaceNormals
+from drapeline.nets.trained import Trained, Training, plain
 from drapeline.registration.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
 
 @dataclass(frozen=True)
-class GcvaeTraining:
+class GcvaeTraining(Training):
     """How a garment VAE is trained; numbers as printed in CLOTH3D where it prints any.
 
     Attributes:
-        epochs: passes over the training rows; schedules are in shares of it.
-        batch: samples per step.
-        learning_rate: of Adam.
-        schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
         model: "gcvae", the paper's SVAE; "linear", ours; or "dynamic", the paper's DVAE.
         normal_parts: each step takes the normals of one of so many parts of all faces.
         mask: whether the decoder predicts the mask.
         version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
             the static garment. An SVAE has "rest".
-        seed: of weights, order and noise.
     """
 
-    epochs: int = 100
-    batch: int = 32
-    learning_rate: float = 1e-3
-    schedule: str = "constant"
     model: str = "gcvae"
     normal_parts: int = 4
     mask: bool = True
     version: str = "rest"
-    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -105,7 +93,7 @@ class Part(NamedTuple):
     target: torch.Tensor
 
 
-class GarmentVae(lightning.LightningModule, ABC):
+class GarmentVae(Trained):
     """What SVAE and DVAE share: network, loss, schedules and metrics.
 
     Args:
@@ -265,14 +253,8 @@ class GarmentVae(lightning.LightningModule, ABC):
             (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
             for key, term in terms.items()
         )
-        if not torch.isfinite(loss):
-            values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
-            raise InputError(
-                f"training stopped in epoch {self.current_epoch}, step {self.global_step}: the loss"
-                f" is {float(loss.detach())} ({values}) for samples {', '.join(batch['names'])};"
-                " expected a finite loss"
-            )
-        self._log("train", {"loss": loss, **terms}, len(cvar))
+        self.stop_if_unfinite(loss, terms, batch["names"])
+        self.log_means("train", {"loss": loss, **terms}, len(cvar))
         return loss
 
     def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -320,7 +302,7 @@ class GarmentVae(lightning.LightningModule, ABC):
             "kl_nats": nats,
             **self._metrics(parts, out),
         }
-        self._log("val", values, len(cvar))
+        self.log_means("val", values, len(cvar))
 
     def _metrics(
         self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor]
@@ -338,12 +320,6 @@ class GarmentVae(lightning.LightningModule, ABC):
             values["mask_iou"] = torch.cat(overlaps).mean()
         return values
 
-    def _log(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
-        named = {f"{stage}_{key}": value for key, value in values.items()}
-        self.log_dict(
-            named, on_step=False, on_epoch=True, batch_size=count, sync_dist=stage == "val"
-        )
-
     def _noise(self, like: torch.Tensor) -> torch.Tensor:
         """Standard normal numbers of seed, step and rank alone, so that a resume draws the same."""
         names = ("noise", self.global_step, self.global_rank)
@@ -354,23 +330,9 @@ class GarmentVae(lightning.LightningModule, ABC):
         """Share of all epochs that is done."""
         return self.current_epoch / self.settings.training.epochs
 
-    def on_train_batch_start(self, batch: Batch, index: int) -> None:
-        """Set the learning rate from the step alone."""
-        steps = self.trainer.estimated_stepping_batches
-        training = self.settings.training
-        share = self.global_step / steps
-        rate = learning_rate(training.learning_rate, training.schedule, share)
-        for group in self.optimizers().param_groups:
-            group["lr"] = rate
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam, as printed."""
-        trained = [p for p in self.parameters() if p.requires_grad]
-        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate)
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Put in all that is needed to build the network again."""
-        checkpoint["drapeline"] = {
+    def about(self) -> dict[str, Any]:
+        """All that is needed to build the network again, as plain values and tensors."""
+        return {
             "kind": self.kind,
             "settings": plain(asdict(self.settings)),
             "domain": self.domain.tensors(),
@@ -391,13 +353,6 @@ def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, in
 def planes(x: torch.Tensor) -> torch.Tensor:
     """(B, V, C) -> (V, C, B), contiguous."""
     return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
-
-
-def plain(value: Any) -> Any:
-    """Tuples as lists, so that a checkpoint holds nothing but plain values."""
-    if isinstance(value, dict):
-        return {key: plain(part) for key, part in value.items()}
-    return [plain(part) for part in value] if isinstance(value, tuple | list) else value
 
 
 class StaticVae(GarmentVae):

@@ -10,8 +10,9 @@ from drapeline.nets.conditioning_training import load_conditioning
 from drapeline.nets.domain import Domain
 from drapeline.nets.fitting import BEST, fit
 from drapeline.nets.gcvae_data import GarmentData, Garments
-from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings, plain
+from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
 from drapeline.nets.linear_vae import LinearVae
+from drapeline.nets.trained import plain
 
 MODELS: dict[str, type[GarmentVae]] = {
     "gcvae": StaticVae,

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 _FAR_M = 1.0e3
 

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from drapeline.mesh import faces_within, vertex_normals
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 _REACH_M = 0.08  # deformed cloth further from the body than this was not laid on it
 _SNAP_EDGES = 0.5  # a vertex beyond the cloth by less than this many body edges stands for its rim

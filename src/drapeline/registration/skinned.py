@@ -18,14 +18,7 @@ from scipy.sparse.linalg import splu
 
 from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.dataset.clouds import (
-    CloudSampler,
-    CloudSettings,
-    cloud_rng,
-    mapped,
-    open_clouds,
-    rig_turn,
-)
+from drapeline.dataset.clouds import CloudSampler, CloudSettings, cloud_rng, open_clouds, rig_turn
 from drapeline.dataset.reader import BODY
 from drapeline.dataset.reader import Sequence as Sample
 from drapeline.dataset.record import read_record
@@ -41,9 +34,9 @@ from drapeline.registration.dynamic import moved
 from drapeline.registration.skin_weights import garment_weights
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, read_json, save_npz, whole_folder, write_json
+from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.

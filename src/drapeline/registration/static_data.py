@@ -13,7 +13,7 @@ from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.statistics import body_statistics, offset_statistics
 from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, save_npz, whole_folder
+from drapeline.storage import load_npz, mapped, save_npz, whole_folder
 
 _ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
 
@@ -101,10 +101,7 @@ class StaticData:
 
     def _mapped(self, name: str) -> np.ndarray:
         path = self.folder / f"{name}.npy"
-        try:
-            array = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: not readable as an array ({error})") from error
+        array = mapped(path)
         if array.shape[:2] != (len(self), len(self.mean)):
             raise InputError(
                 f"{path}: has shape {array.shape}, expected {len(self)} rows"

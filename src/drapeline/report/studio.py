@@ -13,7 +13,7 @@ import warp as wp
 from drapeline.mesh import triangulate, vertex_normals
 from drapeline.report.camera import Camera
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 
 @dataclass(frozen=True)

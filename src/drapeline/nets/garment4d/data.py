@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.dataset.clouds import LABELS, mapped
+from drapeline.dataset.clouds import LABELS
 from drapeline.errors import InputError
 from drapeline.mesh import Mesh
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers, proposals
 from drapeline.nets.gcvae_data import Batch
 from drapeline.registration.garment_space import fit_space, load_space
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, read_json, save_npz, whole_folder, write_json
+from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
 
 SOURCES = ("simulated", "skinned")
 _PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")

@@ -1,17 +1,17 @@
 """Trainings of Garment4D: the canonical stage, the posed stage, and a baseline of each."""
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import pytorch_lightning as lightning
 import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.fitting import BEST, fit, learning_rate
+from drapeline.nets.fitting import BEST, fit
 from drapeline.nets.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,
@@ -34,7 +34,7 @@ from drapeline.nets.garment4d.posed import (
 )
 from drapeline.nets.garment4d.wearers import SkinningSettings
 from drapeline.nets.gcvae_data import Batch, GarmentData
-from drapeline.nets.gcvae_training import plain
+from drapeline.nets.trained import Trained, Training, plain
 from drapeline.registration.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
 
@@ -43,31 +43,19 @@ _KEPT_BYTES = 1 << 30  # of what it said about windows of training
 
 
 @dataclass(frozen=True)
-class Garment4dTraining:
-    """How a network of either stage is trained; numbers of the released code.
+class Garment4dTraining(Training):
+    """How a network of either stage is trained on windows; numbers of the released code.
 
     Attributes:
-        epochs: passes over the training windows; schedules are in shares of it.
-        batch: windows per step.
-        learning_rate: of Adam.
-        schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
         frames: T of a window.
         stride: frames from one training window to the next.
         sources: of the sequences, of `data.SOURCES`.
-        turn: whether the canonical stage sees windows turned about the vertical at random; not
-            in the paper, but what a garment is at rest does not depend on where its wearer looks.
-        seed: of weights, order and turns.
     """
 
-    epochs: int = 100
     batch: int = 20
-    learning_rate: float = 1e-3
-    schedule: str = "constant"
     frames: int = 10
     stride: int = 10
     sources: tuple[str, ...] = SOURCES
-    turn: bool = False
-    seed: int = 0
 
 
 def settings_of(cls: type, values: Mapping[str, Any]) -> Any:
@@ -109,8 +97,8 @@ class StageSettings:
     skinning: SkinningSettings = field(default_factory=SkinningSettings)
 
 
-class Stage(lightning.LightningModule):
-    """What all trainings share: logged loss terms, the learning rate, a stop at NaN, checkpoints.
+class Stage(Trained):
+    """What the trainings of both stages share.
 
     Args:
         settings: of the subclass's `NETWORK` and `LOSS`.
@@ -157,9 +145,9 @@ class Stage(lightning.LightningModule):
 
     # ---- what kinds of stages do differently
 
+    @abstractmethod
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Named terms with their `total`, and the error of the kind in mm, a scalar."""
-        raise NotImplementedError
 
     # ---- training
 
@@ -167,39 +155,14 @@ class Stage(lightning.LightningModule):
         """Loss of one batch."""
         terms, error = self.losses(batch)
         loss = terms["total"]
-        if not torch.isfinite(loss):
-            values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
-            raise InputError(
-                f"training stopped in epoch {self.current_epoch}, step {self.global_step}: the loss"
-                f" is {float(loss.detach())} ({values}) for windows {', '.join(batch['names'])};"
-                " expected a finite loss"
-            )
-        self._log("train", {**terms, self.ERROR: error}, len(batch["names"]))
+        self.stop_if_unfinite(loss, terms, batch["names"])
+        self.log_means("train", {**terms, self.ERROR: error}, len(batch["names"]))
         return loss
 
     def validation_step(self, batch: Batch, _: int) -> None:
         """The same on validation windows; the error is what the best weights are chosen by."""
         terms, error = self.losses(batch)
-        self._log("val", {**terms, self.ERROR: error}, len(batch["names"]))
-
-    def _log(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
-        named = {f"{stage}_{key}": value.detach() for key, value in values.items()}
-        self.log_dict(
-            named, on_step=False, on_epoch=True, batch_size=count, sync_dist=stage == "val"
-        )
-
-    def on_train_batch_start(self, batch: Batch, index: int) -> None:
-        """Set the learning rate from the step alone."""
-        training = self.settings.training
-        share = self.global_step / self.trainer.estimated_stepping_batches
-        rate = learning_rate(training.learning_rate, training.schedule, share)
-        for group in self.optimizers().param_groups:
-            group["lr"] = rate
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam."""
-        trained = [p for p in self.parameters() if p.requires_grad]
-        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate)
+        self.log_means("val", {**terms, self.ERROR: error}, len(batch["names"]))
 
     def about(self) -> dict[str, Any]:
         """All that is needed to build the module again, as plain values and tensors."""
@@ -209,10 +172,6 @@ class Stage(lightning.LightningModule):
             "space": {key: torch.from_numpy(value) for key, value in vars(self.space).items()},
             "label": self.label,
         }
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Put in all that is needed to build the module again."""
-        checkpoint["drapeline"] = self.about()
 
 
 class CanonicalStage(Stage):
@@ -233,15 +192,6 @@ class CanonicalStage(Stage):
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
         self.network = CanonicalNetwork(settings.network, space, label, self.weight_rng())
-
-    def training_step(self, batch: Batch, index: int) -> torch.Tensor:
-        """Loss of one batch, its clouds turned if so set."""
-        training = self.settings.training
-        if training.turn:
-            rng = rng_for(training.seed, "turn", self.global_step, self.global_rank)
-            angle = torch.from_numpy(rng.uniform(0, 2 * np.pi, len(batch["points"])))
-            batch = {**batch, "points": turned(batch["points"], angle)}
-        return super().training_step(batch, index)
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
@@ -420,7 +370,7 @@ def train_posed(
     """
     torch.set_num_threads(threads)
     cls = MgnStage if mgn else PosedStage
-    # Nothing in it depends on the mode, but Lightning warns of modules that evaluate.
+    # Without gradients nothing in it depends on the mode; Lightning warns of modules that evaluate.
     stage = cls(cls.settings_of(values), canonical.train())
     frames = stage.settings.training.frames
     found = predicted_canonicals(canonical, data, ("train", "val"), frames)
@@ -519,13 +469,6 @@ def _built(about: Mapping[str, Any]) -> Stage:
         return cls(settings, _built(about["canonical"]))
     space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
     return cls(settings, space, about["label"])
-
-
-def turned(points: torch.Tensor, angle: torch.Tensor) -> torch.Tensor:
-    """Windows of clouds (B, T, P, 3 or 7) turned about the vertical by angles (B,) in rad."""
-    sine, cosine = (x.to(points)[:, None, None] for x in (angle.sin(), angle.cos()))
-    x, y, *others = points.unbind(-1)
-    return torch.stack([cosine * x - sine * y, sine * x + cosine * y, *others], dim=-1)
 
 
 def distance_mm(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:

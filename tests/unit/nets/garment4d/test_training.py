@@ -9,7 +9,6 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.garment4d.canonical import CanonicalNetwork
 from drapeline.nets.garment4d.data import SequenceData, Windows
 from drapeline.nets.garment4d.training import (
     CanonicalStage,
@@ -20,11 +19,9 @@ from drapeline.nets.garment4d.training import (
     predicted_canonicals,
     train_canonical,
     train_posed,
-    turned,
 )
 from drapeline.nets.garment4d.wearers import Wearers
 from drapeline.nets.gcvae_data import as_tensors
-from drapeline.seeding import rng_for
 from garment4d_toys import CANONICAL, POSED, save_toy_data, toy_bodies
 
 
@@ -177,7 +174,7 @@ def test_two_trainings_end_with_the_same_weights(folder, wearers):
 
 def test_a_loss_that_is_not_finite_names_the_windows(folder, data):
     data.canonical = np.full_like(data.canonical, np.nan)
-    with pytest.raises(InputError, match=r"loss is nan \(.*for windows 0000.*/1\d.*expected a fin"):
+    with pytest.raises(InputError, match=r"loss is nan \(.*for samples 0000.*/1\d.*expected a fin"):
         run(train_canonical, folder, "nan", data, CANONICAL)
     assert not (folder / "nan").exists()
 
@@ -192,40 +189,6 @@ def test_settings_come_from_plain_values_and_go_back(canonical):
     assert settings.training == replace(settings.training, sources=("simulated", "skinned"))
     scaled = CanonicalStage.settings_of({"network": {"points": 1000, "width": 0.25}}).network
     assert scaled.garment[0].widths[0] == (8, 8)
-
-
-def test_turned_windows_keep_heights_and_distances_and_come_back():
-    points = torch.from_numpy(rng_for(0, "turned").normal(size=(2, 3, 5, 3)))
-    quarter = turned(points, torch.tensor([np.pi / 2, 0.0], dtype=torch.float64))
-    torch.testing.assert_close(quarter[1], points[1])
-    torch.testing.assert_close(quarter[0, ..., 0], -points[0, ..., 1])
-    torch.testing.assert_close(quarter[0, ..., 1], points[0, ..., 0])
-    angle = torch.tensor([0.7, -2.0], dtype=torch.float64)
-    there = turned(points, angle)
-    torch.testing.assert_close(there[..., 2], points[..., 2])
-    torch.testing.assert_close(there.norm(dim=-1), points.norm(dim=-1))
-    torch.testing.assert_close(turned(there, -angle), points)
-
-
-def test_training_turns_windows_where_it_is_asked_to(folder, data, monkeypatch):
-    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 1, "turn": True}}
-    seen = []
-    forward = CanonicalNetwork.forward
-    monkeypatch.setattr(
-        CanonicalNetwork,
-        "forward",
-        lambda self, points, labels=None: seen.append(points) or forward(self, points, labels),
-    )
-    run(train_canonical, folder, "turned", data, short)
-    stored = {round(float(z), 6): float(x) for x, _, z in data.points.reshape(-1, 3)}
-
-    def share_in_place(points):
-        flat = points.reshape(-1, 3).tolist()
-        return np.mean([abs(x - stored.get(round(z, 6), np.inf)) < 1e-6 for x, _, z in flat])
-
-    *trained, validated = seen
-    assert share_in_place(validated) > 0.9
-    assert max(share_in_place(points) for points in trained) < 0.1
 
 
 def test_unknown_settings_and_wrong_kinds_are_refused(canonical, tmp_path):
