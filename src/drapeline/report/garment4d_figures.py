@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator, PercentFormatter
 from PIL import Image, ImageDraw, ImageFont
-from scipy.spatial.transform import Rotation
 from trimesh.creation import icosahedron
 
 from drapeline.dataset.clouds import LABELS
@@ -20,8 +18,13 @@ from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.garment_template import TEMPLATE_TYPES
 from drapeline.report.camera import Camera, look_at
-from drapeline.report.gcvae_figures import GARMENT_COLOURS, type_colour
+from drapeline.report.gcvae_figures import (
+    GARMENT_COLOURS,
+    front_of,
+    type_colour,
+)
 from drapeline.report.moving import save_moving
+from drapeline.report.sheets import Cell, heat_parts, save_sheet
 from drapeline.report.studio import Painted, studio_picture
 from drapeline.report.style import (
     BLUE,
@@ -35,14 +38,11 @@ from drapeline.report.style import (
     say_nothing_to_show,
 )
 from drapeline.rule_log import progress
-from drapeline.storage import whole_file
 
 HEAT_SPAN_MM = 80.0
-_HEAT = matplotlib.colormaps["viridis"]
-_HEAT_LEVELS = 40
 _BACKDROP = 0.93
 _SKIN, _GREY = (0.83, 0.69, 0.6), (0.8, 0.8, 0.81)
-_INK, _QUIET, _PAPER, _RING = (34, 34, 34), (107, 111, 118), (255, 255, 255), (213, 94, 0)
+_INK, _PAPER, _RING = (34, 34, 34), (255, 255, 255), (213, 94, 0)
 _SIZE = (250, 290)
 _DISTANCE_M = 7.0
 _TURN_DEG = 24.0  # the camera stands this far to the side of where the body faces
@@ -112,15 +112,6 @@ def fitted(scene: Scene, meshes: Sequence[np.ndarray], size: tuple[int, int] = _
     return replace(scene, target=(float(x), float(y), _FLOOR_SHARE * height), height_m=height)
 
 
-def front_of(root_rotation: np.ndarray) -> tuple[float, float]:
-    """Horizontal direction that a body faces; of one that lies, where its head points from."""
-    turn = Rotation.from_rotvec(np.array(root_rotation))
-    front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    if np.hypot(*front[:2]) < 0.5:
-        front = np.array([-upwards[1], upwards[0], 0.0])
-    return float(front[0]), float(front[1])
-
-
 def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[Painted]:
     """A cloud (P, 3) as small balls in the colours of its labels (P,), paler in the distance."""
     colours = [_SKIN if name not in GARMENTS else type_colour(name) for name in LABELS]
@@ -142,95 +133,6 @@ def _balls(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     vertices = np.asarray(points, dtype=np.float64)[:, None] + radius * ball.vertices
     first = len(ball.vertices) * np.arange(len(points))[:, None, None]
     return vertices.reshape(-1, 3), (first + ball.faces).reshape(-1, 3)
-
-
-def heat_parts(vertices: np.ndarray, faces: np.ndarray, error_mm: np.ndarray) -> list[Painted]:
-    """A garment (N, 3) coloured by the errors (N,) of its vertices, 0 to `HEAT_SPAN_MM`."""
-    share = np.clip(error_mm[faces].mean(axis=1) / HEAT_SPAN_MM, 0, 1)
-    level = np.minimum((share * _HEAT_LEVELS).astype(int), _HEAT_LEVELS - 1)
-    return [
-        Painted(vertices, faces[level == k], _HEAT((k + 0.5) / _HEAT_LEVELS)[:3])
-        for k in np.unique(level)
-    ]
-
-
-class Cell(NamedTuple):
-    """A picture (H, W, 3) of a sheet with its caption, which may be empty."""
-
-    picture: np.ndarray
-    caption: str = ""
-
-
-def save_sheet(
-    path: str | Path,
-    rows: Sequence[Sequence[Cell | None]],
-    *,
-    columns: Sequence[str] = (),
-    labels: Sequence[str] = (),
-    heat: bool = False,
-    letter: int = 15,
-    gap: int = 6,
-) -> None:
-    """Write a PNG of pictures in rows, titles above, labels to the left, captions in their feet.
-
-    Args:
-        path: the PNG.
-        rows: of cells with pictures of one size; None leaves a place empty.
-        columns: titles; a newline breaks the line.
-        labels: of the rows; a newline breaks the line.
-        heat: add the colour bar of `heat_parts` below.
-        letter: height of the letters in pixels.
-        gap: between pictures.
-    """
-    font, small = ImageFont.load_default(letter), ImageFont.load_default(letter - 2)
-    height, width = next(c.picture for row in rows for c in row if c is not None).shape[:2]
-    words = [line for label in labels for line in label.splitlines()]
-    left = gap + (round(max(map(font.getlength, words))) + 2 * gap if words else 0)
-    lines = max((title.count("\n") + 1 for title in columns), default=0)
-    top = gap + (round((1.25 * lines + 0.35) * letter) if lines else 0)
-    count = max(map(len, rows))
-    size = (left + count * (width + gap), top + len(rows) * (height + gap))
-    bar = round(4.2 * letter) if heat else 0
-    sheet = Image.new("RGB", (size[0], size[1] + bar), _PAPER)
-    draw = ImageDraw.Draw(sheet)
-    for column, title in enumerate(columns):
-        place = (left + column * (width + gap) + 2, gap)
-        draw.multiline_text(place, title, _INK, font=font, spacing=2)
-    for row, cells in enumerate(rows):
-        y = top + row * (height + gap)
-        for column, cell in enumerate(cells):
-            if cell is None:
-                continue
-            x = left + column * (width + gap)
-            sheet.paste(Image.fromarray(cell.picture), (x, y))
-            draw.text((x + 6, y + height - 5), cell.caption, _INK, font=small, anchor="ls")
-        if row < len(labels):
-            place = (gap, y + 0.4 * height)
-            draw.multiline_text(place, labels[row], _INK, font=font, spacing=3)
-    if heat:
-        _draw_heat_bar(sheet, draw, left, size[1] + gap, font)
-    with whole_file(path) as scratch:
-        sheet.save(scratch, format="PNG", optimize=True)
-
-
-def _draw_heat_bar(
-    sheet: Image.Image,
-    draw: ImageDraw.ImageDraw,
-    left: int,
-    top: int,
-    font: ImageFont.ImageFont,
-) -> None:
-    width, thick = min(420, sheet.width - left - 80), 16
-    colours = _HEAT(np.linspace(0, 1, width))[None, :, :3]
-    sheet.paste(
-        Image.fromarray(np.repeat(np.round(255 * colours).astype("u1"), thick, 0)), (left, top)
-    )
-    for share in np.linspace(0, 1, 5):
-        text = f"{share * HEAT_SPAN_MM:.0f}" + (" mm or more" if share == 1 else "")
-        x = left + share * (width - 1)
-        draw.line((x, top + thick, x, top + thick + 4), fill=_QUIET)
-        start = x if share == 1 else x - font.getlength(text) / 2
-        draw.text((max(left, start), top + thick + 6), text, _INK, font=font)
 
 
 STEP_COLUMNS = (
@@ -262,7 +164,7 @@ def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[
             labels.append(f"{case.garment}\n{case.name}\nframe {case.number[frame]}")
     known = any(len(case.true) for case, _ in cases)
     columns = STEP_COLUMNS if known else STEP_COLUMNS[:4]
-    save_sheet(path, rows, columns=columns, labels=labels, heat=known)
+    save_sheet(path, rows, columns=columns, labels=labels, heat_mm=HEAT_SPAN_MM if known else None)
 
 
 def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list[Cell | None]:
@@ -279,7 +181,7 @@ def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list
     wearer = Painted(case.body[frame], case.body_faces, _GREY)
     for vertices in (case.proposal[frame], case.final[frame]):
         error = vertex_errors_mm(vertices, case.true[frame])
-        heat = heat_parts(vertices, case.faces, error)
+        heat = heat_parts(vertices, case.faces, error, HEAT_SPAN_MM)
         cells.append(Cell(scene.picture([wearer, *heat]), f"{error.mean():.1f} mm"))
     return cells
 
@@ -292,7 +194,7 @@ def _canonical_cell(case: Reconstruction, row: int) -> Cell | None:
     if row == 1:
         error = vertex_errors_mm(case.canonical, case.true_canonical)
         wearer = Painted(case.rest_body, case.body_faces, _GREY)
-        heat = heat_parts(case.canonical, case.faces, error)
+        heat = heat_parts(case.canonical, case.faces, error, HEAT_SPAN_MM)
         return Cell(scene.picture([wearer, *heat]), f"its error: {error.mean():.1f} mm")
     shown = case.true_canonical if row == 2 else case.canonical
     wearer = Painted(case.rest_body, case.body_faces, _SKIN)

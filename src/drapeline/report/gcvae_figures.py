@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.colors import to_rgb
-from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
 from sklearn.manifold import TSNE
 
@@ -18,15 +16,13 @@ from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.contact_sheet import contact_sheet
 from drapeline.report.moving import save_moving
+from drapeline.report.sheets import Cell, heat_parts, save_sheet
 from drapeline.report.studio import Painted, studio_picture
 from drapeline.report.style import SERIES, saved_figure
 from drapeline.rule_log import progress
-from drapeline.storage import whole_file
 
 GARMENT_COLOURS = dict(zip(GARMENTS, SERIES, strict=True))
 HEAT_SPAN_MM = 30.0
-_HEAT = matplotlib.colormaps["viridis"]
-_HEAT_LEVELS = 40
 _SKIN = (0.83, 0.69, 0.6)
 _DISTANCE_M = 7.0
 _PERPLEXITY = 30.0
@@ -34,7 +30,7 @@ _SEEN_HEIGHT_M = 2.1
 _TARGET_HEIGHT_M = 0.95
 _TURN_DEG = 24.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.12
-_INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
+
 _CODES_MAX = 1500  # points of the t-SNE, whose time grows with their square
 
 
@@ -74,7 +70,7 @@ def view_picture(
         if view.error_mm is None:
             parts.append(Painted(vertices, faces, view.colour))
         else:
-            parts += _heat_parts(vertices, faces, view.error_mm)
+            parts += heat_parts(vertices, faces, view.error_mm, HEAT_SPAN_MM)
     if not parts:
         return np.full((size[1], size[0], 3), 237, dtype=np.uint8)
     camera = _camera(view, size)
@@ -92,87 +88,6 @@ def _camera(view: View, size: tuple[int, int]) -> Camera:
         focal_px=size[1] * _DISTANCE_M / _SEEN_HEIGHT_M,
         size=size,
     )
-
-
-def heat_colour(error_mm: np.ndarray | float) -> np.ndarray:
-    """(..., 3) sRGB in 0-1: dark blue for no error, yellow for `HEAT_SPAN_MM` or more."""
-    share = np.clip(np.asarray(error_mm) / HEAT_SPAN_MM, 0, 1)
-    return np.asarray(_HEAT(share))[..., :3]
-
-
-def _heat_parts(vertices: np.ndarray, faces: np.ndarray, error_mm: np.ndarray) -> list[Painted]:
-    """Bands of faces with similar errors, for the studio paints a mesh in one colour."""
-    share = np.clip(error_mm[faces].mean(axis=1) / HEAT_SPAN_MM, 0, 1)
-    level = np.minimum((share * _HEAT_LEVELS).astype(int), _HEAT_LEVELS - 1)
-    return [
-        Painted(vertices, faces[level == k], heat_colour(HEAT_SPAN_MM * (k + 0.5) / _HEAT_LEVELS))
-        for k in np.unique(level)
-    ]
-
-
-def grid_sheet(
-    path: str | Path,
-    rows: Sequence[Sequence[np.ndarray]],
-    *,
-    columns: Sequence[str] = (),
-    labels: Sequence[str] = (),
-    heat: bool = False,
-    letter: int = 15,
-    gap: int = 6,
-) -> None:
-    """Write a PNG of pictures in rows, with titles above and labels to the left.
-
-    Args:
-        path: the PNG.
-        rows: of pictures (H, W, 3) uint8, all of one size; rows may be shorter than others.
-        columns: titles above them.
-        labels: of the rows; a newline breaks the line.
-        heat: add the colour bar of `heat_colour` below.
-        letter: height of the letters in pixels.
-        gap: between pictures.
-    """
-    font = ImageFont.load_default(letter)
-    height, width = rows[0][0].shape[:2]
-    lines = [line for label in labels for line in label.splitlines()]
-    left = gap + (round(max(map(font.getlength, lines))) + 2 * gap if lines else 0)
-    top = gap + (round(1.6 * letter) if columns else 0)
-    bar = round(4.2 * letter) if heat else 0
-    count = max(map(len, rows))
-    sheet = Image.new(
-        "RGB", (left + count * (width + gap), top + len(rows) * (height + gap) + bar), _PAPER
-    )
-    draw = ImageDraw.Draw(sheet)
-    for column, title in enumerate(columns):
-        draw.text((left + column * (width + gap) + 2, gap), title, _INK, font=font)
-    for row, pictures in enumerate(rows):
-        y = top + row * (height + gap)
-        for column, picture in enumerate(pictures):
-            sheet.paste(Image.fromarray(picture), (left + column * (width + gap), y))
-        if row < len(labels):
-            draw.multiline_text((gap, y + 0.4 * height), labels[row], _INK, font=font)
-    if heat:
-        _draw_heat_bar(sheet, draw, left, sheet.height - bar + gap, font)
-    with whole_file(path) as scratch:
-        sheet.save(scratch, format="PNG", optimize=True)
-
-
-def _draw_heat_bar(
-    sheet: Image.Image,
-    draw: ImageDraw.ImageDraw,
-    left: int,
-    top: int,
-    font: ImageFont.ImageFont,
-) -> None:
-    width, thick = min(420, sheet.width - left - 70), 16
-    colours = heat_colour(np.linspace(0, HEAT_SPAN_MM, width))
-    bar = np.repeat(np.round(255 * colours).astype(np.uint8)[None], thick, axis=0)
-    sheet.paste(Image.fromarray(bar), (left, top))
-    for share in (0, 0.2, 0.4, 0.6, 0.8, 1):
-        text = f"{share * HEAT_SPAN_MM:.0f}" + (" mm or more" if share == 1 else "")
-        x = left + share * (width - 1)
-        draw.line((x, top + thick, x, top + thick + 4), fill=_QUIET)
-        start = x if share == 1 else x - font.getlength(text) / 2
-        draw.text((max(left, start), top + thick + 6), text, _INK, font=font)
 
 
 def plot_codes(
@@ -215,7 +130,7 @@ def error_views(case: GarmentCase) -> list[View]:
 
     Errors are drawn without the wearer; that of the reconstruction on the true mask.
     """
-    scene = standing(case.wearer, front=_front(case.root_rotation))
+    scene = standing(case.wearer, front=front_of(case.root_rotation))
     registered = garment_mesh(case.true, case.faces, case.mask)
     made = garment_mesh(case.predicted, case.faces, case.predicted_mask)
     error_mm = 1000 * np.linalg.norm(case.predicted - case.true, axis=1)
@@ -237,7 +152,7 @@ def error_views(case: GarmentCase) -> list[View]:
     ]
 
 
-def _front(root_rotation: np.ndarray) -> tuple[float, float]:
+def front_of(root_rotation: np.ndarray) -> tuple[float, float]:
     """Horizontal direction that a body faces; of one that lies, where its head points from."""
     turn = Rotation.from_rotvec(np.array(root_rotation))
     front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
@@ -268,7 +183,13 @@ def plot_views(
         [view_picture(view) for view in views]
         for views in progress(rows.values(), total=len(rows), label="pictures")
     ]
-    grid_sheet(path, pictures, labels=list(rows), columns=columns, heat=heat)
+    save_sheet(
+        path,
+        [[Cell(picture) for picture in row] for row in pictures],
+        labels=list(rows),
+        columns=columns,
+        heat_mm=HEAT_SPAN_MM if heat else None,
+    )
 
 
 def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 6) -> None:
@@ -306,5 +227,5 @@ def walk_view(garment: Mesh, wearer: Mesh, kind: str) -> View:
 
 def worn_view(worn: WornGarment) -> View:
     """A garment in motion on its wearer, in the colour of its type."""
-    scene = standing(worn.wearer, type_colour(worn.kind), _front(worn.root_rotation))
+    scene = standing(worn.wearer, type_colour(worn.kind), front_of(worn.root_rotation))
     return replace(scene, garment=worn.garment)

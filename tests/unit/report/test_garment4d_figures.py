@@ -15,15 +15,12 @@ from drapeline.report import garment4d_figures as figures
 from drapeline.report.garment4d_figures import (
     HEAT_SPAN_MM,
     STEP_COLUMNS,
-    Cell,
     Scene,
     SkinnedTwice,
     animate_steps,
     cloud_parts,
     curve,
     fitted,
-    front_of,
-    heat_parts,
     plot_ablation,
     plot_accuracy_curve,
     plot_explained,
@@ -33,11 +30,11 @@ from drapeline.report.garment4d_figures import (
     plot_neighbours,
     plot_results,
     plot_steps,
-    save_sheet,
     step_cells,
     worst_place,
 )
-from drapeline.report.gcvae_figures import type_colour
+from drapeline.report.gcvae_figures import front_of, type_colour
+from drapeline.report.sheets import Cell, heat_parts, save_sheet
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
 
@@ -84,7 +81,7 @@ def case(frames=3, *, truth=True, garment="Skirt"):
 
 def test_heat_paints_every_face_once_from_dark_to_yellow():
     error = HEAT_SPAN_MM * np.linspace(-0.5, 2, len(TUBE)).clip(0)
-    parts = heat_parts(TUBE, FACES, error)
+    parts = heat_parts(TUBE, FACES, error, HEAT_SPAN_MM)
     faces = np.concatenate([p.faces for p in parts])
     assert sorted(map(tuple, faces.tolist())) == sorted(map(tuple, FACES.tolist()))
     low, high = parts[0], parts[-1]
@@ -139,7 +136,8 @@ def test_a_lying_body_is_seen_from_its_side():
 
 def test_picture_shows_the_garment_on_the_floor_where_it_is():
     scene = fitted(Scene(floor_z=float(TUBE[:, 2].min())), [TUBE], (60, 64))
-    parts = heat_parts(TUBE, FACES, np.where(TUBE[:, 2] > 0, HEAT_SPAN_MM, 0.0))
+    error = np.where(TUBE[:, 2] > 0, HEAT_SPAN_MM, 0.0)
+    parts = heat_parts(TUBE, FACES, error, HEAT_SPAN_MM)
     picture = scene.picture(parts, (60, 64), samples=6).astype(int)
     rows = np.flatnonzero((np.ptp(picture, axis=2) > 25).any(axis=1))
     assert rows[-1] > 0.88 * 64
@@ -256,7 +254,7 @@ def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
     plain = np.asarray(Image.open(path))
     assert (plain == [255, 0, 0]).all(-1).sum() == 2 * 2400
     rows = [[Cell(red, "x"), Cell(red)]]
-    save_sheet(path, rows, columns=["a\nb", "c"], labels=["one\ntwo"], heat=True)
+    save_sheet(path, rows, columns=["a\nb", "c"], labels=["one\ntwo"], heat_mm=HEAT_SPAN_MM)
     sheet = np.asarray(Image.open(path)).astype(int)
     red_at = np.argwhere((sheet == [255, 0, 0]).all(-1))
     assert 2 * 2400 - 120 < len(red_at) < 2 * 2400  # one caption covers some of it
