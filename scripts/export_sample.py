@@ -1,4 +1,4 @@
-"""Rule `export_sample`: one sample as files that other programs open."""
+"""Rules `export_sample` and `export_reconstructed`: garments in motion for other programs."""
 
 from typing import TYPE_CHECKING
 

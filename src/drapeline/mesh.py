@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from drapeline.errors import InputError
 from drapeline.storage import whole_file
@@ -47,6 +48,12 @@ def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Undirected edges (E, 2) and the number of faces (E,) on each."""
     found, _, counts = _unique_edges(_half_edges(faces))
     return found, counts
+
+
+def edge_graph(pairs: np.ndarray, count: int) -> csr_matrix:
+    """(V, V) symmetric adjacency: 1 where undirected edges (E, 2), each once, join two vertices."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    return csr_matrix((np.ones(len(both)), both.T), shape=(count, count))
 
 
 def rim_edges(faces: np.ndarray) -> np.ndarray:

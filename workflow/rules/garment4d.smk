@@ -537,9 +537,9 @@ rule export_reconstructed:
         mem_mb=2000,
         runtime=30,
     params:
-        code=source_hash("export_reconstructed"),
+        code=source_hash("export_sample"),
     script:
-        "../../scripts/export_reconstructed.py"
+        "../../scripts/export_sample.py"
 
 
 rule reconstruct:

@@ -8,6 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh
 from torch import nn
 
+from drapeline.mesh import edge_graph
 from drapeline.nets.chebyshev import SparseMatrix, polynomials
 
 _DENSE_NODES = 64
@@ -20,9 +21,7 @@ def scaled_laplacian(edges: np.ndarray, count: int) -> sparse.csr_matrix:
         edges: (E, 2) undirected edges, each once.
         count: number of nodes; one without edges keeps a 1 on the diagonal of L.
     """
-    ones = np.ones(len(edges))
-    half = sparse.coo_matrix((ones, (edges[:, 0], edges[:, 1])), shape=(count, count)).tocsr()
-    adjacency = half + half.T
+    adjacency = edge_graph(edges, count)
     degree = np.asarray(adjacency.sum(axis=1)).ravel()
     scale = sparse.diags(1 / np.sqrt(np.maximum(degree, 1)))
     identity = sparse.identity(count, format="csr")

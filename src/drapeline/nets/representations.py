@@ -13,8 +13,8 @@ from drapeline.nets.represent import decode_codes, encode_garments, static_truth
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.garment_space import GarmentSpace
+from drapeline.registration.remesh import RemeshTable, remeshed
 from drapeline.registration.static_data import StaticData
-from drapeline.registration.template_fit import RemeshTable, remeshed
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 

@@ -8,7 +8,7 @@ import warp as wp
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
-from drapeline.mesh import faces_within, vertex_normals
+from drapeline.mesh import edge_graph, faces_within, vertex_normals
 
 wp.config.log_level = wp.LOG_WARNING
 
@@ -128,8 +128,7 @@ class BodyMesh:
     def _pieces(self, chosen: np.ndarray) -> np.ndarray:
         """(V,) number of the piece each chosen vertex is in, -1 for the others."""
         pairs = self.pairs[chosen[self.pairs].all(axis=1)]
-        graph = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(self._count, self._count))
-        _, label = connected_components(graph, directed=False)
+        _, label = connected_components(edge_graph(pairs, self._count), directed=False)
         return np.where(chosen, label, -1)
 
     def _hole_pieces(self, mask: np.ndarray) -> np.ndarray:

@@ -11,13 +11,13 @@ from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.mesh import Mesh, boundary_loops, triangulate
+from drapeline.outfits.kinds import TEMPLATE_TYPES
 from drapeline.outfits.outfit import make_outfit
 from drapeline.outfits.own import own_garment
 from drapeline.outfits.ranges import OutfitRanges
 from drapeline.outfits.templates import Templates
 from drapeline.storage import load_npz, save_npz
 
-TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 # The openings of each type, in the order of their numbers.
 LOOP_NAMES = {
     "Skirt": ("waist", "hem"),

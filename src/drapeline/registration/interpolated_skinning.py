@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from drapeline.mesh import edges
+from drapeline.mesh import edge_graph, edges
 
 # Added to distances in metres, so that a vertex a micrometre away is not all there is.
 _SMALL_M = 1e-6
@@ -64,9 +64,7 @@ def interpolated_weights(
 
 def _smoothing(faces: np.ndarray, count: int, step: float) -> sp.csr_matrix:
     """(N, N) one pass: every vertex goes a step of the way to the mean of its neighbours."""
-    pairs = edges(faces)
-    graph = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
-    graph = (graph + graph.T).tocsr()
+    graph = edge_graph(edges(faces), count)
     degree = np.asarray(graph.sum(axis=1)).ravel()
     mean = sp.diags(1 / np.maximum(degree, 1)) @ graph
     joined = sp.diags((degree > 0).astype(np.float64))

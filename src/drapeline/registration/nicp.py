@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
-from drapeline.mesh import edges, rim_edges, vertex_normals
+from drapeline.mesh import edge_graph, edges, rim_edges, vertex_normals
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,7 @@ def laid_on(
     count = len(rest)
     pairs = edges(triangles)
     lengths = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1)
-    adjacency = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)).tocsr()
-    adjacency = adjacency + adjacency.T
+    adjacency = edge_graph(pairs, count)
     degree = np.asarray(adjacency.sum(axis=1)).ravel()
     average = sp.diags(1 / np.maximum(degree, 1)) @ adjacency
     corner_of = sp.csr_matrix(

@@ -3,10 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.mesh import face_normals, faces_within, rim_edges
+from drapeline.mesh import edge_graph, face_normals, faces_within, rim_edges
 from drapeline.registration.closest import closest_points
 from drapeline.registration.correspondence import Correspondence
 
@@ -94,6 +93,5 @@ def _count_pieces(pairs: np.ndarray) -> int:
         return 0
     used = np.zeros(pairs.max() + 1, dtype=bool)
     used[pairs] = True
-    graph = sp.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(used), len(used)))
-    _, label = connected_components(graph, directed=False)
+    _, label = connected_components(edge_graph(pairs, len(used)), directed=False)
     return len(np.unique(label[used]))

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 from scipy.spatial import ConvexHull
 
-from drapeline.mesh import boundary_loops
+from drapeline.mesh import boundary_loops, edge_graph, edges
 from drapeline.registration.topology import Topology
 
 _LEVEL_M = 0.02
@@ -160,10 +160,7 @@ class _Harmonic:
     """Values of free vertices that are the means of their neighbours'; the others are given."""
 
     def __init__(self, faces: np.ndarray, free: np.ndarray, count: int) -> None:
-        half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        pairs = np.concatenate([half, half[:, ::-1]])
-        graph = sp.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
-        graph.data[:] = 1
+        graph = edge_graph(edges(faces), count)
         self._free, self._rows = free, graph[free].tocoo()
         self._given = graph[free].copy()
         is_free = np.zeros(count, dtype=bool)

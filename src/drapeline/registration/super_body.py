@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
-from drapeline.mesh import boundary_loops, edge_counts, edges
+from drapeline.mesh import boundary_loops, edge_counts, edge_graph, edges
 
 VERTICES = 14475
 BOUNDARIES = 5  # a neck, two wrists, two ankles
@@ -172,11 +172,7 @@ def _is_one_surface(faces: np.ndarray, count: int) -> bool:
 
 
 def _component_count(pairs: np.ndarray, count: int) -> int:
-    return connected_components(_graph(pairs, count), directed=False)[0]
-
-
-def _graph(pairs: np.ndarray, count: int) -> csr_matrix:
-    return csr_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
+    return connected_components(edge_graph(pairs, count), directed=False)[0]
 
 
 def _heights(
@@ -200,7 +196,7 @@ def _heights(
         height[np.abs(height) < snap * mean_length] = 0
         past = height > 0
         inner = pairs[past[pairs].all(axis=1)]
-        _, label = connected_components(_graph(inner, count), directed=False)
+        _, label = connected_components(edge_graph(inner, count), directed=False)
         wanted = past & np.isin(body.segmentation, [JOINT_NAMES.index(p) for p in parts])
         if not wanted.any():
             raise InputError(f"body {body.name}: has no vertices past {end}, nothing to cut off")

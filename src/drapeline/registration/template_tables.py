@@ -9,16 +9,9 @@ import numpy as np
 from drapeline.errors import InputError
 from drapeline.registration.garment_template import GarmentTemplate
 from drapeline.registration.registrar import error_rows, write_errors
+from drapeline.registration.remesh import RemeshTable, Residual, remesh_table, residual
 from drapeline.registration.round_trip import Measure
-from drapeline.registration.template_fit import (
-    FitSettings,
-    FitTarget,
-    RemeshTable,
-    Residual,
-    fit_to_template,
-    remesh_table,
-    residual,
-)
+from drapeline.registration.template_fit import FitSettings, FitTarget, fit_to_template
 from drapeline.rule_log import progress
 from drapeline.storage import load_npz, save_npz, whole_folder
 

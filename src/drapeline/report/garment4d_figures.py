@@ -15,8 +15,7 @@ from drapeline.dataset.clouds import LABELS
 from drapeline.mesh import edges
 from drapeline.metrics.garment4d import MODEL, Reconstruction, vertex_errors_mm
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value
-from drapeline.outfits.kinds import GARMENTS
-from drapeline.registration.garment_template import TEMPLATE_TYPES
+from drapeline.outfits.kinds import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.camera import Camera, look_at
 from drapeline.report.gcvae_figures import (
     GARMENT_COLOURS,

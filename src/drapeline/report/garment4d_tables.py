@@ -10,7 +10,7 @@ from pathlib import Path
 
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value, read_metrics
-from drapeline.registration.garment_template import TEMPLATE_TYPES
+from drapeline.outfits.kinds import TEMPLATE_TYPES
 from drapeline.report.pages import Cell, html_table, write_page
 from drapeline.report.registration_table import summarised
 from drapeline.report.tables import read_table

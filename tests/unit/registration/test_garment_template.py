@@ -6,22 +6,18 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.mesh import Mesh, boundary_loops, edges, face_normals, save_obj, triangulate
 from drapeline.outfits.fit import rest_body
+from drapeline.outfits.kinds import TEMPLATE_TYPES
 from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.garment_template import (
     LOOP_NAMES,
-    TEMPLATE_TYPES,
     load_template,
     make_template,
     named_loops,
     template_from_mesh,
 )
-from drapeline.registration.template_fit import (
-    FitTarget,
-    fit_to_template,
-    remesh_table,
-    residual,
-)
+from drapeline.registration.remesh import remesh_table, residual
+from drapeline.registration.template_fit import FitTarget, fit_to_template
 from drapeline.seeding import rng_for
 from tiny_sample import tube
 

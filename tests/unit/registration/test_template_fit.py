@@ -7,17 +7,14 @@ from drapeline.errors import InputError
 from drapeline.mesh import boundary_loops, triangulate
 from drapeline.registration.front_opening import front_strip
 from drapeline.registration.garment_template import GarmentTemplate, named_loops
-from drapeline.registration.template_fit import (
-    Equation3,
-    FitSettings,
-    FitTarget,
+from drapeline.registration.remesh import (
     RemeshTable,
-    fit_to_template,
     flipped_faces,
     remesh_table,
     remeshed,
     residual,
 )
+from drapeline.registration.template_fit import Equation3, FitSettings, FitTarget, fit_to_template
 from tiny_sample import tube
 
 

@@ -8,7 +8,8 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.mesh import boundary_loops, triangulate
 from drapeline.registration.garment_template import GarmentTemplate, named_loops
-from drapeline.registration.template_fit import FitSettings, remeshed
+from drapeline.registration.remesh import remeshed
+from drapeline.registration.template_fit import FitSettings
 from drapeline.registration.template_tables import (
     ERRORS,
     NamedGarment,

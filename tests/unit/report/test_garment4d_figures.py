@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.dataset.clouds import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.garment4d import Reconstruction
-from drapeline.metrics.table import HIGH, LOW, MetricRow
+from drapeline.metrics.table import HIGH, LOW
 from drapeline.report import garment4d_figures as figures
 from drapeline.report.garment4d_figures import (
     HEAT_SPAN_MM,
@@ -37,6 +37,7 @@ from drapeline.report.gcvae_figures import front_of, type_colour
 from drapeline.report.sheets import Cell, heat_parts, save_sheet
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
+from metric_rows import metric_row
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
 
@@ -266,8 +267,8 @@ def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
         assert (np.abs(below - colour).max(-1) <= 2).sum() >= 16
 
 
-def row(variant, metric, value, garment="Skirt", split="test", model="garment4d"):
-    return MetricRow(model, variant, split, garment, metric, value, "mm", 4, 0)
+def row(variant, metric, value, garment="Skirt", **others):
+    return metric_row(variant, garment, metric, value, **others)
 
 
 @pytest.fixture

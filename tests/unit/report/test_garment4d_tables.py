@@ -5,35 +5,31 @@ import re
 
 import pytest
 
-from drapeline.metrics.table import HIGH, LOW, UNITS, MetricRow, write_metrics
+from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.report.garment4d_tables import OURS, THEIRS, write_beside_paper, write_garment4d_page
-
-
-def row(variant, garment, metric, value, split="test", model="garment4d", n=5):
-    unit = UNITS[metric.removesuffix(LOW).removesuffix(HIGH)]
-    return MetricRow(model, variant, split, garment, metric, value, unit, n, 0)
+from metric_rows import metric_row
 
 
 @pytest.fixture
 def metrics(tmp_path):
     """Metrics of two posed models, of a baseline and of a sweep, mostly for skirts."""
     rows = [
-        row("posed", "Skirt", "vertex_error_mm", 27.125),
-        row("posed", "Skirt", "vertex_error_mm" + LOW, 20.0),
-        row("posed", "Skirt", "vertex_error_mm" + HIGH, 35.5),
-        row("posed", "Skirt", "acceleration_error_m_s2", 3.5),
-        row("posed", "Skirt", "vertex_error_mm", 99.0, split="val"),
-        row("posed", "Tshirt", "vertex_error_mm", 88.0, model="other"),
-        row("posed", "Skirt", "inside_share", 0.0123),
-        row("posed", "Skirt", "inference_s_per_frame", 0.0042),
-        row("lbs", "Skirt", "vertex_error_mm", 41.0),
-        row("lbs", "Trousers", "vertex_error_mm", 19.0, n=3),
-        row("truth", "Skirt", "inside_share", 0.0045),
-        row("truth", "Skirt", "to_cloud_mm", 6.25),
-        row("canonical", "Skirt", "canonical_error_mm", 24.0),
-        row("canonical", "Skirt", "segmentation_accuracy", 0.953),
-        row("neighbours_16", "Skirt", "vertex_error_mm", 30.0),
-        row("neighbours_4", "Skirt", "vertex_error_mm", 31.0),
+        metric_row("posed", "Skirt", "vertex_error_mm", 27.125),
+        metric_row("posed", "Skirt", "vertex_error_mm" + LOW, 20.0),
+        metric_row("posed", "Skirt", "vertex_error_mm" + HIGH, 35.5),
+        metric_row("posed", "Skirt", "acceleration_error_m_s2", 3.5),
+        metric_row("posed", "Skirt", "vertex_error_mm", 99.0, split="val"),
+        metric_row("posed", "Tshirt", "vertex_error_mm", 88.0, model="other"),
+        metric_row("posed", "Skirt", "inside_share", 0.0123),
+        metric_row("posed", "Skirt", "inference_s_per_frame", 0.0042),
+        metric_row("lbs", "Skirt", "vertex_error_mm", 41.0),
+        metric_row("lbs", "Trousers", "vertex_error_mm", 19.0, n=3),
+        metric_row("truth", "Skirt", "inside_share", 0.0045),
+        metric_row("truth", "Skirt", "to_cloud_mm", 6.25),
+        metric_row("canonical", "Skirt", "canonical_error_mm", 24.0),
+        metric_row("canonical", "Skirt", "segmentation_accuracy", 0.953),
+        metric_row("neighbours_16", "Skirt", "vertex_error_mm", 30.0),
+        metric_row("neighbours_4", "Skirt", "vertex_error_mm", 31.0),
     ]
     write_metrics(tmp_path / "metrics.tsv", rows)
     return tmp_path / "metrics.tsv"

@@ -4,14 +4,15 @@ import csv
 
 import pytest
 
-from drapeline.metrics.table import HIGH, LOW, MetricRow, write_metrics
+from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.report.gcvae_tables import OURS, THEIRS, write_beside_paper, write_gcvae_page
+from metric_rows import metric_row
 
 
-def row(variant, garment, metric, value, unit="mm", split="test", n=10):
+def row(variant, *values, **others):
     model = "dvae" if variant.startswith("dvae") else "svae"
-    return MetricRow(model, variant, split, garment, metric, value, unit, n, 0)
+    return metric_row(variant, *values, model=model, **others)
 
 
 @pytest.fixture
@@ -21,18 +22,15 @@ def metrics(tmp_path):
         row("svae", "all", "surface_error_mm", 4.321),
         row("svae", "all", "surface_error_mm" + LOW, 3.9),
         row("svae", "all", "surface_error_mm" + HIGH, 4.8),
-        row("svae", "all", "inside_share", 0.0123, "1"),
+        row("svae", "all", "inside_share", 0.0123),
         row("svae", "all", "surface_error_mm", 99.0, split="val"),
         row("svae", "Dress", "surface_error_mm", 7.0),
-        row("svae", "Dress", "mask_iou", 0.95, "1"),
+        row("svae", "Dress", "mask_iou", 0.95),
         row("mean_garment", "all", "surface_error_mm", 11.1),
         *(
-            row("dvae_unposed_4", garment, metric, value + k, unit)
+            row("dvae_unposed_4", garment, metric, value + k)
             for k, garment in enumerate(GARMENTS)
-            for metric, value, unit in (
-                ("surface_error_mm", 20.0, "mm"),
-                ("normal_error_deg", 30.0, "deg"),
-            )
+            for metric, value in (("surface_error_mm", 20.0), ("normal_error_deg", 30.0))
         ),
         row("dvae_unposed_4", "all", "surface_error_mm", 21.5, n=900),
     ]

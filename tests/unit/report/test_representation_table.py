@@ -1,11 +1,12 @@
 """The page that compares codes."""
 
-from drapeline.metrics.table import HIGH, LOW, MetricRow, write_metrics
+from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.report.representation_table import write_representations
+from metric_rows import metric_row
 
 
 def row(variant, garment, value, metric="predicted_to_true_mm", split="test"):
-    return MetricRow("representation", variant, split, garment, metric, value, "mm", 5, 1)
+    return metric_row(variant, garment, metric, value, model="representation", split=split)
 
 
 def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):

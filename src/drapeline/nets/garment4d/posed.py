@@ -14,7 +14,7 @@ import torch
 from scipy import sparse
 from torch import nn
 
-from drapeline.mesh import edges
+from drapeline.mesh import edge_graph, edges
 from drapeline.nets.chebyshev import SparseMatrix, linear
 from drapeline.nets.garment4d.losses import (
     CotangentLaplacian,
@@ -233,9 +233,7 @@ class FrameAttention(nn.Module):
 
 def mean_of_neighbours(faces: np.ndarray, count: int) -> sparse.csr_matrix:
     """D^-1 (A + I), (N, N): the mean over a vertex and its neighbours."""
-    pairs = edges(faces)
-    half = sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (count, count))
-    matrix = (half + half.T + sparse.identity(count)).tocsr()
+    matrix = (edge_graph(edges(faces), count) + sparse.identity(count)).tocsr()
     return (sparse.diags(1 / np.asarray(matrix.sum(axis=1)).ravel()) @ matrix).tocsr()
 
 

@@ -13,8 +13,8 @@ from drapeline.frames import GENDERS
 from drapeline.mesh import Mesh, triangulate
 from drapeline.nets.garment4d.data import GarmentSequence
 from drapeline.outfits.static import load_static
+from drapeline.registration.remesh import RemeshTable, remeshed
 from drapeline.registration.skinned import load_skinned
-from drapeline.registration.template_fit import RemeshTable, remeshed
 
 
 def simulated_sequences(
