@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
 
-from drapeline.dataset.splits import SplitItem, split_samples
+from drapeline.dataset.splits import SPLITS, SplitItem, split_samples
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.outfits.kinds import kinds_by_gender
@@ -100,14 +100,15 @@ def plan_samples(
     turns = _turns(pieces)
     total = len(turns) if count is None else count
     chosen = list(islice(cycle(turns), total))
-    genders = _genders(seed, total, female_share)
     ids = [f"{number:05d}" for number in range(1, total + 1)]
     # Every sample has a body of its own, so the clip alone joins samples into one split.
     items = [SplitItem(sample, name, sample) for sample, (name, _) in zip(ids, chosen, strict=True)]
     partition = split_samples(
         rng_for(seed, "split"), items, val_share=val_share, test_share=test_share
     )
-    outfits = _outfits(genders, [partition[sample] for sample in ids], kinds, male_skirts)
+    splits = [partition[sample] for sample in ids]
+    genders = _genders(seed, splits, female_share)
+    outfits = _outfits(genders, splits, kinds, male_skirts)
     plans = {}
     for sample, (name, part), gender, kind in zip(ids, chosen, genders, outfits, strict=True):
         start, stop = pieces[name][part]
@@ -126,13 +127,18 @@ def _turns(pieces: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[str, i
     ]
 
 
-def _genders(seed: int, total: int, female_share: float) -> list[str]:
-    """The exact share, in an order that mixes the genders evenly from the first sample on."""
+def _genders(seed: int, splits: Sequence[str], female_share: float) -> list[str]:
+    """The exact share, mixed evenly within each split: small splits see both genders too."""
+    total = len(splits)
     females = round(total * female_share)
     # Bresenham's line: female wherever the running share asks for the next one.
     offset = rng_for(seed, "gender").integers(total) if total else 0
     steps = [(index + 1) * females // total - index * females // total for index in range(total)]
-    return [GENDERS[0] if steps[(i + offset) % total] else GENDERS[1] for i in range(total)]
+    genders = [""] * total
+    by_split = sorted(range(total), key=lambda i: SPLITS.index(splits[i]))
+    for place, i in enumerate(by_split):
+        genders[i] = GENDERS[0] if steps[(place + offset) % total] else GENDERS[1]
+    return genders
 
 
 def _outfits(

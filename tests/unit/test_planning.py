@@ -2,6 +2,7 @@ from collections import Counter
 
 import pytest
 
+from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.outfits.kinds import KINDS
 from drapeline.planning import plan_samples, sub_sequences
@@ -48,11 +49,14 @@ def test_without_a_count_each_sub_sequence_is_used_once():
 
 @pytest.mark.parametrize("count", [3, 18, 100])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_genders_are_two_to_one_up_to_rounding_and_mixed(count, seed):
-    genders = [s.gender for s in plan(seed, count).values()]
-    assert genders.count("female") == round(count * 2 / 3)
-    for start in range(count - 5):
-        assert 3 <= genders[start : start + 6].count("female") <= 5
+def test_genders_are_two_to_one_up_to_rounding_and_mixed_in_every_split(count, seed):
+    plans = plan(seed, count).values()
+    assert [s.gender for s in plans].count("female") == round(count * 2 / 3)
+    for split in SPLITS:
+        genders = [s.gender for s in plans if s.partition == split]
+        assert abs(genders.count("female") - len(genders) * 2 / 3) <= 1
+        for start in range(len(genders) - 5):
+            assert 3 <= genders[start : start + 6].count("female") <= 5
 
 
 def test_outfits_are_balanced_and_men_wear_no_skirts_unless_asked():
