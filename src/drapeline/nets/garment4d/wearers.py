@@ -14,14 +14,15 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from drapeline.bodies.kinematics import rest_to_pose
-from drapeline.bodies.model import BodyModel, shaped, skin
+from drapeline.bodies.model import BodyModel, posed_vertices, shaped, skin
 from drapeline.frames import GENDERS, REST_POSE
+from drapeline.mesh import vertex_normals
 from drapeline.nets.garment4d.points import farthest_points
 from drapeline.nets.garment4d.skinning import skinned
 from drapeline.outfits.fit import rest_body
 from drapeline.registration.interpolated_skinning import interpolated_weights
 
-_HEIGHT_M = 0.05
+_NEAR_M = 0.005  # cloth that lies on skin is less than this above it
 
 
 @dataclass(frozen=True)
@@ -118,22 +119,30 @@ class Wearer:
             poses: (F, 72) rad.
 
         Returns:
-            (F, P, 7) float32: the points; the same moved to the rest pose with the nearest of the
-            body's vertices that networks see; and their height over it along its normal in units
-            of 5 cm, cut at 3.
+            (F, P, 7) float32: the points; the same moved to the rest pose with the nearest of all
+            vertices of the body; and arsinh(h / 5 mm) of their height h over it along its normal,
+            which tells skin from tight cloth as well as tight cloth from wide.
         """
-        body, normals = self.shown(poses)
-        weights = self.model.weights[self.surface.chosen]
-        motion = np.einsum("mj,fjab->fmab", weights, self.transforms(poses))
+        body = posed_vertices(self.model, self.shape, poses)[0]
+        motions = self.transforms(poses).reshape(len(poses), -1, 16)  # (F, 24, 16)
         found = np.zeros((*points.shape[:2], 7), dtype=np.float32)
         for frame, cloud in enumerate(points):
-            _, near = cKDTree(body[frame]).query(cloud)
-            place = motion[frame, near]
+            # A tree that is asked once is not worth balancing.
+            tree = cKDTree(body[frame], balanced_tree=False, compact_nodes=False)
+            _, near = tree.query(cloud)
+            place = (self.model.weights[near] @ motions[frame]).reshape(-1, 4, 4)
             turn, shift = place[:, :3, :3], place[:, :3, 3]
             rest = np.linalg.solve(turn, (cloud - shift)[..., None])[..., 0]
-            height = ((cloud - body[frame, near]) * normals[frame, near]).sum(axis=1)
-            found[frame] = np.column_stack([cloud, rest, np.clip(height / _HEIGHT_M, -3, 3)])
+            normals = np.einsum("pij,pj->pi", turn, self._rest_normals[near])
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            height = ((cloud - body[frame, near]) * normals).sum(axis=1)
+            found[frame] = np.column_stack([cloud, rest, np.arcsinh(height / _NEAR_M)])
         return found
+
+    @cached_property
+    def _rest_normals(self) -> np.ndarray:
+        """(V, 3) of the whole body."""
+        return vertex_normals(rest_body(self.model, self.shape), self.model.faces)
 
     def transforms(self, poses: np.ndarray) -> np.ndarray:
         """(F, 24, 4, 4) float32 motions of the joints' parts from the rest pose to poses."""

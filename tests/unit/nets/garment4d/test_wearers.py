@@ -47,6 +47,15 @@ def test_points_over_the_body_rest_where_what_is_beneath_them_rests(toy_body):
     rest, _ = wearer.rest
     gap = np.linalg.norm(found[..., 3:6] - rest, axis=-1)
     assert np.median(gap) < 0.025  # 2 cm above it, but where parts blend
-    np.testing.assert_allclose(np.median(found[..., 6]), 0.02 / 0.05, atol=0.05)
-    far = wearer.located(points + 10 * normals, poses)
-    assert far[..., 6].max() == 3
+    np.testing.assert_allclose(np.median(found[..., 6]), np.arcsinh(0.02 / 0.005), atol=0.1)
+
+
+def test_skin_has_no_height_and_millimetres_above_it_count(toy_body):
+    wearer = Wearers(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
+    poses = REST_POSE[None] + rng_for(0, "height").normal(0, 0.2, (2, 72))
+    body = posed_vertices(wearer.model, wearer.shape, poses)[0]
+    np.testing.assert_allclose(wearer.located(body, poses)[..., 6], 0, atol=1e-3)
+    out = np.stack([vertex_normals(frame, toy_body.faces) for frame in body])
+    low, high = (wearer.located(body + gap * out, poses)[..., 6] for gap in (0.003, 0.03))
+    assert np.median(low) > 0.5
+    assert np.median(high - low) > 1.5
