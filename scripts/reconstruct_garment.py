@@ -30,7 +30,7 @@ with rule_log(snakemake.log[0]) as log:
     made = reconstruct(stage, points, body.poses, wearer)
     faces = stage.space.faces
     refining = settings_of(RefineSettings, params.refine)
-    habits = training_habits(SequenceData(given.data, wearers))
+    habits = training_habits(SequenceData(given.data, wearers), stage.settings.skinning)
     final = refine(made, points, body.poses, wearer, stage.label, faces, refining, habits)
     write_reconstructed(
         snakemake.output[0],

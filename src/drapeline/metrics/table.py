@@ -28,12 +28,16 @@ UNITS = {
     "inside_1cm_share": "1",
     "inside_depth_mm": "mm",
     "pieces": "1",
+    "surface_to_true_mm": "mm",
+    "true_to_surface_mm": "mm",
+    "code_numbers": "1",
     "canonical_error_mm": "mm",
     "canonical_to_original_mm": "mm",
     "vertex_error_mm": "mm",
     "acceleration_error_m_s2": "m/s^2",
     "to_cloud_mm": "mm",
     "segmentation_accuracy": "1",
+    "simulated_share": "1",
     "inference_s_per_frame": "s",
 }
 

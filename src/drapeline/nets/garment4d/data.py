@@ -1,8 +1,9 @@
 """Sequences of one garment type for Garment4D: collected into arrays that are mapped, in windows.
 
-All coordinates are metres relative to the root joint, Z up, at 30 frames per second. F frames of
-all sequences, S sequences, P points of a cloud, N vertices of the template, M body vertices that
-networks see, T frames of a window, D components of the garment space.
+All coordinates are metres relative to the root joint, Z up. Motions have 30 frames per second; a
+simulated sequence has all of its frames, a skinned one a few of them. F frames of all sequences, S
+sequences, P points of a cloud, N vertices of the template, M body vertices that networks see, T
+frames of a window, D components of the garment space.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +19,7 @@ from drapeline.mesh import Mesh
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers, proposals
 from drapeline.nets.gcvae_data import Batch
 from drapeline.registration.garment_space import fit_space, load_space
-from drapeline.rule_log import progress
+from drapeline.rule_log import LOGGER, progress
 from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
 
 SOURCES = ("simulated", "skinned")
@@ -37,7 +38,8 @@ class GarmentSequence:
         gender: 0 female, 1 male.
         shape: (10,).
         poses: (T, 72) rad.
-        number: (T,) of the frames in the motion, consecutive.
+        number: (T,) of the frames in the motion, rising; those of skinned sequences may be some
+            frames apart.
         points: (T, P, 3) clouds.
         labels: (T, P) codes of `LABELS`.
         canonical: (N, 3) the garment in the rest pose, in template topology.
@@ -230,6 +232,10 @@ class SequenceData:
         start = int(self.start[sequence])
         return slice(start, start + int(self.count[sequence]))
 
+    def consecutive(self, sequence: int) -> bool:
+        """Whether a sequence has every frame of its motion, so that accelerations are known."""
+        return bool((np.diff(self.number[self.rows(sequence)]) == 1).all())
+
     def of_split(self, split: str, sources: Sequence[str] = SOURCES) -> np.ndarray:
         """Sequences of a split from some sources."""
         return np.flatnonzero((self.split == split) & np.isin(self.source, sources))
@@ -266,7 +272,7 @@ class SequenceData:
         """(W, 2) sequence and first frame within it of windows that cover every frame.
 
         Raises:
-            InputError: a sequence is shorter than a window.
+            InputError: see `window_starts`.
         """
         found = [
             (sequence, start)
@@ -350,10 +356,15 @@ def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
         name: of the sequence, for the error.
 
     Raises:
-        InputError: the sequence is shorter than a window.
+        InputError: the sequence is shorter than a window, or windows would leave out frames.
     """
     if count < frames:
         raise InputError(f"sequence {name} has {count} frames, expected at least {frames}")
+    if stride > frames:
+        raise InputError(
+            f"sequence {name}: windows of {frames} frames have a stride of {stride}, expected at"
+            f" most {frames}"
+        )
     starts = list(range(0, count - frames + 1, stride))
     return starts if starts[-1] == count - frames else [*starts, count - frames]
 
@@ -388,6 +399,12 @@ class Windows:
         val = data.windows("val", frames, frames, sources)
         if not len(val):
             val = data.windows("val", frames, frames)
+            LOGGER.warning(
+                "no %s %s in the validation split: the network is selected on %d windows of others",
+                " or ".join(sources),
+                data.kind,
+                len(val),
+            )
         self._windows = np.concatenate([train, val])
         self._rows = {
             "train": np.arange(len(train)),

@@ -74,13 +74,13 @@ def reconstruct(
         points: (F, P, 3) clouds, metres, root frame.
         poses: (F, 72) rad of the wearer.
         wearer: the body.
-        stride: from one window to the next; T if None. The last window is shifted back to end
-            with the sequence.
+        stride: from one window to the next, at most T; T if None. The last window is shifted back
+            to end with the sequence.
         skinning: of the proposals, where not as in training.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
 
     Raises:
-        InputError: the sequence is shorter than a window.
+        InputError: the sequence is shorter than a window, or the stride longer than one.
     """
     started = time.perf_counter()
     training, faces = stage.settings.training, stage.space.faces
@@ -209,10 +209,14 @@ def refine(
     )
 
 
-def training_habits(data: SequenceData) -> Habits | None:
+def training_habits(data: SequenceData, skinning: SkinningSettings) -> Habits | None:
     """What simulated training sequences tell of worn garments; None where there are none.
 
     Static outfits in motion hang as skinning has it, so they would tell nothing of cloth.
+
+    Args:
+        data: sequences of the type.
+        skinning: of the proposals that garments are compared with.
     """
     chosen = data.of_split("train", ("simulated",))
     if not len(chosen):
@@ -223,7 +227,7 @@ def training_habits(data: SequenceData) -> Habits | None:
         [
             proposals(
                 data.canonical[sequence][None],
-                wearer.weights(data.canonical[sequence], data.space.faces, data.skinning)[None],
+                wearer.weights(data.canonical[sequence], data.space.faces, skinning)[None],
                 wearer.transforms(data.poses[data.rows(sequence)])[None],
             )[0]
             for sequence, wearer in zip(chosen, wearers, strict=True)

@@ -83,6 +83,16 @@ def test_a_sequence_shorter_than_a_window_is_named(data):
         data.windows("train", 4, 4)
 
 
+def test_a_stride_that_leaves_out_frames_is_refused(data):
+    with pytest.raises(InputError, match="of 3 frames have a stride of 4, expected at most 3"):
+        data.windows("train", 3, 4)
+
+
+def test_only_simulated_sequences_have_every_frame(data):
+    found = [data.consecutive(sequence) for sequence in range(len(data))]
+    assert found == (data.source == "simulated").tolist()
+
+
 def test_windows_keep_to_their_split_and_their_sources(data):
     for split in ("train", "val", "test"):
         windows = data.windows(split, 3, 3)
@@ -145,13 +155,14 @@ def test_training_sees_train_and_val_windows_only(data):
     assert seen["val"] == set(data.of_split("val").tolist())
 
 
-def test_validation_falls_back_on_other_sources(tmp_path, toy_body):
+def test_validation_falls_back_on_other_sources(tmp_path, toy_body, caplog):
     sequences = [one for one in toy_sequences(toy_body) if one.name != "00007"]
     collect_garment4d(tmp_path / "data", KIND, sequences, skirt_faces(), 3)
     data = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 10))
     windows = Windows(data, frames=3, stride=3, sources=("simulated",), posed=False)
     batch = windows.batch(windows.rows("val"))
     assert [str(data.source[s]) for s in batch["sequence"]] == ["skinned"]
+    assert "no simulated Skirt in the validation split" in caplog.text
     trained = windows.batch(windows.rows("train"))["sequence"]
     assert set(data.source[trained]) == {"simulated"}
 
@@ -168,7 +179,7 @@ def test_bad_sequences_are_named(tmp_path, toy_body):
         collect(replace(sequences[1], name="00009", points=np.zeros((3, 8, 3))))
     holed = sequences[1].garment().copy()
     holed[2, 5, 0] = np.nan
-    with pytest.raises(InputError, match="00009 holds NaN or infinity in frame 12"):
+    with pytest.raises(InputError, match="00009 holds NaN or infinity in frame 16"):
         collect(replace(sequences[1], name="00009", garment=lambda: holed))
     with pytest.raises(InputError, match="no sequences"):
         collect_garment4d(tmp_path / "data", KIND, [], skirt_faces(), 3)
