@@ -340,6 +340,7 @@ rule tabulate_garment4d:
         mem_mb=500,
         runtime=10,
     params:
+        located=lookup(dpath="garment4d/canonical/network/located", within=config),
         code=source_hash("tabulate_garment4d"),
     script:
         "../../scripts/tabulate_garment4d.py"
