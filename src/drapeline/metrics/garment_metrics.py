@@ -101,12 +101,12 @@ def _area_mean_mm(mesh: Mesh, other: Mesh) -> float:
     """By the rule of seven points per face, which is exact for cubic functions of the place."""
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
     middles = (corners + np.roll(corners, -1, axis=1)) / 2
-    at_vertices = distances_mm(mesh.vertices, other)
-    at_middles = distances_mm(middles.reshape(-1, 3), other).reshape(-1, 3)
-    at_centres = distances_mm(corners.mean(axis=1), other)
+    places = (mesh.vertices, middles.reshape(-1, 3), corners.mean(axis=1))
+    distances = distances_mm(np.concatenate(places), other)
+    at_vertices, at_middles, at_centres = np.split(distances, np.cumsum([*map(len, places)])[:-1])
     means = (
         at_vertices[mesh.faces].sum(axis=1) / 20
-        + at_middles.sum(axis=1) * 2 / 15
+        + at_middles.reshape(-1, 3).sum(axis=1) * 2 / 15
         + at_centres * 9 / 20
     )
     sides = corners[:, 1:] - corners[:, :1]
