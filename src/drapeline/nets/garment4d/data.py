@@ -227,6 +227,14 @@ class SequenceData:
     def __len__(self) -> int:
         return len(self.name)
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that a training depends on, by name; the bodies included."""
+        keys = ("points", "labels", "garment", "poses", "number", *_PER_SEQUENCE, "coefficients")
+        own = {key: getattr(self, key) for key in keys}
+        space = {f"space/{key}": value for key, value in vars(self.space).items()}
+        bodies = {f"bodies/{key}": value for key, value in self.wearers.arrays().items()}
+        return own | space | bodies
+
     def rows(self, sequence: int) -> slice:
         """Frames of a sequence."""
         start = int(self.start[sequence])

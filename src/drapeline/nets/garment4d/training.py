@@ -11,7 +11,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.fitting import BEST, fit
+from drapeline.nets.fitting import BEST, arrays_digest, fit
 from drapeline.nets.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,
@@ -148,6 +148,10 @@ class Stage(Trained):
     @abstractmethod
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Named terms with their `total`, and the error of the kind in mm, a scalar."""
+
+    def given(self) -> dict[str, Any]:
+        """What else the result depends on besides settings and data, as JSON values."""
+        return {}
 
     # ---- training
 
@@ -303,6 +307,14 @@ class PosedStage(Stage):
         )
         return terms, distance_mm(found[-1], batch["target"])
 
+    def given(self) -> dict[str, Any]:
+        """The canonical network."""
+        weights = {key: value.cpu().numpy() for key, value in self.canonical.state_dict().items()}
+        return {
+            "canonical": plain(asdict(self.canonical.settings)),
+            "canonical_weights": arrays_digest(weights),
+        }
+
     def about(self) -> dict[str, Any]:
         """With what the canonical network is built from."""
         return {**super().about(), "canonical": self.canonical.about()}
@@ -402,7 +414,12 @@ def _fit(
         progress=progress,
         epochs=training.epochs,
         monitor=f"val_{stage.ERROR}",
-        settings={**plain(asdict(stage.settings)), "sequences": data.name.tolist()},
+        settings={
+            **plain(asdict(stage.settings)),
+            "sequences": data.name.tolist(),
+            "data": arrays_digest(data.arrays()),
+            **stage.given(),
+        },
         trainer=trainer,
         threads=threads,
     )

@@ -1,6 +1,7 @@
 """Trainings of a few steps on toy skirts."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from drapeline.nets.garment4d.training import (
     MgnStage,
     PointNetStage,
     PosedStage,
+    Stage,
     load_stage,
     predicted_canonicals,
     train_canonical,
@@ -170,6 +172,71 @@ def test_two_trainings_end_with_the_same_weights(folder, wearers):
         ends.append(read_checkpoint(out / "last.ckpt")["state_dict"])
     for key, value in ends[0].items():
         torch.testing.assert_close(value, ends[1][key], msg=key)
+
+
+class Killed(Exception):
+    """Stands for the signal."""
+
+
+def killed(monkeypatch, train, *args):
+    """Stop a training after its first epoch."""
+
+    def stop(stage):
+        if stage.current_epoch == 1:
+            raise Killed
+
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(Stage, "on_train_epoch_start", stop)
+        run(train, *args)
+
+
+def begun(folder, name, monkeypatch, train, *args):
+    """The epoch that a training of this name goes on from, 0 if it starts anew."""
+    found = []
+    with monkeypatch.context() as patched:
+        patched.setattr(Stage, "on_train_start", lambda stage: found.append(stage.current_epoch))
+        run(train, folder, name, *args)
+    return found[0]
+
+
+def test_a_killed_training_goes_on_with_the_same_data_alone(
+    tmp_path, folder, wearers, toy_body, monkeypatch
+):
+    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 2}}
+
+    def data(where=folder / "data", wearers=wearers):
+        return SequenceData(where, wearers)
+
+    def moved():
+        """One point of one frame elsewhere."""
+        copy = tmp_path / "moved"
+        shutil.copytree(folder / "data", copy)
+        points = np.load(copy / "points.npy", mmap_mode="r+")
+        points[5, 7] += 0.01
+        points.flush()
+        return data(copy)
+
+    for name, start, changed in (
+        ("same", 1, data),
+        ("moved", 0, moved),
+        ("fewer_body_points", 0, lambda: data(wearers=Wearers(toy_bodies(toy_body), 29))),
+    ):
+        killed(monkeypatch, train_canonical, tmp_path, name, data(), short)
+        assert begun(tmp_path, name, monkeypatch, train_canonical, changed(), short) == start
+
+
+def test_a_killed_training_goes_on_with_the_same_canonical_network_alone(
+    tmp_path, data, canonical, monkeypatch
+):
+    short = {**POSED, "training": {**POSED["training"], "epochs": 2}}
+    for name, start in (("same", 1), ("other", 0)):
+        stage = load_stage(canonical, CanonicalStage)
+        killed(monkeypatch, train_posed, tmp_path, name, data, short, stage)
+        again = load_stage(canonical, CanonicalStage)
+        if name == "other":
+            with torch.no_grad():
+                again.network.encoder.coefficients.bias[0] += 1e-4
+        assert begun(tmp_path, name, monkeypatch, train_posed, data, short, again) == start
 
 
 def test_a_loss_that_is_not_finite_names_the_windows(folder, data):
