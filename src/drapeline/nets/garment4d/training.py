@@ -22,7 +22,7 @@ from drapeline.nets.garment4d.canonical import (
     canonical_loss,
 )
 from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
-from drapeline.nets.garment4d.losses import CotangentLaplacian
+from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
 from drapeline.nets.garment4d.posed import (
     MgnNetwork,
@@ -45,6 +45,8 @@ _KEPT_BYTES = 1 << 30  # of what it said about windows of training
 @dataclass(frozen=True)
 class Garment4dTraining(Training):
     """How a network of either stage is trained on windows; numbers of the released code.
+
+    Its batch is that of the canonical stage; the posed stage has 4 there.
 
     Attributes:
         frames: T of a window.
@@ -247,6 +249,8 @@ class PosedStage(Stage):
 
     def __init__(self, settings: StageSettings, canonical: CanonicalStage) -> None:
         super().__init__(settings, canonical.space, canonical.label)
+        if settings.loss.laplacian_form == "released":
+            self.laplacian = UniformLaplacian(self.space.faces, len(self.space.mean))
         self.canonical = canonical.requires_grad_(False)
         self.network = self.build(canonical.network)
         self._kept: dict[tuple[int, int], list[PointLevel]] = {}

@@ -258,6 +258,19 @@ def test_settings_come_from_plain_values_and_go_back(canonical):
     assert scaled.garment[0].widths[0] == (8, 8)
 
 
+def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(data, canonical):
+    stage = load_stage(canonical, CanonicalStage)
+    values = {**POSED, "loss": {"laplacian_form": "released"}}
+    posed = PosedStage(PosedStage.settings_of(values), stage)
+    batch = as_tensors(data.batch(data.windows("val", 3, 3), 3, posed=True))
+    with torch.no_grad():
+        terms, _ = posed.losses(batch)
+        others, _ = posed.losses({**batch, "target": 2 * batch["target"]})
+    torch.testing.assert_close(terms["laplacian"], others["laplacian"])
+    assert float(terms["laplacian"]) > 0
+    assert float(terms["vertices"]) != pytest.approx(float(others["vertices"]))
+
+
 def test_unknown_settings_and_wrong_kinds_are_refused(canonical, tmp_path):
     with pytest.raises(InputError, match="CanonicalWeights: no setting 'laplace', expected one of"):
         CanonicalStage.settings_of({"loss": {"laplace": 1.0}})
