@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -188,12 +188,16 @@ class CanonicalStage(Stage):
 
     @classmethod
     def network_of(cls, values: Mapping[str, Any]) -> CanonicalSettings:
-        """Sizes; with `points` and `width` those of the others are scaled, see there."""
+        """Sizes; with `points` and `width` those that are not given are scaled, see there."""
         scale = {key: values[key] for key in ("points", "width") if key in values}
+        given = {key: value for key, value in values.items() if value is not None}
         sizes = settings_of(
-            CanonicalSettings, {key: value for key, value in values.items() if key not in scale}
+            CanonicalSettings, {key: value for key, value in given.items() if key not in scale}
         )
-        return sizes.scaled(**scale) if scale else sizes
+        if not scale:
+            return sizes
+        scaled = sizes.scaled(**scale)
+        return replace(scaled, garment_points=given.get("garment_points", scaled.garment_points))
 
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)

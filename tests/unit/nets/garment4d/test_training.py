@@ -256,6 +256,9 @@ def test_settings_come_from_plain_values_and_go_back(canonical):
     assert settings.training == replace(settings.training, sources=("simulated", "skinned"))
     scaled = CanonicalStage.settings_of({"network": {"points": 1000, "width": 0.25}}).network
     assert scaled.garment[0].widths[0] == (8, 8)
+    for given, points in ((None, 250), (700, 700)):
+        values = {"points": 1000, "width": 1.0, "garment_points": given}
+        assert CanonicalStage.settings_of({"network": values}).network.garment_points == points
 
 
 def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(data, canonical):
