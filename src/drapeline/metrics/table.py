@@ -48,7 +48,7 @@ class MetricRow(NamedTuple):
     Attributes:
         model: "svae", "dvae", "garment4d", "baseline" or "truth".
         variant: which of them, such as "svae_no_mask" or "mean_garment".
-        split: "train", "val" or "test".
+        split: "train", "val" or "test", or "scans" of a user.
         garment: one of the garment types, or "all".
         metric: a name that carries its unit; ends in `LOW` or `HIGH` for the ends of an interval.
         value: finite.

@@ -145,6 +145,12 @@ STEP_COLUMNS = (
 )
 
 
+def spread(count: int, shown: int) -> list[int]:
+    """At most `shown` of `count` frames, evenly spread."""
+    shown = min(shown, count)
+    return [round((k + 0.5) * count / shown - 0.5) for k in range(shown)]
+
+
 def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[int]]]) -> None:
     """Figure 4: a row per frame, from the cloud to the garment, with errors where truth is known.
 

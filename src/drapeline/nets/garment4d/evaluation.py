@@ -16,6 +16,7 @@ from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.inference import (
     Reconstruction,
     estimate_canonical,
+    pictured,
     reconstruct,
     refine,
     training_habits,
@@ -23,7 +24,6 @@ from drapeline.nets.garment4d.inference import (
 from drapeline.nets.garment4d.refine import Habits, RefineSettings
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
 from drapeline.nets.garment4d.wearers import Wearer
-from drapeline.outfits.fit import rest_body
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import whole_folder
@@ -185,27 +185,19 @@ class Evaluation:
         self.add(variant, sequence, measures)
 
     def shown(self, sequence: int, made: Reconstruction) -> metrics.Reconstruction:
-        """A reconstruction with all that figures need; the floor is below the lowest vertex."""
-        data, rows, wearer = self.data, self.data.rows(sequence), self.data.wearer(sequence)
-        poses = data.poses[rows]
-        body = posed_vertices(wearer.model, wearer.shape, poses)[0]
-        return metrics.Reconstruction(
+        """A reconstruction with all that figures need."""
+        data, rows = self.data, self.data.rows(sequence)
+        return pictured(
+            made,
             name=str(data.name[sequence]),
             garment=data.kind,
             faces=data.space.faces,
-            canonical=made.canonical,
-            proposal=made.proposal,
-            final=made.final,
+            points=data.points[rows],
+            poses=data.poses[rows],
+            wearer=data.wearer(sequence),
+            number=data.number[rows],
             true=data.garment[rows],
             true_canonical=data.canonical[sequence],
-            points=data.points[rows],
-            labels=made.labels,
-            body=body,
-            rest_body=rest_body(wearer.model, wearer.shape),
-            body_faces=wearer.model.faces,
-            root_rotation=poses[:, :3],
-            root_height=-body[..., 2].min(axis=1),
-            number=data.number[rows],
         )
 
     def sweeps(self, stage: PosedStage) -> None:

@@ -10,10 +10,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from drapeline.bodies.model import posed_vertices
+from drapeline.metrics import garment4d as metrics
 from drapeline.nets.garment4d.data import SequenceData, window_starts
 from drapeline.nets.garment4d.refine import Habits, RefineSettings, habits_of, refined
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, proposals
+from drapeline.outfits.fit import rest_body
 
 _BATCH = 4  # windows at once
 
@@ -206,6 +209,51 @@ def refine(
         settings,
         proposal=made.proposal,
         habits=habits,
+    )
+
+
+def pictured(
+    made: Reconstruction,
+    *,
+    name: str,
+    garment: str,
+    faces: np.ndarray,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    number: np.ndarray,
+    true: np.ndarray | None = None,
+    true_canonical: np.ndarray | None = None,
+) -> metrics.Reconstruction:
+    """A reconstruction with all that figures need; the floor is below the lowest vertex.
+
+    Args:
+        made: with labels.
+        name: of the sequence.
+        garment: type.
+        faces: (E, 3) of its template.
+        points, poses, wearer: as it was made from.
+        number: (F,) of the frames.
+        true, true_canonical: (F, N, 3) and (N, 3); None for scans.
+    """
+    body = posed_vertices(wearer.model, wearer.shape, poses)[0]
+    return metrics.Reconstruction(
+        name=name,
+        garment=garment,
+        faces=faces,
+        canonical=made.canonical,
+        proposal=made.proposal,
+        final=made.final,
+        true=made.final[:0] if true is None else true,
+        true_canonical=made.canonical[:0] if true_canonical is None else true_canonical,
+        points=points,
+        labels=made.labels,
+        body=body,
+        rest_body=rest_body(wearer.model, wearer.shape),
+        body_faces=wearer.model.faces,
+        root_rotation=poses[:, :3],
+        root_height=-body[..., 2].min(axis=1),
+        number=number,
     )
 
 
