@@ -14,6 +14,7 @@ from drapeline.nets.garment4d.own_scans import reconstruct_scans
 from drapeline.nets.garment4d.refine import RefineSettings
 from drapeline.nets.garment4d.training import PosedStage, load_stage, settings_of
 from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.nets.trained import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ with rule_log(snakemake.log[0]) as log:
     given, params, made = snakemake.input, snakemake.params, snakemake.output
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     scans = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
-    stage, body = load_stage(given.model, PosedStage), scans.body
+    stage = load_stage(given.model, PosedStage).to(fastest_device())
+    body = scans.body
     found = reconstruct_scans(
         scans,
         stage,

@@ -177,7 +177,6 @@ def sequence_measures(
     wearer: Wearer | None = None,
     points: Sequence[np.ndarray] | None = None,
     consecutive: bool = True,
-    contact_every: int = CONTACT_EVERY,
 ) -> dict[str, float]:
     """Everything that can be said of a sequence with what is given.
 
@@ -188,7 +187,6 @@ def sequence_measures(
         points: (P, 3) per frame, for the one-way distance.
         consecutive: whether these are all frames of a motion at `FPS`; accelerations over longer
             steps are other numbers, so M3 is left out.
-        contact_every: so many frames from one body looked at to the next.
     """
     found = {}
     if true is not None:
@@ -198,7 +196,7 @@ def sequence_measures(
     if points is not None:
         found["to_cloud_mm"] = to_cloud_mm(garment, points)
     if wearer is not None:
-        found |= inside_means(garment, wearer, every=contact_every)
+        found |= inside_means(garment, wearer)
     return found
 
 

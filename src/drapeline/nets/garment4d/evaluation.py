@@ -1,7 +1,8 @@
 """How good trained Garment4D networks are: all variants of one garment type, row by row."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,7 +42,6 @@ class EvaluationSettings:
         noise_pose_rad: deviation of what is added to every angle of the poses given, the same in
             all frames of a sequence.
         noise_shape: deviation of what is added to the shapes given.
-        contact_every: frames from one to the next that what is inside the body is looked at in.
         seed: of holes, labels, noise and intervals.
     """
 
@@ -51,7 +51,6 @@ class EvaluationSettings:
     accuracy: tuple[float, ...] = (1.0, 0.9, 0.7, 0.5)
     noise_pose_rad: float = 0.05
     noise_shape: float = 0.5
-    contact_every: int = 5
     seed: int = 0
 
 
@@ -124,14 +123,12 @@ class Evaluation:
         registered = self.data.canonical[sequence] if true else None
         self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
 
-    def posed(self, variant: str, stage: PosedStage) -> dict[str, Reconstruction]:
-        """M2, M3 and the like of a stage; name of each sequence -> its reconstruction."""
-        found = {}
+    def posed(self, variant: str, stage: PosedStage) -> Iterator[tuple[int, Reconstruction]]:
+        """Measure a stage; each sequence with its reconstruction, none of which is kept."""
         for sequence in progress(self.moving, total=len(self.moving), label=variant):
             made = self._reconstructed(stage, sequence)
             self.garment(variant, sequence, made.final, seconds=made.seconds)
-            found[str(self.data.name[sequence])] = made
-        return found
+            yield int(sequence), made
 
     def ours(
         self, sequence: int, made: Reconstruction, refining: RefineSettings, habits: Habits | None
@@ -178,7 +175,6 @@ class Evaluation:
             wearer=metrics.Wearer(body, wearer.model.faces),
             points=data.points[rows],
             consecutive=data.consecutive(sequence),
-            contact_every=self.settings.contact_every,
         )
         if seconds is not None:
             measures["inference_s_per_frame"] = seconds / len(garment)
@@ -317,25 +313,26 @@ def evaluate(
         for split in splits:
             evaluation = Evaluation(data, split, settings)
             evaluation.canonicals(canonical)
-            made = {variant: evaluation.posed(variant, stage) for variant, stage in posed.items()}
-            for sequence in evaluation.moving:
-                name, rows = str(data.name[sequence]), data.rows(sequence)
-                plain = made["posed"][name]
-                evaluation.garment("lbs", sequence, plain.proposal)
-                ours = evaluation.ours(sequence, plain, refining, habits)
-                evaluation.garment("truth", sequence, data.garment[rows], true=False)
-                simulated = float(data.source[sequence] == "simulated")
-                evaluation.add("truth", sequence, {"simulated_share": simulated})
-                if split == "test":
-                    shown = evaluation.shown(sequence, plain)
-                    shown.save(scratch / f"{name}.npz")
-                    replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
+            for variant, stage in posed.items():
+                for sequence, made in evaluation.posed(variant, stage):
+                    if variant != "posed":
+                        continue
+                    name, rows = str(data.name[sequence]), data.rows(sequence)
+                    evaluation.garment("lbs", sequence, made.proposal)
+                    ours = evaluation.ours(sequence, made, refining, habits)
+                    evaluation.garment("truth", sequence, data.garment[rows], true=False)
+                    simulated = float(data.source[sequence] == "simulated")
+                    evaluation.add("truth", sequence, {"simulated_share": simulated})
+                    if split == "test":
+                        shown = evaluation.shown(sequence, made)
+                        shown.save(scratch / f"{name}.npz")
+                        replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
             if split == "test":
                 evaluation.sweeps(posed["posed"])
                 evaluation.noisy_bodies(canonical, posed, refining, habits)
                 if vertex_sampled is not None:
                     released = Evaluation(vertex_sampled, split, settings)
-                    released.posed("vertex_sampled", posed["posed"])
+                    deque(released.posed("vertex_sampled", posed["posed"]), maxlen=0)
                     found += released.rows()
             found += evaluation.rows()
     return found

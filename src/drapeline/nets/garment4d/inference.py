@@ -1,4 +1,4 @@
-"""Whole sequences through trained Garment4D networks.
+"""Whole sequences through trained Garment4D networks, on the device that these are on.
 
 Coordinates are metres relative to the root joint, Z up. F frames, P points, N vertices.
 """
@@ -56,7 +56,7 @@ def estimate_canonical(
     windows = _Windows(len(points), stage.settings.training.frames)
     outputs = list(_outputs(stage, windows, points, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    return stage.network.vertices(alpha[None])[0].numpy(), _labels(outputs, windows)
+    return stage.network.vertices(alpha[None])[0].cpu().numpy(), _labels(outputs, windows)
 
 
 @torch.inference_mode()
@@ -91,7 +91,7 @@ def reconstruct(
     seen = wearer.located(points, poses) if stage.located else points
     outputs = list(_outputs(stage.canonical, windows, seen, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    canonical = stage.canonical.network.vertices(alpha[None])[0].numpy()
+    canonical = stage.canonical.network.vertices(alpha[None])[0].cpu().numpy()
     weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)
     transforms = wearer.transforms(poses)
     proposal = proposals(canonical[None], weights[None], transforms[None])[0]
@@ -107,7 +107,8 @@ def reconstruct(
         batch = {key: torch.from_numpy(windows.of(chosen, x)) for key, x in frames.items()}
         for key, value in (("worn", canonical), ("weights", weights)):
             batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
-        mean.add(chosen, stage.predictions(batch, output.levels)[-1].numpy())
+        batch = {key: value.to(stage.device) for key, value in batch.items()}
+        mean.add(chosen, stage.predictions(batch, output.levels)[-1].cpu().numpy())
     return Reconstruction(
         _labels(outputs, windows), canonical, proposal, mean(), time.perf_counter() - started
     )
@@ -158,12 +159,12 @@ def _outputs(
     stage: CanonicalStage, windows: _Windows, points: np.ndarray, labels: np.ndarray | None
 ) -> Iterator:
     for starts in windows.parts():
-        cloud = torch.from_numpy(windows.of(starts, points))
+        cloud = torch.from_numpy(windows.of(starts, points)).to(stage.device)
         if labels is None:
             yield stage.network(cloud)
         else:
             given = windows.of(starts, np.asarray(labels, dtype=np.int64))
-            yield stage.network(cloud, torch.from_numpy(given))
+            yield stage.network(cloud, torch.from_numpy(given).to(stage.device))
 
 
 def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
@@ -171,7 +172,7 @@ def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
         return None
     mean = windows.mean(outputs[0].logits.shape[2:])
     for starts, output in zip(windows.parts(), outputs, strict=True):
-        mean.add(starts, output.logits.numpy())
+        mean.add(starts, output.logits.cpu().numpy())
     return mean().argmax(axis=-1).astype(np.uint8)
 
 
@@ -269,17 +270,16 @@ def training_habits(data: SequenceData, skinning: SkinningSettings) -> Habits | 
     chosen = data.of_split("train", ("simulated",))
     if not len(chosen):
         return None
-    wearers = [data.wearer(sequence) for sequence in chosen]
+
+    def skinned(sequence: int) -> np.ndarray:
+        canonical, wearer = data.canonical[sequence], data.wearer(sequence)
+        weights = wearer.weights(canonical, data.space.faces, skinning)
+        transforms = wearer.transforms(data.poses[data.rows(sequence)])
+        return proposals(canonical[None], weights[None], transforms[None])[0]
+
     return habits_of(
-        [data.garment[data.rows(sequence)] for sequence in chosen],
-        [
-            proposals(
-                data.canonical[sequence][None],
-                wearer.weights(data.canonical[sequence], data.space.faces, skinning)[None],
-                wearer.transforms(data.poses[data.rows(sequence)])[None],
-            )[0]
-            for sequence, wearer in zip(chosen, wearers, strict=True)
-        ],
-        [data.canonical[sequence] for sequence in chosen],
+        (data.garment[data.rows(sequence)] for sequence in chosen),
+        (skinned(sequence) for sequence in chosen),
+        (data.canonical[sequence] for sequence in chosen),
         data.space.faces,
     )

@@ -27,8 +27,8 @@ from drapeline.nets.garment4d.wearers import Wearer
 from drapeline.rule_log import LOGGER
 
 SPLIT = "scans"
-# In simulated clouds of every type at least every sixth point is the garment's. A network that is shown
-# another outfit still takes a few points along the hems of what is worn for the garment.
+# In simulated clouds of every type at least every sixth point is the garment's, while a network
+# takes single points for one that is not there.
 _LEAST_SHARE = 0.02
 _SHOWN = 48  # frames of the sequence that pictures are made of, at most
 

@@ -453,9 +453,10 @@ def predicted_canonicals(
         starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
         windows = np.stack([points[start : start + frames] for start in starts])
         found = [
-            stage.network(part).coefficients for part in torch.from_numpy(windows).split(_BATCH)
+            stage.network(part.to(stage.device)).coefficients
+            for part in torch.from_numpy(windows).split(_BATCH)
         ]
-        alpha[sequence] = torch.cat(found).mean(0).numpy()
+        alpha[sequence] = torch.cat(found).mean(0).cpu().numpy()
     return data.space.vertices(alpha)
 
 

@@ -15,7 +15,7 @@ from drapeline.nets.garment4d.data import (
     collect_garment4d,
     window_starts,
 )
-from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers
+from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers
 from drapeline.nets.gcvae_data import GarmentData
 from drapeline.registration.dynamic import moved
 from garment4d_toys import KIND, save_toy_data, skirt_faces, toy_bodies, toy_sequences
@@ -131,6 +131,40 @@ def test_proposals_are_the_skinned_garments_that_are_worn(collected, data):
     # Toy garments sway off their skinning, by up to 2 cm and never more.
     away = np.linalg.norm(batch["proposal"] - batch["target"], axis=-1)
     assert 0.002 < away.max() < 0.025
+
+
+@pytest.mark.parametrize("rooms", [0, 1.5, 100])
+def test_what_does_not_fit_into_memory_is_computed_of_the_frames_asked_for(
+    data, rooms, monkeypatch
+):
+    rows, part = [data.rows(sequence) for sequence in (4, 5)], slice(2, 5)
+    whole = [
+        data.wearer(s).located(data.points[r], data.poses[r])
+        for s, r in zip((4, 5), rows, strict=True)
+    ]
+    monkeypatch.setattr("drapeline.nets.garment4d.data._KEPT_BYTES", int(rooms * whole[0].nbytes))
+    data.wear(data.canonical, SKINNING)
+    asked = []
+    located = Wearer.located
+
+    def counted(wearer, points, poses):
+        asked.append(len(points))
+        return located(wearer, points, poses)
+
+    monkeypatch.setattr(Wearer, "located", counted)
+    for sequence, expected in ((4, whole[0]), (5, whole[1]), (4, whole[0]), (5, whole[1])):
+        found = data.clouds(sequence, located=True, frames=part)
+        np.testing.assert_allclose(found, expected[part], atol=1e-6)
+    kept, once = len(whole[0]), 3
+    assert (
+        asked
+        == {
+            0: [once] * 4,
+            1.5: [once, kept, once, once],
+            100: [once, kept, once, kept],
+        }[rooms]
+    )
+    np.testing.assert_allclose(data.clouds(5, located=True), whole[1], atol=1e-6)
 
 
 def test_predicted_canonicals_change_proposals_but_not_the_truth(data):
