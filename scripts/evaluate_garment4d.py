@@ -19,6 +19,7 @@ from drapeline.nets.garment4d.training import (
     settings_of,
 )
 from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.nets.trained import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -28,19 +29,20 @@ with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     torch.set_num_threads(snakemake.threads)
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    device = fastest_device()
     wearers = Wearers(bodies, params.body_points)
     stages = {
-        variant: load_stage(folder, PosedStage)
+        variant: load_stage(folder, PosedStage).to(device)
         for variant, folder in zip(params.posed, given.posed, strict=True)
     }
     released = given.get("vertex_sampled")
     rows = evaluate(
         SequenceData(given.data, wearers),
         {
-            "canonical": load_stage(given.canonical, CanonicalStage),
-            "pointnet": load_stage(given.pointnet, PointNetStage),
+            "canonical": load_stage(given.canonical, CanonicalStage).to(device),
+            "pointnet": load_stage(given.pointnet, PointNetStage).to(device),
         },
-        {**stages, "mgn": load_stage(given.mgn, MgnStage)},
+        {**stages, "mgn": load_stage(given.mgn, MgnStage).to(device)},
         params.splits,
         settings_of(EvaluationSettings, params.settings),
         settings_of(RefineSettings, params.refine),

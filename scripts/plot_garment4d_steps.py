@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING
 
 from drapeline.errors import InputError
 from drapeline.metrics.garment4d import load_reconstruction
-from drapeline.report.garment4d_figures import animate_steps, plot_results, plot_steps
+from drapeline.report.garment4d_figures import (
+    animate_steps,
+    plot_results,
+    plot_steps,
+    spread,
+)
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -17,13 +22,6 @@ _PER_FRAME = (
     *("proposal", "final", "true", "points", "labels", "body"),
     *("root_rotation", "root_height", "number"),
 )
-
-
-def spread(count: int, shown: int) -> list[int]:
-    """At most `shown` of `count` frames, evenly spread."""
-    shown = min(shown, count)
-    return [round((k + 0.5) * count / shown - 0.5) for k in range(shown)]
-
 
 with rule_log(snakemake.log[0]):
     # Of each type the first test sequence; names of simulated ones come before the others'.

@@ -8,40 +8,45 @@ from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import MovingGarment, write_reconstructed
 from drapeline.frames import GENDERS
 from drapeline.mesh import Mesh
+from drapeline.metrics.table import write_metrics
 from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.inference import reconstruct, refine, training_habits
+from drapeline.nets.garment4d.own_scans import reconstruct_scans
 from drapeline.nets.garment4d.refine import RefineSettings
 from drapeline.nets.garment4d.training import PosedStage, load_stage, settings_of
 from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.nets.trained import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    given, params = snakemake.input, snakemake.params
+    given, params, made = snakemake.input, snakemake.params, snakemake.output
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
-    scans = read_scans(given.points, given.body, bodies, up=params.up)
-    stage, body = load_stage(given.model, PosedStage), scans.body
-    points = scans.points(params.points, seed=params.seed)
-    gender = GENDERS.index(body.gender)
-    wearers = Wearers(bodies, params.body_points)
-    wearer = wearers.of(gender, body.shape)
-    made = reconstruct(stage, points, body.poses, wearer)
-    faces = stage.space.faces
-    refining = settings_of(RefineSettings, params.refine)
-    habits = training_habits(SequenceData(given.data, wearers))
-    final = refine(made, points, body.poses, wearer, stage.label, faces, refining, habits)
+    scans = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
+    stage = load_stage(given.model, PosedStage).to(fastest_device())
+    body = scans.body
+    found = reconstruct_scans(
+        scans,
+        stage,
+        SequenceData(given.data, Wearers(bodies, params.body_points)),
+        settings_of(RefineSettings, params.refine),
+        name=given.points,
+        points=params.points,
+        seed=params.seed,
+    )
+    write_metrics(made.metrics, found.rows)
+    found.shown.save(made.shown)
     write_reconstructed(
-        snakemake.output[0],
+        made.sample,
         bodies[body.gender],
         SampleInfo(
             poses=body.poses,
             trans=body.trans,
             shape=body.shape,
-            gender=gender,
+            gender=GENDERS.index(body.gender),
             outfit={params.garment: {"texture": {"type": "color", "data": params.colour}}},
         ),
-        [MovingGarment(params.garment, Mesh(made.canonical, faces), final)],
+        [MovingGarment(params.garment, Mesh(found.canonical, stage.space.faces), found.final)],
     )
-    log.info("%s in %d frames", params.garment, len(final))
+    log.info("%s in %d frames", params.garment, len(found.final))

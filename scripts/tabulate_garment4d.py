@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     given = snakemake.input
     write_garment4d_page(
-        snakemake.output.page, given.metrics, [Path(fits) / ERRORS for fits in given.fits]
+        snakemake.output.page,
+        given.metrics,
+        [Path(fits) / ERRORS for fits in given.fits],
+        located=snakemake.params.located,
     )
     write_beside_paper(snakemake.output.table, given.metrics)

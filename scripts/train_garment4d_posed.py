@@ -8,6 +8,7 @@ from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.training import CanonicalStage, load_stage, train_posed
 from drapeline.nets.garment4d.variants import POSED_VARIANTS
 from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.nets.trained import fastest_device
 from drapeline.nets.variants import laid_over
 from drapeline.rule_log import rule_log
 
@@ -21,7 +22,7 @@ with rule_log(snakemake.log[0]):
         snakemake.output[0],
         SequenceData(given.data, Wearers(bodies, params.body_points)),
         laid_over(params.settings, POSED_VARIANTS.get(variant, {})),
-        load_stage(given.canonical, CanonicalStage),
+        load_stage(given.canonical, CanonicalStage).to(fastest_device()),
         mgn=variant == "mgn",
         progress=params.progress,
         trainer=params.trainer,

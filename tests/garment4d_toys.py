@@ -54,7 +54,7 @@ def toy_sequence(
         gender=0,
         shape=shape,
         poses=poses,
-        number=np.arange(frames) + 10,
+        number=10 + np.arange(frames) * (3 if source == "skinned" else 1),
         points=points[:, order].astype(np.float32),
         labels=np.tile(labels[order], (frames, 1)),
         canonical=canonical,

@@ -10,11 +10,16 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 class Named(list):
-    """Files of a job: by position and by name, as Snakemake's own."""
+    """Files of a job: by position and by name, as Snakemake's own; a name may have a list."""
 
     def __init__(self, *files, **named):
-        super().__init__([*map(str, files), *(str(path) for path in named.values())])
-        self._named = {name: str(path) for name, path in named.items()}
+        self._named = {
+            name: [*map(str, path)] if isinstance(path, list) else str(path)
+            for name, path in named.items()
+        }
+        super().__init__(map(str, files))
+        for path in self._named.values():
+            self.extend(path if isinstance(path, list) else [path])
 
     def __getattr__(self, name):
         try:

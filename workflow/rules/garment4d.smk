@@ -8,6 +8,7 @@ TEMPLATE_FITS = [
 ]
 # Which trained models of the posed stage each evaluation holds.
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
+RECONSTRUCTED = f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"
 GARMENT4D_FILES = [
     f"{RESULTS}/report/representations.html",
     *expand(
@@ -340,6 +341,7 @@ rule tabulate_garment4d:
         mem_mb=500,
         runtime=10,
     params:
+        located=lookup(dpath="garment4d/canonical/network/located", within=config),
         code=source_hash("tabulate_garment4d"),
     script:
         "../../scripts/tabulate_garment4d.py"
@@ -497,11 +499,13 @@ rule reconstruct_garment:
         model=f"{G4D}/{RECONSTRUCT['garment']}/posed",
         data=training_sequences().format(garment=RECONSTRUCT["garment"]),
     output:
-        directory(f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"),
+        sample=directory(RECONSTRUCTED),
+        metrics=f"{RESULTS}/metrics/reconstructed_{RECONSTRUCT['garment']}.tsv",
+        shown=f"{RECONSTRUCTED}_shown.npz",
     log:
-        f"{LOGS}/reconstruct_garment.log",
+        f"{LOGS}/reconstruct_garment/{RECONSTRUCT['garment']}.log",
     benchmark:
-        f"{BENCHMARKS}/reconstruct_garment.tsv"
+        f"{BENCHMARKS}/reconstruct_garment/{RECONSTRUCT['garment']}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: 1
@@ -511,6 +515,7 @@ rule reconstruct_garment:
     params:
         garment=RECONSTRUCT["garment"],
         up=RECONSTRUCT["up"],
+        fps=RECONSTRUCT["fps"],
         points=lookup(dpath="garment4d/clouds/points", within=config),
         body_points=lookup(dpath="garment4d/body_points", within=config),
         refine=lookup(dpath="garment4d/refine", within=config),
@@ -521,15 +526,39 @@ rule reconstruct_garment:
         "../../scripts/reconstruct_garment.py"
 
 
+rule plot_reconstructed:
+    input:
+        f"{RECONSTRUCTED}_shown.npz",
+    output:
+        steps=f"{RECONSTRUCTED}_steps.png",
+        moving=f"{RECONSTRUCTED}_moving.png",
+    log:
+        f"{LOGS}/plot_reconstructed/{RECONSTRUCT['garment']}.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_reconstructed/{RECONSTRUCT['garment']}.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        code=source_hash("plot_reconstructed"),
+    script:
+        "../../scripts/plot_reconstructed.py"
+
+
 rule export_reconstructed:
     input:
-        f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}",
+        RECONSTRUCTED,
     output:
-        directory(f"{RESULTS}/exports/reconstructed/{{format}}"),
+        directory(
+            f"{RESULTS}/exports/reconstructed/{RECONSTRUCT['garment']}/{{format}}"
+        ),
     log:
-        f"{LOGS}/export_reconstructed/{{format}}.log",
+        f"{LOGS}/export_reconstructed/{RECONSTRUCT['garment']}_{{format}}.log",
     benchmark:
-        f"{BENCHMARKS}/export_reconstructed/{{format}}.tsv"
+        f"{BENCHMARKS}/export_reconstructed/{RECONSTRUCT['garment']}_{{format}}.tsv"
     conda:
         "../../envs/blender.yaml"
     threads: 1
@@ -543,6 +572,8 @@ rule export_reconstructed:
 
 
 rule reconstruct:
-    # The garment in the scans that the config names, in every format.
+    # The garment in the scans that the config names: errors, pictures, every format.
     input:
-        expand(f"{RESULTS}/exports/reconstructed/{{format}}", format=EXPORT_FORMATS),
+        rules.reconstruct_garment.output,
+        rules.plot_reconstructed.output,
+        expand(rules.export_reconstructed.output, format=EXPORT_FORMATS),

@@ -70,50 +70,22 @@ class CloudSettings:
     seed: int = 0
 
 
-class LabelledMesh(NamedTuple):
-    """A surface of a scene.
+class CloudRngs(NamedTuple):
+    """Generators of one frame.
 
     Attributes:
-        vertices: (V, 3) metres, relative to the root joint.
-        triangles: (F, 3).
-        label: one of `LABELS`.
+        points: draws them and the holes.
+        noise: draws the errors of their coordinates.
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    label: str
-
-
-def sample_cloud(
-    meshes: Sequence[LabelledMesh],
-    settings: CloudSettings,
-    rng: np.random.Generator,
-    *,
-    turn_rad: float = 0.0,
-) -> tuple[np.ndarray, np.ndarray]:
-    """The point cloud of one frame.
-
-    Args:
-        meshes: the body and its garments.
-        settings: see there.
-        rng: draws the points.
-        turn_rad: of the cameras about the vertical.
-
-    Returns:
-        Points (P, 3) float32 and labels (P,) uint8, in no order.
-
-    Raises:
-        InputError: a label is none of `LABELS`, or the cameras see nothing.
-    """
-    sampler = CloudSampler([(m.triangles, m.label) for m in meshes], settings, turn_rad=turn_rad)
-    return sampler.sample([m.vertices for m in meshes], rng)
+    points: np.random.Generator
+    noise: np.random.Generator
 
 
 class CloudSampler:
     """Point clouds of meshes that move and keep their faces.
 
-    Faster over frames than `sample_cloud`, with the same result: the tree that rays are cast into
-    follows the vertices and is built anew from time to time only.
+    The tree that rays are cast into follows the vertices and is built anew from time to time only.
     """
 
     def __init__(
@@ -149,14 +121,14 @@ class CloudSampler:
         self._frames = 0
 
     def sample(
-        self, vertices: Sequence[np.ndarray], rng: np.random.Generator
+        self, vertices: Sequence[np.ndarray], rngs: CloudRngs
     ) -> tuple[np.ndarray, np.ndarray]:
         """The cloud of one frame.
 
         Args:
             vertices: (V, 3) of each mesh, in the order of the surfaces; as many in every frame.
-            rng: draws the points. With the protocol "vertices", equal generators choose equal
-                vertices.
+            rngs: what draws the points, and their noise. With the protocol "vertices", equal
+                generators choose equal vertices.
 
         Returns:
             Points (P, 3) float32 and labels (P,) uint8.
@@ -164,7 +136,7 @@ class CloudSampler:
         Raises:
             InputError: the cameras see nothing.
         """
-        settings = self.settings
+        settings, rng = self.settings, rngs.points
         if settings.protocol == "vertices":
             points, labels = self._vertex_sample(vertices, rng)
         else:
@@ -173,7 +145,7 @@ class CloudSampler:
             kept = _outside_of_holes(points, count - settings.points, rng)
             points, labels = points[kept], labels[kept]
         if settings.noise_m:
-            points = points + rng.normal(0, settings.noise_m, points.shape)
+            points = points + rngs.noise.normal(0, settings.noise_m, points.shape)
         return points.astype(np.float32), labels
 
     def _vertex_sample(
@@ -408,11 +380,12 @@ class CloudSequence:
         return self.about["status"] == "accepted"
 
 
-def cloud_rng(settings: CloudSettings, name: str, frame: int) -> np.random.Generator:
-    """The generator of a frame's points; the same for all frames where vertices are sampled."""
+def cloud_rngs(settings: CloudSettings, name: str, frame: int) -> CloudRngs:
+    """The generators of a frame; where vertices are sampled, the same points in all of them."""
+    noise = rng_for(settings.seed, "cloud noise", name, frame)
     if settings.protocol == "vertices":
-        return rng_for(settings.seed, "cloud", name)
-    return rng_for(settings.seed, "cloud", name, frame)
+        return CloudRngs(rng_for(settings.seed, "cloud", name), noise)
+    return CloudRngs(rng_for(settings.seed, "cloud", name, frame), noise)
 
 
 def rig_turn(settings: CloudSettings, name: str) -> float:
@@ -469,7 +442,7 @@ def _write_frames(folder: Path, sequence: Sample, settings: CloudSettings, name:
         ]
         for frame in range(start, stop):
             points[frame], labels[frame] = sampler.sample(
-                [part[frame - start] for part in parts], cloud_rng(settings, name, frame)
+                [part[frame - start] for part in parts], cloud_rngs(settings, name, frame)
             )
     points.flush()
     labels.flush()

@@ -7,7 +7,7 @@ network gives an answer to anything: in millimetres, on its side, or one frame l
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.model import BodyModel, posed_vertices, shaped
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import FPS, GENDERS
 from drapeline.mesh import load_obj
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz
@@ -108,8 +108,9 @@ def read_scans(
     bodies: Mapping[str, BodyModel],
     *,
     up: Literal["z", "y"] = "z",
+    fps: int = FPS,
 ) -> ScanSequence:
-    """Read scans and their body, and check that they belong together.
+    """Read scans and their body at 30 frames per second, and check that they belong together.
 
     Args:
         frames: folder of `.ply`, `.obj` or `.npz` files, or one `.npz` with `points` (F, P, 3), or
@@ -119,10 +120,14 @@ def read_scans(
             translation of the body.
         bodies: by gender.
         up: which axis points up in both files. CAPE has "y".
+        fps: frames per second of both files, a multiple of 30, of which so many are kept. CAPE
+            has 60.
 
     Raises:
         InputError: names the file, what is wrong with it and what was expected.
     """
+    if fps < FPS or fps % FPS:
+        raise InputError(f"{frames}: {fps} frames per second, expected a multiple of {FPS}")
     scans = read_frames(frames)
     body = read_body_parameters(parameters, bodies)
     if len(scans) != len(body.poses):
@@ -130,6 +135,9 @@ def read_scans(
             f"{frames}: {len(scans)} frames, but {parameters} has {len(body.poses)} poses;"
             " expected as many"
         )
+    every = fps // FPS
+    scans = scans[::every]
+    body = replace(body, poses=body.poses[::every], trans=body.trans[::every])
     points = [scan.points - at for scan, at in zip(scans, body.trans, strict=True)]
     if up == "y":
         points = [_upright(p) for p in points]
@@ -150,7 +158,7 @@ def _stood_up(body: BodyParameters) -> BodyParameters:
     turn = Rotation.from_euler("x", 90, degrees=True)
     poses = body.poses.copy()
     poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
-    return BodyParameters(poses, _upright(body.trans), body.shape, body.gender)
+    return replace(body, poses=poses, trans=_upright(body.trans))
 
 
 def _check_place(

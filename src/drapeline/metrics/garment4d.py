@@ -116,13 +116,8 @@ def vertex_errors_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     return 1000 * np.linalg.norm(away, axis=-1)
 
 
-def canonical_error_mm(predicted: np.ndarray, true: np.ndarray) -> float:
-    """M1: mean distance of corresponding canonical vertices (N, 3)."""
-    return float(vertex_errors_mm(predicted, true).mean())
-
-
 def vertex_error_mm(predicted: np.ndarray, true: np.ndarray) -> float:
-    """M2: mean distance of corresponding posed vertices (F, N, 3)."""
+    """M1, M2: mean distance of corresponding canonical (N, 3) or posed (F, N, 3) vertices."""
     return float(vertex_errors_mm(predicted, true).mean())
 
 
@@ -181,8 +176,7 @@ def sequence_measures(
     *,
     wearer: Wearer | None = None,
     points: Sequence[np.ndarray] | None = None,
-    fps: float = FPS,
-    contact_every: int = CONTACT_EVERY,
+    consecutive: bool = True,
 ) -> dict[str, float]:
     """Everything that can be said of a sequence with what is given.
 
@@ -191,31 +185,35 @@ def sequence_measures(
         true: (F, N, 3), or None for scans, which have no ground truth.
         wearer: the body, for what is inside of it.
         points: (P, 3) per frame, for the one-way distance.
-        fps: frames per second.
-        contact_every: so many frames from one body looked at to the next.
+        consecutive: whether these are all frames of a motion at `FPS`; accelerations over longer
+            steps are other numbers, so M3 is left out.
     """
     found = {}
     if true is not None:
         found["vertex_error_mm"] = vertex_error_mm(garment, true)
-        found["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true, fps=fps)
+        if consecutive:
+            found["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
     if points is not None:
         found["to_cloud_mm"] = to_cloud_mm(garment, points)
     if wearer is not None:
-        found |= inside_means(garment, wearer, every=contact_every)
+        found |= inside_means(garment, wearer)
     return found
 
 
 def canonical_measures(
-    predicted: np.ndarray, true: np.ndarray, original: Mesh | None = None
+    predicted: np.ndarray, true: np.ndarray | None = None, original: Mesh | None = None
 ) -> dict[str, float]:
     """Everything about the canonical garment of one sequence.
 
     Args:
-        predicted, true: (N, 3) in template topology; the truth is the registered garment.
+        predicted: (N, 3) in template topology; the truth itself to measure registration.
+        true: (N, 3), the registered garment.
         original: the garment as simulated, triangles: registration leaves some of it out, so
             that M1 alone would not see its errors.
     """
-    found = {"canonical_error_mm": canonical_error_mm(predicted, true)}
+    found = {}
+    if true is not None:
+        found["canonical_error_mm"] = vertex_error_mm(predicted, true)
     if original is not None:
         found["canonical_to_original_mm"] = float(distances_mm(predicted, original).mean())
     return found

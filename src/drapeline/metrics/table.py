@@ -28,12 +28,16 @@ UNITS = {
     "inside_1cm_share": "1",
     "inside_depth_mm": "mm",
     "pieces": "1",
+    "surface_to_true_mm": "mm",
+    "true_to_surface_mm": "mm",
+    "code_numbers": "1",
     "canonical_error_mm": "mm",
     "canonical_to_original_mm": "mm",
     "vertex_error_mm": "mm",
     "acceleration_error_m_s2": "m/s^2",
     "to_cloud_mm": "mm",
     "segmentation_accuracy": "1",
+    "simulated_share": "1",
     "inference_s_per_frame": "s",
 }
 
@@ -44,7 +48,7 @@ class MetricRow(NamedTuple):
     Attributes:
         model: "svae", "dvae", "garment4d", "baseline" or "truth".
         variant: which of them, such as "svae_no_mask" or "mean_garment".
-        split: "train", "val" or "test".
+        split: "train", "val" or "test", or "scans" of a user.
         garment: one of the garment types, or "all".
         metric: a name that carries its unit; ends in `LOW` or `HIGH` for the ends of an interval.
         value: finite.

@@ -25,15 +25,9 @@ from drapeline.nets.represent import (
     rows_of,
     static_truth,
 )
-from drapeline.outfits.kinds import GARMENTS
+from drapeline.outfits.kinds import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.topology import Topology
-
-
-def first_of_each(garment: np.ndarray, rows: np.ndarray) -> list[int]:
-    """The first row of each type that there is, in the order of types."""
-    kinds = garment[rows]
-    return [int(rows[np.flatnonzero(kinds == kind)[0]]) for kind in np.unique(kinds)]
 
 
 def static_cases(
@@ -53,7 +47,7 @@ def static_cases(
     Raises:
         InputError: a shard is missing or damaged.
     """
-    rows = first_of_each(np.asarray(garments.garment), garments.rows("test"))
+    rows = first_of_each((GARMENTS[garments.garment[r]], int(r)) for r in garments.rows("test"))
     wanted = {str(garments.outfit[row]) for row in rows}
     outfits = {
         static.name: static.outfit
@@ -106,7 +100,7 @@ def moving_cases(
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
-    for moving in {m.name: m for m in reversed(movings)}.values():
+    for moving in first_of_each((moving.name, moving) for moving in movings):
         rows = rows_of(garments, moving)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
@@ -186,12 +180,10 @@ def wrinkle_rows(
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
     drawn = rng.standard_normal((columns, z.shape[1]))
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
-    first_of_type = {movings[k].name: k for k in reversed(range(len(movings)))}
+    first = first_of_each((moving.name, k) for k, moving in enumerate(movings))
     return {
         "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
-        "garment": [
-            w for k in sorted(first_of_type.values()) for w in worn(k, z, data.poses[lively])
-        ],
+        "garment": [w for k in first for w in worn(k, z, data.poses[lively])],
         "codes,\nat rest": worn(chosen, drawn, rest),
         "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
     }

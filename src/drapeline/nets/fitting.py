@@ -1,6 +1,7 @@
 """Training that survives being killed: a Lightning trainer, its checkpoints and its history."""
 
 import ctypes
+import hashlib
 import math
 import shutil
 import sys
@@ -10,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytorch_lightning as lightning
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
@@ -106,6 +108,24 @@ def fit(
         for name in (LAST, BEST, HISTORY, SETTINGS):
             shutil.copyfile(progress / name, scratch / name)
     shutil.rmtree(progress)
+
+
+_DIGESTED_BYTES = 64 << 20  # of an array; a tenth of a second
+
+
+def arrays_digest(arrays: Mapping[str, np.ndarray]) -> str:
+    """Of names, shapes and contents, for the `settings` that a training is taken up again with.
+
+    Of an array larger than 64 MiB every so many rows count alone: what makes other data, such as a
+    seed or one more sample, changes rows everywhere.
+    """
+    digest = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        digest.update(f"{name} {array.shape} {array.dtype}".encode())
+        every = -(-array.nbytes // _DIGESTED_BYTES) if array.ndim else 1
+        part = array[::every] if every > 1 else array
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()[:12]
 
 
 def _same_settings(path: Path, settings: Mapping[str, Any]) -> bool:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from drapeline.mesh import Mesh, triangulate
-from drapeline.metrics.baselines import static_baselines
-from drapeline.metrics.garment_metrics import garment_mesh, surface_distances_mm
+from drapeline.metrics.baselines import fit_pca
+from drapeline.metrics.garment_metrics import area_distances_mm, garment_mesh
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import decode_codes, encode_garments, static_truth
@@ -33,11 +33,12 @@ def compare_representations(
     split: str,
     seed: int,
 ) -> list[MetricRow]:
-    """Distances between garments as they were made and as each code gives them back.
+    """Distances between garments as they were made and as each code gives them back, and its size.
 
     Garments of the types that have a template are compared; for the VAEs the code is the mean of
     the posterior. `registered` are the two registrations without any code: what is lost there no
-    code can give back.
+    code can give back. What a code does without, such as the body's shape, is known to all that
+    need it and is not counted.
 
     Args:
         data: registered to the body.
@@ -66,18 +67,14 @@ def compare_representations(
         space, mesh = spaces[GARMENTS[data.garment[row]]], on_template(row, vertices)
         return Mesh(space.vertices(space.coefficients(mesh.vertices)), space.faces)
 
-    pca = static_baselines(
-        data.offsets,
-        data.mask,
-        data.garment,
-        data.cvar(np.arange(len(data))),
-        data.rows("train"),
-        types=len(GARMENTS),
-        components=components,
-    )["pca"]
+    pca = fit_pca(data.offsets, data.mask, data.rows("train"), components)
+    numbers: dict[str, Callable[[int], int]] = {
+        "body_pca": lambda row: len(pca.axes),
+        "garment4d_pca": lambda row: len(spaces[GARMENTS[data.garment[row]]].components),
+    }
     rebuild: dict[str, Rebuild] = {
         "body_registered": lambda row, _: on_body(row, data.offsets[row], data.mask[row]),
-        "body_pca": lambda row, _: on_body(row, *pca(row)),
+        "body_pca": lambda row, _: on_body(row, *pca.rebuild(data.offsets[row])),
         "template_registered": on_template,
         "garment4d_pca": by_space,
     }
@@ -86,13 +83,17 @@ def compare_representations(
         decoded = decode_codes(model, codes.mean, data.cvar(rows), data.topology(rows))
         found = dict(zip(rows.tolist(), decoded, strict=True))
         rebuild[variant] = lambda row, _, found=found: on_body(row, *found[row])
+        numbers[variant] = lambda row, size=codes.mean.shape[1]: size
     result = []
     for variant, mesh_of in rebuild.items():
         measures = []
         for row in progress(rows.tolist(), total=len(rows), label=variant):
             original = made[row]
-            there, back = surface_distances_mm(mesh_of(row, original.vertices), original)
-            measures.append({"predicted_to_true_mm": there, "true_to_predicted_mm": back})
+            there, back = area_distances_mm(mesh_of(row, original.vertices), original)
+            found = {"surface_to_true_mm": there, "true_to_surface_mm": back}
+            if variant in numbers:
+                found["code_numbers"] = numbers[variant](row)
+            measures.append(found)
         result += summary_rows(
             rng_for(seed, "intervals", MODEL, variant, split),
             measures,

@@ -1,6 +1,5 @@
 """Whole trainings: from data and settings to a finished folder."""
 
-import hashlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.conditioning_training import load_conditioning
 from drapeline.nets.domain import Domain
-from drapeline.nets.fitting import BEST, fit
+from drapeline.nets.fitting import BEST, arrays_digest, fit
 from drapeline.nets.gcvae_data import GarmentData, Garments
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
 from drapeline.nets.linear_vae import LinearVae
@@ -43,6 +42,7 @@ def train_vae(
         path = Path(conditioning) / BEST
         load_conditioning(read_checkpoint(path), model.conditioning, path)
     model.prepare(garments)
+    arrays = {name: tensor.numpy() for name, tensor in domain.tensors().items()}
     fit(
         model,
         GarmentData(garments, batch=training.batch, seed=training.seed),
@@ -50,16 +50,7 @@ def train_vae(
         progress=progress,
         epochs=training.epochs,
         monitor="val_selection",
-        settings={**plain(asdict(settings)), "domain": _digest(domain)},
+        settings={**plain(asdict(settings)), "domain": arrays_digest(arrays)},
         trainer=trainer,
         threads=threads,
     )
-
-
-def _digest(domain: Domain) -> str:
-    """Of all arrays, so that a training is not taken up again on other data."""
-    digest = hashlib.sha256()
-    for name, tensor in sorted(domain.tensors().items()):
-        digest.update(name.encode())
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()[:12]

@@ -87,6 +87,11 @@ class Trained(lightning.LightningModule, ABC):
         )
 
 
+def fastest_device() -> torch.device:
+    """What trained networks are run on: a CUDA device where there is one."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
 def plain(value: Any) -> Any:
     """Tuples as lists, so that a checkpoint holds nothing but plain values."""
     if isinstance(value, dict):

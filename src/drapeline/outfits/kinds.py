@@ -1,6 +1,7 @@
 """CLOTH3D's garment types and the outfits that they make."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
 
 from drapeline.errors import InputError
 
@@ -11,6 +12,23 @@ SKIRTS = ("Skirt", "Dress")
 TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 # Every combination of garments that makes an outfit, inner to outer.
 KINDS = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
+
+
+Item = TypeVar("Item")
+
+
+def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
+    """The first item of each garment type, in the order of `GARMENTS`.
+
+    Args:
+        items: with their types, read until there is one of each.
+    """
+    found: dict[str, Item] = {}
+    for garment, item in items:
+        found.setdefault(garment, item)
+        if len(found) == len(GARMENTS):
+            break
+    return [found[garment] for garment in GARMENTS if garment in found]
 
 
 def kinds_by_gender(

@@ -19,6 +19,7 @@ from drapeline.mesh import (
     triangulate,
     vertex_normals,
 )
+from drapeline.registration.closest import closest_points
 from drapeline.registration.garment_template import GarmentTemplate
 from drapeline.registration.template_fit import Fit, FitTarget
 
@@ -86,10 +87,10 @@ def _closest(
 
     Where the closest face looks the other way, the closest vertex that does not has the point.
     """
-    face, place = _closest_faces(points, vertices, triangles)
+    place, face = closest_points(points, vertices, triangles)
     corners = triangles[face].astype(np.int64)
     a, b, c = (np.ascontiguousarray(vertices[corners[:, k]]) for k in range(3))
-    shares = np.clip(igl.barycentric_coordinates(place, a, b, c), 0, 1)
+    shares = np.clip(igl.barycentric_coordinates(place.astype(np.float64), a, b, c), 0, 1)
     shares = np.nan_to_num(shares, nan=1 / 3)
     shares /= shares.sum(axis=1, keepdims=True)
     away = np.flatnonzero((face_normals(vertices, triangles[face]) * normals).sum(axis=1) <= 0)
@@ -102,18 +103,6 @@ def _closest(
         corners[away] = triangles[owner[near]]
         shares[away] = corners[away] == near[:, None]
     return corners, shares
-
-
-def _closest_faces(
-    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ids (P,) of the closest faces and the places (P, 3) on them."""
-    _, face, place = igl.point_mesh_squared_distance(
-        np.ascontiguousarray(points, dtype=np.float64),
-        np.ascontiguousarray(vertices, dtype=np.float64),
-        np.ascontiguousarray(triangles, dtype=np.int64),
-    )
-    return np.atleast_1d(face), np.ascontiguousarray(place).reshape(-1, 3)
 
 
 def _on_line(
@@ -183,7 +172,7 @@ def flipped_faces(
     """
     places = remeshed(vertices, table)
     own = face_normals(places, faces)
-    face, _ = _closest_faces(places[faces].mean(axis=1), vertices, triangles)
+    _, face = closest_points(places[faces].mean(axis=1), vertices, triangles)
     near = face_normals(vertices, triangles[face])
     corners = remeshed(vertex_normals(vertices, triangles), table)[faces].sum(axis=1)
     return ((own * near).sum(axis=1) < 0) & ((own * corners).sum(axis=1) < 0)
@@ -207,11 +196,11 @@ def residual(
     vertices = np.asarray(vertices, dtype=np.float64)
     triangles = triangulate(np.asarray(faces))
     new = remeshed(vertices, table).astype(np.float64)
-    _, place = _closest_faces(vertices, new, template.faces)
+    place, _ = closest_points(vertices, new, template.faces)
     there = 1000 * np.linalg.norm(vertices - place, axis=1)
     pairs = edges(template.faces)
     sampled = np.concatenate([new, new[pairs].mean(axis=1), new[template.faces].mean(axis=1)])
-    _, place = _closest_faces(sampled, vertices, triangles)
+    place, _ = closest_points(sampled, vertices, triangles)
     back = 1000 * np.linalg.norm(sampled - place, axis=1)
     rim = vertices[np.concatenate(boundary_loops(triangles))]
     near, _ = cKDTree(rim).query(vertices)

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import splu
 
 from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.dataset.clouds import CloudSampler, CloudSettings, cloud_rng, open_clouds, rig_turn
+from drapeline.dataset.clouds import CloudSampler, CloudSettings, cloud_rngs, open_clouds, rig_turn
 from drapeline.dataset.reader import BODY
 from drapeline.dataset.reader import Sequence as Sample
 from drapeline.dataset.record import read_record
@@ -336,7 +336,7 @@ def _clouds(
     frames = [
         sampler.sample(
             [posed, *(worn.garments[g.name][frame] for g in garments)],
-            cloud_rng(settings, static.name, frame),
+            cloud_rngs(settings, static.name, frame),
         )
         for frame, posed in enumerate(worn.body)
     ]

@@ -30,6 +30,11 @@ from drapeline.registration.garment_template import GarmentTemplate, named_loops
 _HELD = 1e3  # weight of what must stay, against 1 of what is drawn
 _STARTS = 64  # places on an opening at which the match of two loops may begin
 _MM2 = 1e6  # equation 3 is minimised in mm^2, or the solver would take it for solved
+# Of the surface while it is drawn to the template, one round each.
+_STIFFNESS = (10.0, 10.0, 3.0, 3.0, 1.0, 1.0)
+# Distance that a turn of the normal by one radian counts for: it keeps one trouser leg off the
+# other, and a sleeve off the torso.
+_TURN_M = 0.1
 _ASIDE_M = 0.003  # this far from the body's middle a seam counts as twice as long
 
 
@@ -41,9 +46,6 @@ class FitSettings:
         chamfer, edge, normal, boundary: lambda_c, lambda_e, lambda_n and lambda_b of equation 3,
             for lengths in metres.
         iterations: of L-BFGS on equation 3, at most.
-        stiffness: of the surface while it is drawn to the template, one round each, falling.
-        turn_m: distance that a turn of the normal by one radian counts for: it keeps one trouser
-            leg off the other, and a sleeve off the torso.
     """
 
     chamfer: float = 1.0
@@ -51,8 +53,6 @@ class FitSettings:
     normal: float = 0.01
     boundary: float = 1.0
     iterations: int = 15
-    stiffness: tuple[float, ...] = (10.0, 10.0, 3.0, 3.0, 1.0, 1.0)
-    turn_m: float = 0.1
 
 
 class Fit(NamedTuple):
@@ -125,7 +125,7 @@ def fit_to_template(
         vertices: (V, 3) metres, root frame, in `REST_POSE`.
         faces: (F, 3) or (F, 4).
         template: of the garment's type; for many garments a `FitTarget` saves its preparation.
-        settings: weights and rounds; the defaults if None.
+        settings: the defaults if None.
 
     Raises:
         InputError: the garment lacks an opening that its type has.
@@ -147,7 +147,7 @@ def fit_to_template(
     guides = _guides(rest, triangles, loops)
     places = _rims_matched(rest, triangles, loops, guides, target)
     held = np.concatenate([*loops.values(), *guides])
-    places = _drawn(places, triangles, held, target, settings)
+    places = _drawn(places, triangles, held, target)
     equation = Equation3(triangles, loops, target, settings)
     return Fit(equation.minimised(places), rest, triangles, loops, guides)
 
@@ -274,16 +274,15 @@ def _drawn(
     triangles: np.ndarray,
     held: np.ndarray,
     target: FitTarget,
-    settings: FitSettings,
 ) -> np.ndarray:
     """Vertices, but for those held, drawn to the closest cloth that faces the same way."""
     laplacian = _laplacian(triangles, len(places))
     weight = np.ones(len(places))
     weight[held] = _HELD
-    tree = cKDTree(np.hstack([target.vertices, settings.turn_m * target.normals]))
-    for stiffness in settings.stiffness:
+    tree = cKDTree(np.hstack([target.vertices, _TURN_M * target.normals]))
+    for stiffness in _STIFFNESS:
         own = vertex_normals(places, triangles)
-        _, near = tree.query(np.hstack([places, settings.turn_m * own]))
+        _, near = tree.query(np.hstack([places, _TURN_M * own]))
         normals = target.normals[near]
         gap = ((target.vertices[near] - places) * normals).sum(axis=1, keepdims=True)
         gap[held] = 0

@@ -145,6 +145,12 @@ STEP_COLUMNS = (
 )
 
 
+def spread(count: int, shown: int) -> list[int]:
+    """At most `shown` of `count` frames, evenly spread."""
+    shown = min(shown, count)
+    return [round((k + 0.5) * count / shown - 0.5) for k in range(shown)]
+
+
 def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[int]]]) -> None:
     """Figure 4: a row per frame, from the cloud to the garment, with errors where truth is known.
 
@@ -180,7 +186,7 @@ def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list
     wearer = Painted(case.body[frame], case.body_faces, _GREY)
     for vertices in (case.proposal[frame], case.final[frame]):
         error = vertex_errors_mm(vertices, case.true[frame])
-        heat = heat_parts(vertices, case.faces, error, HEAT_SPAN_MM)
+        heat = heat_parts(vertices, case.faces, error[case.faces].mean(axis=1), HEAT_SPAN_MM)
         cells.append(Cell(scene.picture([wearer, *heat]), f"{error.mean():.1f} mm"))
     return cells
 
@@ -193,7 +199,8 @@ def _canonical_cell(case: Reconstruction, row: int) -> Cell | None:
     if row == 1:
         error = vertex_errors_mm(case.canonical, case.true_canonical)
         wearer = Painted(case.rest_body, case.body_faces, _GREY)
-        heat = heat_parts(case.canonical, case.faces, error, HEAT_SPAN_MM)
+        of_faces = error[case.faces].mean(axis=1)
+        heat = heat_parts(case.canonical, case.faces, of_faces, HEAT_SPAN_MM)
         return Cell(scene.picture([wearer, *heat]), f"its error: {error.mean():.1f} mm")
     shown = case.true_canonical if row == 2 else case.canonical
     wearer = Painted(case.rest_body, case.body_faces, _SKIN)

@@ -24,8 +24,11 @@ _CANONICAL = {
     "mean_garment": "Mean garment of the training set",
     "pointnet": "PN++",
     "canonical": "Garment4D",
+    "pca": "Best of the garment space: T of the true alpha",
     "truth": "Registered garment itself",
 }
+# Rows that no model competes with.
+_FLOORS = ("pca", "truth")
 _POSED = {
     "lbs": "Interpolated LBS",
     "mgn": "MGN*",
@@ -36,9 +39,16 @@ _ABLATIONS = {
     "posed": "Full model",
     "no_body_encoder": "without body surface encoder",
     "no_transformer": "without temporal transformer",
-    "nearest_weights": "skinned with K = 1",
-    "vertex_sampled": "cloud of vertices, as in the released code",
-    "noisy_body": "noisy body pose and shape",
+    "nearest_weights": "trained with weights of the nearest body vertex",
+    "vertex_sampled": "given mesh vertices as points",
+}
+_NOISY = {
+    "pointnet_noisy_body": "PN++",
+    "canonical_noisy_body": "Garment4D",
+    "lbs_noisy_body": "Interpolated LBS",
+    "mgn_noisy_body": "MGN*",
+    "noisy_body": "Garment4D",
+    "ours_noisy_body": "Our variant (not in the paper)",
 }
 _CONTACT = {"truth": "Ground truth itself", **_POSED}
 # Metric -> digits shown.
@@ -60,6 +70,13 @@ _SCALE = {
     "inside_1cm_share": 100,
     "inference_s_per_frame": 1000,
 }
+_LOCATED = (
+    "Points come with where on the body they are: their place had it rested with the body vertex"
+    " nearest to them, and their height over it. Besides the paper's encoder of garment points, all"
+    " of them, with their probability of being the garment's, go through a perceptron into alpha."
+    " This is ours and not the paper's, and it holds for PN++ and for all that is built on the"
+    " canonical network."
+)
 # Hong, Pan, Cai and Liu, Garment4D: Garment Reconstruction from Point Cloud Sequences, NeurIPS
 # 2021: per type in the order of `TEMPLATE_TYPES`. Table 5 is of licensed scans.
 _PAPER_2 = {"pointnet": (33.71, 41.05, 20.80), "canonical": (30.23, 28.39, 18.16)}
@@ -83,7 +100,11 @@ _PAPER_ABLATIONS = {
 
 
 def write_garment4d_page(
-    path: str | Path, metrics: str | Path, registration: Iterable[str | Path] = ()
+    path: str | Path,
+    metrics: str | Path,
+    registration: Iterable[str | Path] = (),
+    *,
+    located: bool = False,
 ) -> None:
     """Write the page of tables.
 
@@ -92,6 +113,7 @@ def write_garment4d_page(
         metrics: table of metrics; models that it does not hold have no row.
         registration: `.tsv` in long form (garment, name, metric, value, unit) of the residuals
             of garments registered to templates, one or more.
+        located: whether the networks' points say where on the body they are.
 
     Raises:
         InputError: a table is missing or unusable.
@@ -104,12 +126,15 @@ def write_garment4d_page(
         "<p>Test split, which only evaluation reads. Means over whole sequences, each counted"
         " alike, with 95 % intervals from resampling sequences where there are three or more."
         " The smallest error of a column is green. Pose and shape of the body are given to all"
-        " models, as in the released code; a row further down says what a noisy body does.</p>",
+        " models, as in the released code; a table further down says what a noisy body does.</p>",
+        *([f"<p>{_LOCATED}</p>"] if located else []),
+        *_stand_ins(rows),
         "<h2>Table 2: canonical garments, vertex error M1 (mm)</h2>",
+        "<p>Losses and M1 know the registered garment, not the one as made.</p>",
         _table(rows, _CANONICAL, "canonical_error_mm"),
         "<h2>Distance to the garment as simulated (mm)</h2>",
-        "<p>M1 is measured against the registered garment and does not see what registration"
-        " loses. Here vertices are measured against the surface before it.</p>",
+        "<p>M1 does not see what registration loses. Here vertices are measured against the"
+        " surface before it; the last row is what registration alone leaves.</p>",
         _table(rows, _CANONICAL, "canonical_to_original_mm"),
         "<h2>Points with the right label (%)</h2>",
         _table(rows, {"canonical": "Garment4D"}, "segmentation_accuracy"),
@@ -124,11 +149,23 @@ def write_garment4d_page(
         "<h2>Vertices inside the body</h2>",
         html_table(_contact(rows)),
         "<h2>Ablations (figure 6) and inputs: M2 (mm) / M3 (m/s²)</h2>",
+        "<p>The row of the nearest body vertex is a network trained on such proposals, which are"
+        " not smoothed either. That of mesh vertices is the full model, which learned from surface"
+        " points, given points as the released code samples them.</p>",
         html_table(_pairs(rows, _ABLATIONS)),
         "<h2>Neighbours, holes and wrong labels (figures 8 to 10): M2 (mm)</h2>",
+        "<p>All by the full model, trained once. For K = 1 too its proposals alone change, and"
+        " their weights are smoothed as for any K.</p>",
         html_table(_sweeps(rows)),
+        "<h2>A body that is not quite known: M1 (mm)</h2>",
+        "<p>Noise on pose and shape. Canonical networks whose points do not say where on the body"
+        " they are do not look at it and have no row.</p>",
+        _table(rows, _NOISY, "canonical_error_mm"),
+        "<h2>A body that is not quite known: M2 (mm) / M3 (m/s²)</h2>",
+        html_table(_pairs(rows, _NOISY)),
         "<h2>Time per frame (ms)</h2>",
-        _table(rows, {**_POSED, "canonical": "Canonical network"}, "inference_s_per_frame"),
+        "<p>Of everything from points to the garment.</p>",
+        _table(rows, _POSED, "inference_s_per_frame"),
         "<h2>Registration to the templates</h2>",
         f"<p>Mean distances between a garment and itself in template topology, below"
         f" {REGISTRATION_TARGET_MM:g} mm wanted, with no face flipped.</p>",
@@ -165,6 +202,19 @@ def write_beside_paper(path: str | Path, metrics: str | Path) -> None:
                     writer.writerow((table, f"{variant} {garment}", metric, mine, theirs))
 
 
+def _stand_ins(rows: Sequence[MetricRow]) -> list[str]:
+    """A sentence on types whose posed garments are not simulated."""
+    shares = {g: find_value(rows, "truth", "test", g, "simulated_share") for g in TEMPLATE_TYPES}
+    types = [garment for garment, share in shares.items() if share and not share.value]
+    if not types:
+        return []
+    return [
+        f"<p><b>No {' and no '.join(types)} of the test split is simulated.</b> Posed garments of"
+        " such a type are static outfits moved by skinning, which have no folds of their own, and"
+        " no M3 where their frames are not consecutive.</p>"
+    ]
+
+
 def _table(
     rows: Sequence[MetricRow], names: Mapping[str, str], metric: str, *, best: bool = True
 ) -> str:
@@ -174,7 +224,7 @@ def _table(
         for variant in names
     }
     found = [variant for variant, own in values.items() if any(own)]
-    compared = [variant for variant in found if variant != "truth"]
+    compared = [variant for variant in found if variant not in _FLOORS]
     smallest = [
         min((values[v][k].value for v in compared if values[v][k]), default=None)
         for k in range(len(TEMPLATE_TYPES))
@@ -185,7 +235,7 @@ def _table(
         for k, garment in enumerate(TEMPLATE_TYPES):
             own = values[variant][k]
             leads = best and len(compared) > 1 and own and own.value == smallest[k]
-            good = ["good"] if leads and variant != "truth" else []
+            good = ["good"] if leads and variant in compared else []
             line[garment] = Cell(_text(rows, variant, garment, metric), "number", *good)
         counts = [str(own.n) if own else "-" for own in values[variant]]
         line["Sequences"] = Cell(" / ".join(counts), "number")
@@ -229,7 +279,7 @@ def _contact(rows: Sequence[MetricRow]) -> list[dict[str, object]]:
 
 
 def _pairs(rows: Sequence[MetricRow], names: Mapping[str, str]) -> list[dict[str, object]]:
-    """Vertex and acceleration error of each model and type."""
+    """Vertex and acceleration error of each model and type; the latter may be unknown."""
     table = []
     for variant, name in names.items():
         cells = {}
@@ -238,8 +288,9 @@ def _pairs(rows: Sequence[MetricRow], names: Mapping[str, str]) -> list[dict[str
                 find_value(rows, variant, "test", garment, metric)
                 for metric in ("vertex_error_mm", "acceleration_error_m_s2")
             ]
-            if all(both):
-                cells[garment] = f"{both[0].value:.1f} / {both[1].value:.2f}"
+            if both[0]:
+                acceleration = f"{both[1].value:.2f}" if both[1] else "-"
+                cells[garment] = f"{both[0].value:.1f} / {acceleration}"
         if cells:
             shown = {g: Cell(cells.get(g, "-"), "number") for g in TEMPLATE_TYPES}
             table.append({"Model": name, **shown})
@@ -273,7 +324,7 @@ def _registration(rows: Sequence[Mapping[str, str]]) -> list[dict[str, Cell]]:
     """One row per type and one column per metric: means, of whole numbers sums."""
     wide: dict[str, dict[str, Cell]] = {}
     for row in summarised(rows, "template"):
-        counted = row["unit"] == "1"
+        counted = row["unit"] == "count"
         shown = float(row["total" if counted else "mean"])
         good = shown == 0 if counted else shown <= REGISTRATION_TARGET_MM
         line = wide.setdefault(

@@ -70,7 +70,8 @@ def view_picture(
         if view.error_mm is None:
             parts.append(Painted(vertices, faces, view.colour))
         else:
-            parts += heat_parts(vertices, faces, view.error_mm, HEAT_SPAN_MM)
+            error = view.error_mm[faces].mean(axis=1)
+            parts += heat_parts(vertices, faces, error, HEAT_SPAN_MM)
     if not parts:
         return np.full((size[1], size[0], 3), 237, dtype=np.uint8)
     camera = _camera(view, size)

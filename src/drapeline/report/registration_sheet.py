@@ -3,20 +3,19 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.mesh import faces_within, triangulate, vertex_normals
 from drapeline.outfits.fit import rest_body
-from drapeline.outfits.kinds import GARMENTS
-from drapeline.outfits.outfit import Garment, Outfit
+from drapeline.outfits.kinds import first_of_each
+from drapeline.outfits.outfit import Garment
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.registrar import Registrar, Registration
 from drapeline.registration.round_trip import surface_distance
 from drapeline.registration.topology import Topology
 from drapeline.report.camera import Camera, look_at
-from drapeline.report.contact_sheet import contact_sheet
+from drapeline.report.sheets import Cell, heat_parts, save_sheet
 from drapeline.report.studio import Painted, studio_picture
 
 _SIZE = (320, 340)
@@ -45,27 +44,18 @@ def plot_registration(
         outfits: the first garment of each type among them is shown.
     """
     registrar = Registrar(topology)
-    pictures = []
-    for garment, outfit in _first_of_each(outfits):
+    rows, labels = [], []
+    worn = ((g.name, (g, outfit)) for _, _, outfit in outfits for g in outfit.garments)
+    for garment, outfit in first_of_each(worn):
         body = rest_body(bodies[outfit.gender], outfit.shape)
         done = registrar.register(garment.name, garment.vertices, garment.faces, body)
-        pictures += _row(garment, body, topology, done)
-    contact_sheet(path, pictures, 4)
+        rows.append(_row(garment, body, topology, done))
+        labels.append(garment.name)
+    columns = ("garment", "registered to the body", "rebuilt", "error of the garment")
+    save_sheet(path, rows, columns=columns, labels=labels, heat_mm=_SCALE_MM)
 
 
-def _first_of_each(outfits: Iterable[StaticOutfit]) -> list[tuple[Garment, Outfit]]:
-    found: dict[str, tuple[Garment, Outfit]] = {}
-    for _, _, outfit in outfits:
-        for garment in outfit.garments:
-            found.setdefault(garment.name, (garment, outfit))
-        if len(found) == len(GARMENTS):
-            break
-    return [found[name] for name in GARMENTS if name in found]
-
-
-def _row(
-    garment: Garment, body: np.ndarray, topology: Topology, done: Registration
-) -> list[tuple[np.ndarray, str]]:
+def _row(garment: Garment, body: np.ndarray, topology: Topology, done: Registration) -> list[Cell]:
     faces, triangles = topology.faces_of(garment.name), triangulate(garment.faces)
     laid = done.laid + _FLOAT_M * vertex_normals(done.laid, triangles)
     vertices, kept = body + done.offsets, faces_within(faces, done.match.mask)
@@ -73,34 +63,20 @@ def _row(
     values = {m.metric: m.value for m in done.measures}
     skin = Painted(body, topology.faces, _SKIN)
     views = [
-        ([skin, Painted(garment.vertices, garment.faces, _CLOTH)], f"{garment.name}: garment"),
-        ([skin, Painted(laid, triangles, _LAID)], "registered to the body"),
+        ([skin, Painted(garment.vertices, garment.faces, _CLOTH)], ""),
+        ([skin, Painted(laid, triangles, _LAID)], ""),
+        ([skin, Painted(vertices, kept, _REBUILT)], ""),
         (
-            [skin, Painted(vertices, kept, _REBUILT)],
-            f"rebuilt, {values['garment_to_rebuilt_mean_mm']:.2f} mm mean error",
-        ),
-        (
-            [skin, *_heat(garment.vertices, triangles, error)],
-            f"error, 0 to {_SCALE_MM:g} mm and more; max {values['garment_to_rebuilt_max_mm']:.1f}",
+            [skin, *heat_parts(garment.vertices, triangles, 1000 * error, _SCALE_MM)],
+            f"mean {values['garment_to_rebuilt_mean_mm']:.2f} mm,"
+            f" at most {values['garment_to_rebuilt_max_mm']:.1f} mm",
         ),
     ]
     camera = _camera(body)
     lift = -body[:, 2].min()
     return [
-        (studio_picture([_lifted(p, lift) for p in parts], camera, samples=12), caption)
+        Cell(studio_picture([_lifted(p, lift) for p in parts], camera, samples=12), caption)
         for parts, caption in views
-    ]
-
-
-def _heat(vertices: np.ndarray, triangles: np.ndarray, error_m: np.ndarray) -> list[Painted]:
-    """Faces in a few steps of colour by their error (F,)."""
-    steps = 16
-    level = np.minimum((1e3 * error_m / _SCALE_MM * steps).astype(int), steps - 1)
-    colours = matplotlib.colormaps["viridis"](np.linspace(0, 1, steps))[:, :3]
-    return [
-        Painted(vertices, triangles[level == k], colours[k].tolist())
-        for k in range(steps)
-        if (level == k).any()
     ]
 
 

@@ -24,11 +24,11 @@ def heat_colour(share: np.ndarray | float) -> np.ndarray:
 def heat_parts(
     vertices: np.ndarray, faces: np.ndarray, error_mm: np.ndarray, span_mm: float
 ) -> list[Painted]:
-    """A garment (V, 3) coloured by the errors (V,) of its vertices, 0 to `span_mm`.
+    """A garment (V, 3) coloured by the errors (F,) of its faces, 0 to `span_mm`.
 
     It comes in bands of faces with similar errors, for the studio paints a mesh in one colour.
     """
-    share = np.clip(error_mm[faces].mean(axis=1) / span_mm, 0, 1)
+    share = np.clip(error_mm / span_mm, 0, 1)
     level = np.minimum((share * _HEAT_LEVELS).astype(int), _HEAT_LEVELS - 1)
     return [
         Painted(vertices, faces[level == k], heat_colour((k + 0.5) / _HEAT_LEVELS))

@@ -1,6 +1,8 @@
 """Point clouds: evenness by area, what cameras see, holes, wrong labels, files."""
 
 import shutil
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -8,11 +10,10 @@ import trimesh
 
 from drapeline.dataset.clouds import (
     LABELS,
+    CloudRngs,
     CloudSampler,
     CloudSettings,
-    LabelledMesh,
     load_clouds,
-    sample_cloud,
     with_holes,
     with_wrong_labels,
     write_clouds,
@@ -21,6 +22,14 @@ from drapeline.errors import InputError
 from drapeline.seeding import rng_for
 from drapeline.storage import read_json
 from tiny_sample import tube, write_tiny_sample
+
+
+class LabelledMesh(NamedTuple):
+    """A surface of a scene."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    label: str
 
 
 def ball(radius_m=0.3, centre=(0, 0, 0), label="Body", subdivisions=3):
@@ -39,8 +48,19 @@ def rng(name="cloud"):
     return rng_for(0, "test clouds", name)
 
 
+def rngs():
+    return CloudRngs(rng(), rng("noise"))
+
+
+def sample_cloud(meshes, settings, turn_rad=0.0):
+    """Points and labels of one frame."""
+    surfaces = [(mesh.triangles, mesh.label) for mesh in meshes]
+    sampler = CloudSampler(surfaces, settings, turn_rad=turn_rad)
+    return sampler.sample([mesh.vertices for mesh in meshes], rngs())
+
+
 def test_points_of_a_ball_are_even_by_area():
-    points, labels = sample_cloud([ball()], CloudSettings(points=4000), rng())
+    points, labels = sample_cloud([ball()], CloudSettings(points=4000))
     assert points.shape == (4000, 3)
     assert points.dtype == np.float32
     assert labels.dtype == np.uint8
@@ -54,7 +74,7 @@ def test_points_of_a_ball_are_even_by_area():
 def test_large_triangles_get_more_points_than_small_ones():
     corners = np.array([[0, 0, 0], [3, 0, 0], [0, 0, 1], [-1, 0, 0]], np.float32) / 4
     mesh = LabelledMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), "Skirt")
-    points, _ = sample_cloud([mesh], CloudSettings(points=4000), rng())
+    points, _ = sample_cloud([mesh], CloudSettings(points=4000))
     assert (points[:, 0] > 0).mean() == pytest.approx(0.75, abs=0.03)
 
 
@@ -88,7 +108,7 @@ def test_one_camera_sees_what_rays_by_hand_reach():
     faces = np.concatenate([m.triangles + s for m, s in zip(meshes, starts, strict=False)])
     corners = [vertices[faces[:, i]].astype(float) for i in range(3)]
     camera = 3 * np.array([0, -np.cos(np.radians(10)), np.sin(np.radians(10))])
-    points, labels = sample_cloud(meshes, CloudSettings(300, visibility="single"), rng())
+    points, labels = sample_cloud(meshes, CloudSettings(300, visibility="single"))
     assert not crossed(points.astype(float), camera, *corners).any()
     # The same shares of labels as of points drawn and judged by hand.
     area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0]), axis=1)
@@ -108,7 +128,7 @@ def test_one_camera_sees_what_rays_by_hand_reach():
 def test_skin_close_under_cloth_is_covered_and_cloth_inside_skin_too():
     body = ball(0.3)
     for cloth, expected in ((ball(0.31, label="Top"), "Top"), (ball(0.29, label="Top"), "Body")):
-        _, labels = sample_cloud([body, cloth], CloudSettings(500), rng())
+        _, labels = sample_cloud([body, cloth], CloudSettings(500))
         assert (labels == LABELS.index(expected)).all()
 
 
@@ -116,7 +136,7 @@ def test_cloth_is_seen_from_its_inside_and_a_body_is_not():
     wide = skirt(0.5, -0.1, 0.1)
     for label, share in (("Skirt", 0.3), ("Body", 0.0)):
         points, _ = sample_cloud(
-            [wide._replace(label=label)], CloudSettings(1000, visibility="single"), rng()
+            [wide._replace(label=label)], CloudSettings(1000, visibility="single")
         )
         # The camera is 10 degrees up: over the near rim it sees the far side from inside.
         assert (points[:, 1] > 0.2).mean() >= share
@@ -126,22 +146,22 @@ def test_cloth_is_seen_from_its_inside_and_a_body_is_not():
 
 def test_a_turn_takes_the_camera_around():
     one = CloudSettings(points=500, visibility="single")
-    quarter, _ = sample_cloud([ball()], one, rng(), turn_rad=np.pi / 2)
-    assert sample_cloud([ball()], one, rng())[0][:, 1].max() < 0.05
+    quarter, _ = sample_cloud([ball()], one, turn_rad=np.pi / 2)
+    assert sample_cloud([ball()], one)[0][:, 1].max() < 0.05
     assert quarter[:, 0].min() > -0.05
-    four, _ = sample_cloud([ball()], CloudSettings(points=500, visibility="multi"), rng())
+    four, _ = sample_cloud([ball()], CloudSettings(points=500, visibility="multi"))
     assert np.ptp(four[:, :2], axis=0).min() > 0.55
 
 
 def test_noise_has_its_standard_deviation():
-    calm, _ = sample_cloud([ball()], CloudSettings(3000), rng())
-    noisy, _ = sample_cloud([ball()], CloudSettings(3000, noise_m=0.01), rng())
+    calm, _ = sample_cloud([ball()], CloudSettings(3000))
+    noisy, _ = sample_cloud([ball()], CloudSettings(3000, noise_m=0.01))
     assert (noisy - calm).std() == pytest.approx(0.01, rel=0.05)
 
 
 def test_missing_patches_leave_the_number_of_points():
     def emptiest(missing):
-        points, _ = sample_cloud([ball()], CloudSettings(2000, missing=missing), rng())
+        points, _ = sample_cloud([ball()], CloudSettings(2000, missing=missing))
         assert len(np.unique(points, axis=0)) == 2000
         probes = ball(0.3).vertices
         return np.linalg.norm(probes[:, None] - points[None], axis=-1).min(axis=1).max()
@@ -154,32 +174,40 @@ def test_a_following_sampler_equals_a_new_one():
     sampler = CloudSampler([(m.triangles, m.label) for m in meshes], CloudSettings(400))
     for shift in np.linspace(0, 0.3, 10):  # the tree is built anew at the ninth
         moved = [meshes[0], meshes[1], meshes[2]._replace(vertices=meshes[2].vertices + shift)]
-        followed = sampler.sample([m.vertices for m in moved], rng())
-        for found, expected in zip(
-            followed, sample_cloud(moved, CloudSettings(400), rng()), strict=True
-        ):
+        followed = sampler.sample([m.vertices for m in moved], rngs())
+        for found, expected in zip(followed, sample_cloud(moved, CloudSettings(400)), strict=True):
             np.testing.assert_array_equal(found, expected)
 
 
 def test_the_released_protocol_takes_vertices_covered_or_not():
     meshes = [ball(), ball(0.31, label="Top")]
     settings = CloudSettings(points=301, protocol="vertices")
-    points, labels = sample_cloud(meshes, settings, rng())
+    points, labels = sample_cloud(meshes, settings)
     np.testing.assert_array_equal(np.bincount(labels), [151, 0, 150])
     for code, mesh in zip((0, 2), meshes, strict=True):
         whole = {tuple(v) for v in mesh.vertices}
         assert {tuple(p) for p in points[labels == code]} <= whole
     moved = [m._replace(vertices=m.vertices + [0, 0, 1]) for m in meshes]
-    np.testing.assert_allclose(
-        sample_cloud(moved, settings, rng())[0], points + [0, 0, 1], atol=1e-6
-    )
+    np.testing.assert_allclose(sample_cloud(moved, settings)[0], points + [0, 0, 1], atol=1e-6)
+
+
+def test_noise_is_new_in_every_frame_where_vertices_are_not(tmp_path, tiny):
+    still = CloudSettings(points=200, protocol="vertices")
+    noisy = CloudSettings(points=200, protocol="vertices", noise_m=0.005)
+    for name, settings in (("still", still), ("noisy", noisy)):
+        write_clouds(tmp_path / name, tiny.folder, settings)
+    calm, found = (load_clouds(tmp_path / name).points for name in ("still", "noisy"))
+    error = found - calm
+    assert error.std() == pytest.approx(0.005, rel=0.1)
+    for before, after in pairwise(error):
+        assert abs(np.corrcoef(before.ravel(), after.ravel())[0, 1]) < 0.2
 
 
 def test_unknown_labels_and_unseen_scenes_are_refused():
     with pytest.raises(InputError, match="points of 'Hat' have no label, expected one of Body"):
-        sample_cloud([ball(label="Hat")], CloudSettings(), rng())
+        sample_cloud([ball(label="Hat")], CloudSettings())
     with pytest.raises(InputError, match="cameras 'single' see 0 of"):
-        sample_cloud([ball(9.0)], CloudSettings(20, visibility="single"), rng())
+        sample_cloud([ball(9.0)], CloudSettings(20, visibility="single"))
 
 
 def test_a_hole_is_a_point_and_those_nearest_to_it():

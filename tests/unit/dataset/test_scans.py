@@ -122,6 +122,19 @@ def test_scans_with_y_up_are_stood_up_with_their_body(tmp_path, truth, bodies, t
     np.testing.assert_allclose(again, vertices, atol=1e-5)
 
 
+def test_of_faster_scans_every_so_many_frames_are_used(tmp_path, truth, bodies, body_file):
+    poses, trans, vertices = truth
+    folder = save_clouds(tmp_path / "scan", vertices)
+    found = read_scans(folder, body_file, bodies, fps=60)
+    assert len(found) == len(found.body.trans) == 2
+    np.testing.assert_array_equal(found.body.poses, poses[::2])
+    for scan, points, at in zip(found.scans, vertices[::2], trans[::2], strict=True):
+        np.testing.assert_allclose(scan.points, points - at, atol=1e-5)
+    for fps in (25, 45, 0):
+        with pytest.raises(InputError, match=f"scan: {fps} frames per second, expected a multiple"):
+            read_scans(folder, body_file, bodies, fps=fps)
+
+
 def sequence(tmp_path, truth, bodies, points):
     np.savez(tmp_path / "scan.npz", points=points)
     return read_scans(tmp_path / "scan.npz", save_body(tmp_path, truth), bodies)

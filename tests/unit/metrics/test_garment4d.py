@@ -11,7 +11,6 @@ from drapeline.metrics.garment4d import (
     Reconstruction,
     Wearer,
     acceleration_error_m_s2,
-    canonical_error_mm,
     canonical_measures,
     inside_means,
     load_reconstruction,
@@ -58,7 +57,7 @@ def ball(radius):
 def test_vertex_errors_are_lengths(motion):
     shift = np.array([0.003, 0.0, 0.004])
     assert vertex_error_mm(motion + shift, motion) == pytest.approx(5.0)
-    assert canonical_error_mm(motion[0] + shift, motion[0]) == pytest.approx(5.0)
+    assert vertex_error_mm(motion[0] + shift, motion[0]) == pytest.approx(5.0)
     one = motion.copy()
     one[2, 7] += shift
     errors = vertex_errors_mm(one, motion)
@@ -146,6 +145,7 @@ def test_sequence_measures_follow_what_is_known(motion):
     body, faces = ball(0.05)
     wearer = Wearer(lambda frame: body, faces)
     assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
+    assert set(sequence_measures(motion, motion, consecutive=False)) == {"vertex_error_mm"}
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
     found = sequence_measures(motion + 0.01, motion, wearer=wearer, points=motion)
     assert found["vertex_error_mm"] == pytest.approx(np.sqrt(300), rel=1e-4)
@@ -160,6 +160,8 @@ def test_canonical_error_is_also_taken_against_the_garment_as_made():
     assert found["canonical_error_mm"] == pytest.approx(20, abs=0.01)
     assert found["canonical_to_original_mm"] == pytest.approx(30, abs=1.5)
     assert set(canonical_measures(true, true)) == {"canonical_error_mm"}
+    floor = canonical_measures(true, None, original)
+    assert floor == {"canonical_to_original_mm": pytest.approx(10, abs=1.5)}
 
 
 def test_summary_weighs_sequences_alike_and_leaves_out_what_has_no_meaning():

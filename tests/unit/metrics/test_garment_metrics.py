@@ -6,6 +6,7 @@ import pytest
 
 from drapeline.mesh import Mesh, faces_within
 from drapeline.metrics.garment_metrics import (
+    area_distances_mm,
     distances_mm,
     garment_measures,
     garment_mesh,
@@ -133,6 +134,28 @@ def test_distances_see_what_is_missing_and_what_is_too_much_each_in_one_directio
 def test_distances_to_nothing_are_nan(tube):
     nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
     assert np.isnan(surface_distances_mm(nothing, Mesh(*tube))).all()
+    assert np.isnan(area_distances_mm(nothing, Mesh(*tube))).all()
+
+
+def test_area_distances_see_what_is_cut_off_between_vertices():
+    # Vertices of a prism of six sides lie on the tube of its radius, the rest of it does not.
+    tube, prism = Mesh(*cylinder(0.2, around=720)), Mesh(*cylinder(0.2, around=6))
+    along = np.linspace(-0.1, 0.1, 100_001)
+    expected = 1000 * (0.2 - np.hypot(along, 0.2 * np.sqrt(0.75))).mean()
+    to_true, _ = area_distances_mm(prism, tube)
+    assert to_true == pytest.approx(expected, rel=0.01)
+    assert surface_distances_mm(prism, tube)[0] == pytest.approx(0, abs=1e-3)
+
+
+def test_area_distances_do_not_depend_on_where_vertices_are_dense():
+    bent = np.r_[np.linspace(0, 0.5, 6), np.linspace(0.5, 1.0, 51)[1:]]
+    found = []
+    for heights in (np.linspace(0, 1, 21), bent):
+        cone, faces = cylinder(0.2, up=len(heights))
+        cone[:, 2] = np.repeat(heights, 48)
+        cone[:, :2] *= 1 + 0.1 * cone[:, 2:]
+        found.append(area_distances_mm(Mesh(cone, faces), Mesh(*cylinder(0.2, around=720)))[0])
+    assert found[0] == pytest.approx(found[1], rel=1e-2)
 
 
 @pytest.mark.parametrize(("depth_m", "deep"), [(0.005, 0.0), (0.02, 0.5)])

@@ -1,7 +1,9 @@
+import numpy as np
 import pytorch_lightning as lightning
 import torch
 
-from drapeline.nets.fitting import fit
+from drapeline.nets import fitting
+from drapeline.nets.fitting import arrays_digest, fit
 
 
 class Line(lightning.LightningModule):
@@ -50,3 +52,25 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
     assert abs(last - path[-1]) < 1e-5
     rows = (tmp_path / "out" / "history.tsv").read_text().splitlines()
     assert [row.split("\t")[0] for row in rows] == ["epoch", *"012345"]
+
+
+def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
+    array = np.arange(12, dtype=np.int32).reshape(4, 3)
+    others = [
+        {"b": array},
+        {"a": array.reshape(3, 4)},
+        {"a": array.astype(np.uint32)},
+        {"a": array + np.eye(4, 3, dtype=np.int32)},
+        {"a": array, "b": array},
+    ]
+    found = {arrays_digest(arrays) for arrays in ({"a": array}, *others)}
+    assert len(found) == 1 + len(others)
+    assert arrays_digest({"b": array, "a": array}) == arrays_digest({"a": array, "b": array})
+    strided = np.stack([array, array])[:, ::2]
+    assert arrays_digest({"a": strided}) == arrays_digest({"a": strided.copy()})
+    # A large array: every second row.
+    monkeypatch.setattr(fitting, "_DIGESTED_BYTES", array.nbytes // 2)
+    for row, same in ((1, True), (2, False)):
+        changed = array.copy()
+        changed[row] += 1
+        assert (arrays_digest({"a": changed}) == arrays_digest({"a": array})) is same

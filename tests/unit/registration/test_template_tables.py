@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.mesh import boundary_loops, triangulate
-from drapeline.registration.garment_template import GarmentTemplate, named_loops
 from drapeline.registration.remesh import remeshed
 from drapeline.registration.template_fit import FitSettings
 from drapeline.registration.template_tables import (
@@ -17,31 +15,20 @@ from drapeline.registration.template_tables import (
     write_tables,
 )
 from drapeline.storage import load_npz, save_npz
-from tiny_sample import tube
-
-NAMES = ("waist", "hem")
-
-
-def skirt(radius, low, around=20, rows=9):
-    mesh = tube(radius, low, 0.0, around=around, rows=rows)
-    return mesh.vertices.astype(float), triangulate(mesh.faces)
+from template_toys import toy_skirt, toy_template
 
 
 @pytest.fixture(scope="module")
 def template():
-    vertices, faces = skirt(0.2, -0.5, around=16, rows=8)
-    loop = np.full(len(vertices), -1, np.int32)
-    for name, ids in named_loops(vertices, boundary_loops(faces), NAMES).items():
-        loop[ids] = NAMES.index(name)
-    return GarmentTemplate(vertices.astype(np.float32), faces.astype(np.int32), loop, NAMES)
+    return toy_template()
 
 
 @pytest.fixture
 def folder(tmp_path, template):
     garments = [
-        NamedGarment("s1", "Skirt", *skirt(0.25, -0.4)),
-        NamedGarment("s1", "Top", *skirt(0.1, -0.4)),
-        NamedGarment("s2", "Skirt", *skirt(0.2, -0.7, around=26)),
+        NamedGarment("s1", "Skirt", *toy_skirt(0.25, -0.4)),
+        NamedGarment("s1", "Top", *toy_skirt(0.1, -0.4)),
+        NamedGarment("s2", "Skirt", *toy_skirt(0.2, -0.7, around=26)),
     ]
     settings = FitSettings(iterations=3)
     assert write_tables(tmp_path / "fits", garments, {"Skirt": template}, settings) == 2
@@ -52,7 +39,7 @@ def test_tables_carry_every_garment_of_a_type_and_its_residuals(folder, template
     tables = load_tables([folder], "Skirt")
     assert set(tables) == {"s1", "s2"}
     for name, radius, low, around in (("s1", 0.25, -0.4, 20), ("s2", 0.2, -0.7, 26)):
-        vertices, _ = skirt(radius, low, around=around)
+        vertices, _ = toy_skirt(radius, low, around=around)
         new = remeshed(vertices, tables[name])
         assert new.shape == template.vertices.shape
         assert new[:, 2].min() == pytest.approx(low, abs=1e-3)
@@ -65,7 +52,7 @@ def test_tables_carry_every_garment_of_a_type_and_its_residuals(folder, template
 
 
 def test_a_garment_without_an_opening_is_named(tmp_path, template):
-    vertices, faces = skirt(0.2, -0.5)
+    vertices, faces = toy_skirt(0.2, -0.5)
     closed = np.concatenate([faces, [[k, 0, (k + 1) % 20] for k in range(1, 19)]])
     with pytest.raises(InputError, match=r"s7/Skirt: the garment has no (waist|hem)"):
         write_tables(

@@ -82,7 +82,7 @@ def case(frames=3, *, truth=True, garment="Skirt"):
 
 def test_heat_paints_every_face_once_from_dark_to_yellow():
     error = HEAT_SPAN_MM * np.linspace(-0.5, 2, len(TUBE)).clip(0)
-    parts = heat_parts(TUBE, FACES, error, HEAT_SPAN_MM)
+    parts = heat_parts(TUBE, FACES, error[FACES].mean(axis=1), HEAT_SPAN_MM)
     faces = np.concatenate([p.faces for p in parts])
     assert sorted(map(tuple, faces.tolist())) == sorted(map(tuple, FACES.tolist()))
     low, high = parts[0], parts[-1]
@@ -138,7 +138,7 @@ def test_a_lying_body_is_seen_from_its_side():
 def test_picture_shows_the_garment_on_the_floor_where_it_is():
     scene = fitted(Scene(floor_z=float(TUBE[:, 2].min())), [TUBE], (60, 64))
     error = np.where(TUBE[:, 2] > 0, HEAT_SPAN_MM, 0.0)
-    parts = heat_parts(TUBE, FACES, error, HEAT_SPAN_MM)
+    parts = heat_parts(TUBE, FACES, error[FACES].mean(axis=1), HEAT_SPAN_MM)
     picture = scene.picture(parts, (60, 64), samples=6).astype(int)
     rows = np.flatnonzero((np.ptp(picture, axis=2) > 25).any(axis=1))
     assert rows[-1] > 0.88 * 64

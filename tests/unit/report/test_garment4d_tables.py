@@ -6,8 +6,13 @@ import re
 import pytest
 
 from drapeline.metrics.table import HIGH, LOW, write_metrics
+from drapeline.registration.registrar import COLUMNS, write_errors
+from drapeline.registration.template_fit import FitSettings
+from drapeline.registration.template_tables import ERRORS, NamedGarment, write_tables
 from drapeline.report.garment4d_tables import OURS, THEIRS, write_beside_paper, write_garment4d_page
+from drapeline.report.tables import read_table
 from metric_rows import metric_row
+from template_toys import toy_skirt, toy_template
 
 
 @pytest.fixture
@@ -26,6 +31,16 @@ def metrics(tmp_path):
         metric_row("lbs", "Trousers", "vertex_error_mm", 19.0, n=3),
         metric_row("truth", "Skirt", "inside_share", 0.0045),
         metric_row("truth", "Skirt", "to_cloud_mm", 6.25),
+        metric_row("truth", "Skirt", "simulated_share", 1.0),
+        metric_row("truth", "Trousers", "simulated_share", 0.0),
+        metric_row("truth", "Skirt", "canonical_to_original_mm", 0.5),
+        metric_row("pca", "Skirt", "canonical_error_mm", 2.0),
+        metric_row("pca", "Skirt", "canonical_to_original_mm", 2.5),
+        metric_row("mean_garment", "Skirt", "canonical_error_mm", 50.0),
+        metric_row("noisy_body", "Skirt", "vertex_error_mm", 33.0),
+        metric_row("noisy_body", "Skirt", "acceleration_error_m_s2", 3.75),
+        metric_row("lbs_noisy_body", "Trousers", "vertex_error_mm", 44.0),
+        metric_row("canonical_noisy_body", "Skirt", "canonical_error_mm", 26.0),
         metric_row("canonical", "Skirt", "canonical_error_mm", 24.0),
         metric_row("canonical", "Skirt", "segmentation_accuracy", 0.953),
         metric_row("neighbours_16", "Skirt", "vertex_error_mm", 30.0),
@@ -78,15 +93,49 @@ def test_shares_are_in_per_cent_and_the_truth_is_there_too(metrics, tmp_path):
     assert body_rows(cloud)[0][:2] == ["Ground truth itself", "6.25"]
 
 
-def test_ablations_need_both_errors_and_sweeps_rise(metrics, tmp_path):
+def test_ablations_have_both_errors_and_sweeps_rise(metrics, tmp_path):
     write_garment4d_page(tmp_path / "page.html", metrics)
     parts = sections(tmp_path / "page.html")
     pairs = parts["Ablations (figure 6) and inputs: M2 (mm) / M3 (m/s²)"]
     assert body_rows(pairs) == [["Full model", "27.1 / 3.50", "-", "-"]]
     sweep = parts["Neighbours, holes and wrong labels (figures 8 to 10): M2 (mm)"]
     assert [line[:2] for line in body_rows(sweep)] == [["K = 4", "31.0"], ["K = 16", "30.0"]]
-    distance = parts["Distance to the garment as simulated (mm)"]
-    assert "There are none." in distance
+    assert "There are none." in parts["Registration to the templates"]
+
+
+def test_floors_are_shown_and_never_lead(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    parts = sections(tmp_path / "page.html")
+    canonical = parts["Table 2: canonical garments, vertex error M1 (mm)"]
+    assert [line[1] for line in body_rows(canonical)] == ["50.0", "24.0", "2.0"]
+    assert 'good">24.0' in canonical
+    distance = body_rows(parts["Distance to the garment as simulated (mm)"])
+    assert [line[:2] for line in distance] == [
+        ["Best of the garment space: T of the true alpha", "2.5"],
+        ["Registered garment itself", "0.5"],
+    ]
+
+
+def test_noisy_bodies_have_tables_of_their_own_and_unknown_accelerations_a_dash(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    parts = sections(tmp_path / "page.html")
+    moving = parts["A body that is not quite known: M2 (mm) / M3 (m/s²)"]
+    assert body_rows(moving) == [
+        ["Interpolated LBS", "-", "-", "44.0 / -"],
+        ["Garment4D", "33.0 / 3.75", "-", "-"],
+    ]
+    canonical = body_rows(parts["A body that is not quite known: M1 (mm)"])
+    assert [line[:2] for line in canonical] == [["Garment4D", "26.0"]]
+
+
+def test_what_is_not_the_papers_is_said_where_it_holds(metrics, tmp_path):
+    texts = []
+    for located in (False, True):
+        write_garment4d_page(tmp_path / "page.html", metrics, located=located)
+        texts.append((tmp_path / "page.html").read_text())
+        assert "No Trousers of the test split is simulated" in texts[-1]
+        assert "No Skirt" not in texts[-1]
+    assert ["where on the body they are: " in text for text in texts] == [False, True]
 
 
 def test_the_papers_numbers_stand_apart(metrics, tmp_path):
@@ -98,17 +147,28 @@ def test_the_papers_numbers_stand_apart(metrics, tmp_path):
 
 
 def test_registration_is_judged_against_its_targets(metrics, tmp_path):
-    lines = ["garment\tname\tmetric\tvalue\tunit"]
-    for name, near, flipped in (("a", 2.0, 0), ("b", 4.0, 2)):
-        lines += [
-            f"Skirt\t{name}\toriginal_to_remeshed_mm\t{near}\tmm",
-            f"Skirt\t{name}\trims_mm\t{3 * near}\tmm",
-            f"Skirt\t{name}\tflipped_faces\t{flipped}\t1",
-        ]
-    (tmp_path / "a.tsv").write_text("\n".join(lines) + "\n")
-    write_garment4d_page(tmp_path / "page.html", metrics, [tmp_path / "a.tsv"])
+    garments = [NamedGarment("a", "Skirt", *toy_skirt(0.2, -0.5))]
+    write_tables(tmp_path / "fits", garments, {"Skirt": toy_template()}, FitSettings(iterations=1))
+    rows = read_table(tmp_path / "fits" / ERRORS, COLUMNS)
+    values = {
+        "original_to_remeshed_mm": (2, 4),
+        "remeshed_to_original_mm": (1, 1),
+        "rims_mm": (6, 12),
+        "flipped_faces": (0, 2),
+    }
+    assert list(values) == [row["metric"] for row in rows]
+    # The rows of two garments as they are written but for their values.
+    found = [
+        {**row, "name": name, "value": values[row["metric"]][k]}
+        for k, name in enumerate("ab")
+        for row in rows
+    ]
+    write_errors(tmp_path / "both.tsv", found)
+    write_garment4d_page(tmp_path / "page.html", metrics, [tmp_path / "both.tsv"])
     text = sections(tmp_path / "page.html")["Registration to the templates"]
-    assert body_rows(text) == [["Skirt", "2", "3.00, at most 4.00", "9.00, at most 12.00", "2"]]
+    near, exact, rims = "3.00, at most 4.00", "1.00, at most 1.00", "9.00, at most 12.00"
+    assert body_rows(text) == [["Skirt", "2", near, exact, rims, "2"]]
+    assert ">Flipped faces, total<" in text
     assert '"number good">3.00' in text
     assert '"number bad">9.00' in text
     assert '"number bad">2<' in text

@@ -130,13 +130,18 @@ class CanonicalSettings:
 
 @dataclass(frozen=True)
 class CanonicalWeights:
-    """lambda_1 ... lambda_5 of equation 4; defaults are those of the released code."""
+    """lambda_1 ... lambda_5 of equation 4; defaults are those of the released code.
+
+    Attributes:
+        laplacian_form: "paper" or "released", see `laplacian_difference`.
+    """
 
     segmentation: float = 0.05
     coefficients: float = 0.001
     vertices: float = 40.0
     interpenetration: float = 50.0
     laplacian: float = 1.0
+    laplacian_form: str = "paper"
 
 
 class CanonicalOutput(NamedTuple):
@@ -422,7 +427,9 @@ def canonical_loss(
         "coefficients": (output.coefficients - coefficients).square().sum(-1).mean(),
         "vertices": (output.vertices - canonical).square().sum(-1).mean(),
         "interpenetration": interpenetration(output.vertices, body, body_normals),
-        "laplacian": laplacian_difference(laplacian, output.vertices, canonical),
+        "laplacian": laplacian_difference(
+            laplacian, output.vertices, canonical, weights.laplacian_form
+        ),
     }
     if output.logits is not None:
         terms["segmentation"] = F.cross_entropy(output.logits.flatten(0, 2), labels.flatten())

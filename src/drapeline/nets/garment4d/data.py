@@ -1,8 +1,9 @@
 """Sequences of one garment type for Garment4D: collected into arrays that are mapped, in windows.
 
-All coordinates are metres relative to the root joint, Z up, at 30 frames per second. F frames of
-all sequences, S sequences, P points of a cloud, N vertices of the template, M body vertices that
-networks see, T frames of a window, D components of the garment space.
+All coordinates are metres relative to the root joint, Z up. Motions have 30 frames per second; a
+simulated sequence has all of its frames, a skinned one a few of them. F frames of all sequences, S
+sequences, P points of a cloud, N vertices of the template, M body vertices that networks see, T
+frames of a window, D components of the garment space.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,12 +19,13 @@ from drapeline.mesh import Mesh
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers, proposals
 from drapeline.nets.gcvae_data import Batch
 from drapeline.registration.garment_space import fit_space, load_space
-from drapeline.rule_log import progress
+from drapeline.rule_log import LOGGER, progress
 from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
 
 SOURCES = ("simulated", "skinned")
 _PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")
-_KEPT = 256  # sequences whose bodies stay in memory: 8 MB each at 1,000 vertices, 300 frames
+_KEPT_BYTES = 512 << 20  # of bodies, of located points, and of weights, each
+_KEPT_WEARERS = 512  # of some hundred kilobytes each
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class GarmentSequence:
         gender: 0 female, 1 male.
         shape: (10,).
         poses: (T, 72) rad.
-        number: (T,) of the frames in the motion, consecutive.
+        number: (T,) of the frames in the motion, rising; those of skinned sequences may be some
+            frames apart.
         points: (T, P, 3) clouds.
         labels: (T, P) codes of `LABELS`.
         canonical: (N, 3) the garment in the rest pose, in template topology.
@@ -217,18 +220,31 @@ class SequenceData:
     def wear(self, canonical: np.ndarray, skinning: SkinningSettings) -> None:
         """Skin proposals from these canonical garments (S, N, 3) in this way from now on."""
         self.worn, self.skinning = canonical, skinning
-        self._weights = lru_cache(None)(self._weights_of)
-        self._located = lru_cache(_KEPT)(self._located_of)
-        self._shown = lru_cache(_KEPT)(self._shown_of)
-        self._wearer = lru_cache(None)(self._wearer_of)
+        weights_bytes = 4 * 24 * canonical.shape[1]
+        self._weights = lru_cache(max(_KEPT_BYTES // weights_bytes, 1))(self._weights_of)
+        self._located = _Kept(self._located_of, _KEPT_BYTES)
+        self._shown = _Kept(self._shown_of, _KEPT_BYTES)
+        self._wearer = lru_cache(_KEPT_WEARERS)(self._wearer_of)
 
     def __len__(self) -> int:
         return len(self.name)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that a training depends on, by name; the bodies included."""
+        keys = ("points", "labels", "garment", "poses", "number", *_PER_SEQUENCE, "coefficients")
+        own = {key: getattr(self, key) for key in keys}
+        space = {f"space/{key}": value for key, value in vars(self.space).items()}
+        bodies = {f"bodies/{key}": value for key, value in self.wearers.arrays().items()}
+        return own | space | bodies
 
     def rows(self, sequence: int) -> slice:
         """Frames of a sequence."""
         start = int(self.start[sequence])
         return slice(start, start + int(self.count[sequence]))
+
+    def consecutive(self, sequence: int) -> bool:
+        """Whether a sequence has every frame of its motion, so that accelerations are known."""
+        return bool((np.diff(self.number[self.rows(sequence)]) == 1).all())
 
     def of_split(self, split: str, sources: Sequence[str] = SOURCES) -> np.ndarray:
         """Sequences of a split from some sources."""
@@ -256,8 +272,8 @@ class SequenceData:
         wearer = self.wearer(sequence)
         return wearer.weights(self.worn[sequence], self.space.faces, self.skinning)
 
-    def _shown_of(self, sequence: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        wearer, poses = self.wearer(sequence), self.poses[self.rows(sequence)]
+    def _shown_of(self, sequence: int, rows: slice) -> tuple[np.ndarray, ...]:
+        wearer, poses = self.wearer(sequence), self.poses[rows]
         return *wearer.shown(poses), wearer.transforms(poses)
 
     def windows(
@@ -266,7 +282,7 @@ class SequenceData:
         """(W, 2) sequence and first frame within it of windows that cover every frame.
 
         Raises:
-            InputError: a sequence is shorter than a window.
+            InputError: see `window_starts`.
         """
         found = [
             (sequence, start)
@@ -277,16 +293,16 @@ class SequenceData:
         ]
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
-    def clouds(self, sequence: int, *, located: bool) -> np.ndarray:
-        """(F, P, 3) points of a sequence, or (F, P, 7) as `Wearer.located` has them."""
+    def clouds(self, sequence: int, *, located: bool, frames: slice = slice(None)) -> np.ndarray:
+        """(F, P, 3) points of frames of a sequence, or (F, P, 7) as `Wearer.located` has them."""
         rows = self.rows(sequence)
         if not located:
-            return self.points[rows]
-        return self._located(int(sequence))
+            return self.points[rows][frames]
+        (found,) = self._located(int(sequence), rows, frames)
+        return found
 
-    def _located_of(self, sequence: int) -> np.ndarray:
-        rows = self.rows(sequence)
-        return self.wearer(sequence).located(self.points[rows], self.poses[rows])
+    def _located_of(self, sequence: int, rows: slice) -> tuple[np.ndarray, ...]:
+        return (self.wearer(sequence).located(self.points[rows], self.poses[rows]),)
 
     def batch(
         self, windows: np.ndarray, frames: int, *, posed: bool, located: bool = False
@@ -306,13 +322,14 @@ class SequenceData:
             `body` and `body_normals` (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3),
             `weights` (B, N, 24) and `proposal` (B, T, N, 3).
         """
-        places = [(int(s), self.start[s] + first, int(first)) for s, first in windows]
-        spans = [slice(row, row + frames) for _, row, _ in places]
-        chosen = np.array([s for s, _, _ in places])
+        places = [(int(s), slice(int(first), int(first) + frames)) for s, first in windows]
+        starts = [int(self.start[s]) + part.start for s, part in places]
+        spans = [slice(row, row + frames) for row in starts]
+        chosen = np.array([s for s, _ in places])
         rest = [self.wearer(s).rest for s in chosen]
         batch = {
             "points": np.stack(
-                [self.clouds(s, located=located)[first : first + frames] for s, _, first in places]
+                [self.clouds(s, located=located, frames=part) for s, part in places]
             ),
             "labels": np.stack([self.labels[span] for span in spans]).astype(np.int64),
             "canonical": self.canonical[chosen],
@@ -320,12 +337,14 @@ class SequenceData:
             "rest_body": np.stack([vertices for vertices, _ in rest]).astype(np.float32),
             "rest_normals": np.stack([normals for _, normals in rest]).astype(np.float32),
             "sequence": chosen,
-            "start": np.array([first for _, _, first in places]),
-            "names": [f"{self.name[s]}/{self.number[row]}" for s, row, _ in places],
+            "start": np.array([part.start for _, part in places]),
+            "names": [
+                f"{self.name[s]}/{self.number[row]}" for s, row in zip(chosen, starts, strict=True)
+            ],
         }
         if not posed:
             return batch
-        shown = [tuple(x[first : first + frames] for x in self._shown(s)) for s, _, first in places]
+        shown = [self._shown(s, self.rows(s), part) for s, part in places]
         batch |= {
             key: np.stack([one[part] for one in shown]).astype(np.float32)
             for part, key in enumerate(("body", "body_normals", "transforms"))
@@ -340,6 +359,33 @@ class SequenceData:
         return batch
 
 
+class _Kept:
+    """Arrays over the frames of whole sequences, as long as there is room; of others parts only.
+
+    Args:
+        compute: sequence and its rows -> arrays (F, ...) of those rows.
+        room: bytes.
+    """
+
+    def __init__(self, compute: Callable[[int, slice], tuple[np.ndarray, ...]], room: int) -> None:
+        self._compute, self._room = compute, room
+        self._found: dict[int, tuple[np.ndarray, ...]] = {}
+
+    def __call__(self, sequence: int, rows: slice, frames: slice) -> tuple[np.ndarray, ...]:
+        """Of some frames of the sequence that has these rows."""
+        if sequence not in self._found:
+            wanted = range(rows.start, rows.stop)[frames]
+            part = self._compute(sequence, slice(wanted.start, wanted.stop))
+            count = rows.stop - rows.start
+            size = sum(x.nbytes for x in part) // len(wanted) * count
+            if size > self._room:
+                return part
+            self._room -= size
+            whole = len(wanted) == count
+            self._found[sequence] = part if whole else self._compute(sequence, rows)
+        return tuple(x[frames] for x in self._found[sequence])
+
+
 def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
     """First frames of windows; the last one is shifted back to end with the sequence, not padded.
 
@@ -350,10 +396,15 @@ def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
         name: of the sequence, for the error.
 
     Raises:
-        InputError: the sequence is shorter than a window.
+        InputError: the sequence is shorter than a window, or windows would leave out frames.
     """
     if count < frames:
         raise InputError(f"sequence {name} has {count} frames, expected at least {frames}")
+    if stride > frames:
+        raise InputError(
+            f"sequence {name}: windows of {frames} frames have a stride of {stride}, expected at"
+            f" most {frames}"
+        )
     starts = list(range(0, count - frames + 1, stride))
     return starts if starts[-1] == count - frames else [*starts, count - frames]
 
@@ -388,6 +439,12 @@ class Windows:
         val = data.windows("val", frames, frames, sources)
         if not len(val):
             val = data.windows("val", frames, frames)
+            LOGGER.warning(
+                "no %s %s in the validation split: the network is selected on %d windows of others",
+                " or ".join(sources),
+                data.kind,
+                len(val),
+            )
         self._windows = np.concatenate([train, val])
         self._rows = {
             "train": np.arange(len(train)),

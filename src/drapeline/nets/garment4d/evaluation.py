@@ -1,7 +1,8 @@
 """How good trained Garment4D networks are: all variants of one garment type, row by row."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,14 +17,15 @@ from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.inference import (
     Reconstruction,
     estimate_canonical,
+    pictured,
     reconstruct,
     refine,
     training_habits,
 )
 from drapeline.nets.garment4d.refine import Habits, RefineSettings
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
-from drapeline.outfits.fit import rest_body
-from drapeline.rule_log import progress
+from drapeline.nets.garment4d.wearers import Wearer
+from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import whole_folder
 
@@ -33,24 +35,22 @@ class EvaluationSettings:
     """What is evaluated besides the plain reconstruction.
 
     Attributes:
-        stride: frames from one window to the next; 0 for T.
+        stride: frames from one window to the next, at most T; 0 for T.
         neighbours: values of K to skin proposals with (figure 8).
         missing: shares of points in holes (figure 9).
         accuracy: shares of points with the right label (figure 10).
         noise_pose_rad: deviation of what is added to every angle of the poses given, the same in
             all frames of a sequence.
         noise_shape: deviation of what is added to the shapes given.
-        contact_every: frames from one to the next that what is inside the body is looked at in.
         seed: of holes, labels, noise and intervals.
     """
 
     stride: int = 0
     neighbours: tuple[int, ...] = (1, 16, 64, 256)
-    missing: tuple[float, ...] = (0.1, 0.3, 0.5)
+    missing: tuple[float, ...] = (0.1, 0.3, 0.5, 0.8)
     accuracy: tuple[float, ...] = (1.0, 0.9, 0.7, 0.5)
     noise_pose_rad: float = 0.05
     noise_shape: float = 0.5
-    contact_every: int = 5
     seed: int = 0
 
 
@@ -70,6 +70,14 @@ class Evaluation:
         self.sequences = data.of_split(split)
         # What is only skinned has no true folds; it is better than nothing to measure at all.
         self.moving = simulated if len(simulated) else self.sequences
+        if len(self.sequences) and not len(simulated):
+            LOGGER.warning(
+                "no simulated %s in the %s split: posed garments are measured on %d skinned ones,"
+                " without accelerations where frames are not consecutive",
+                data.kind,
+                split,
+                len(self.moving),
+            )
 
     def rows(self) -> list[MetricRow]:
         """Rows of the table of metrics."""
@@ -89,51 +97,61 @@ class Evaluation:
         self._measured.setdefault(variant, []).append(one)
 
     def canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
-        """M1 of the mean garment and of stages by variant, on sequences of all sources."""
+        """M1 of stages by variant and of what needs none, on sequences of all sources.
+
+        Without a stage there are the mean garment; "pca", the garment from its own coefficients,
+        as good as the space can be; and "truth", where registration put the garment as made.
+        """
         data = self.data
         for sequence in progress(self.sequences, total=len(self.sequences), label="canonical"):
-            true, original = data.canonical[sequence], data.originals.get(str(data.name[sequence]))
-            mean = metrics.canonical_measures(data.space.mean, true, original)
-            self.add("mean_garment", sequence, mean)
-            rows = data.rows(sequence)
+            self._canonical("mean_garment", sequence, data.space.mean)
+            self._canonical("pca", sequence, data.space.vertices(data.coefficients[sequence]))
+            self._canonical("truth", sequence, data.canonical[sequence], true=False)
             for variant, stage in stages.items():
                 clouds = data.clouds(sequence, located=stage.located)
                 found, labels = estimate_canonical(stage, clouds)
-                measures = metrics.canonical_measures(found, true, original)
+                self._canonical(variant, sequence, found)
                 if labels is not None:
-                    measures["segmentation_accuracy"] = metrics.segmentation_accuracy(
-                        labels, data.labels[rows]
-                    )
-                self.add(variant, sequence, measures)
+                    right = metrics.segmentation_accuracy(labels, data.labels[data.rows(sequence)])
+                    self.add(variant, sequence, {"segmentation_accuracy": right})
 
-    def posed(self, variant: str, stage: PosedStage) -> dict[str, Reconstruction]:
-        """M2, M3 and the like of a stage; name of each sequence -> its reconstruction."""
-        found = {}
+    def _canonical(
+        self, variant: str, sequence: int, garment: np.ndarray, *, true: bool = True
+    ) -> None:
+        """All measures of a canonical garment (N, 3); without `true` those that need no truth."""
+        original = self.data.originals.get(str(self.data.name[sequence]))
+        registered = self.data.canonical[sequence] if true else None
+        self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
+
+    def posed(self, variant: str, stage: PosedStage) -> Iterator[tuple[int, Reconstruction]]:
+        """Measure a stage; each sequence with its reconstruction, none of which is kept."""
         for sequence in progress(self.moving, total=len(self.moving), label=variant):
             made = self._reconstructed(stage, sequence)
             self.garment(variant, sequence, made.final, seconds=made.seconds)
-            found[str(self.data.name[sequence])] = made
-        return found
+            yield int(sequence), made
 
     def ours(
         self, sequence: int, made: Reconstruction, refining: RefineSettings, habits: Habits | None
     ) -> np.ndarray:
         """Measure our variant and return it, (F, N, 3)."""
-        data, rows = self.data, self.data.rows(sequence)
-        started = time.perf_counter()
-        found = refine(
-            made,
-            data.points[rows],
-            data.poses[rows],
-            data.wearer(sequence),
-            data.label,
-            data.space.faces,
-            refining,
-            habits,
-        )
+        data, started = self.data, time.perf_counter()
+        poses, wearer = data.poses[data.rows(sequence)], data.wearer(sequence)
+        found = self._refined(sequence, made, poses, wearer, refining, habits)
         seconds = made.seconds + time.perf_counter() - started
         self.garment("ours", sequence, found, seconds=seconds)
         return found
+
+    def _refined(
+        self,
+        sequence: int,
+        made: Reconstruction,
+        poses: np.ndarray,
+        wearer: Wearer,
+        refining: RefineSettings,
+        habits: Habits | None,
+    ) -> np.ndarray:
+        points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
+        return refine(made, points, poses, wearer, self.data.label, faces, refining, habits)
 
     def garment(
         self,
@@ -156,38 +174,30 @@ class Evaluation:
             data.garment[rows] if true else None,
             wearer=metrics.Wearer(body, wearer.model.faces),
             points=data.points[rows],
-            contact_every=self.settings.contact_every,
+            consecutive=data.consecutive(sequence),
         )
         if seconds is not None:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
 
     def shown(self, sequence: int, made: Reconstruction) -> metrics.Reconstruction:
-        """A reconstruction with all that figures need; the floor is below the lowest vertex."""
-        data, rows, wearer = self.data, self.data.rows(sequence), self.data.wearer(sequence)
-        poses = data.poses[rows]
-        body = posed_vertices(wearer.model, wearer.shape, poses)[0]
-        return metrics.Reconstruction(
+        """A reconstruction with all that figures need."""
+        data, rows = self.data, self.data.rows(sequence)
+        return pictured(
+            made,
             name=str(data.name[sequence]),
             garment=data.kind,
             faces=data.space.faces,
-            canonical=made.canonical,
-            proposal=made.proposal,
-            final=made.final,
+            points=data.points[rows],
+            poses=data.poses[rows],
+            wearer=data.wearer(sequence),
+            number=data.number[rows],
             true=data.garment[rows],
             true_canonical=data.canonical[sequence],
-            points=data.points[rows],
-            labels=made.labels,
-            body=body,
-            rest_body=rest_body(wearer.model, wearer.shape),
-            body_faces=wearer.model.faces,
-            root_rotation=poses[:, :3],
-            root_height=-body[..., 2].min(axis=1),
-            number=data.number[rows],
         )
 
     def sweeps(self, stage: PosedStage) -> None:
-        """Figures 8, 9 and 10, and a body that is not quite known."""
+        """Figures 8, 9 and 10."""
         settings, plain = self.settings, stage.settings.skinning
         for sequence in progress(self.moving, total=len(self.moving), label="sweeps"):
             name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
@@ -196,7 +206,7 @@ class Evaluation:
                 made = self._reconstructed(
                     stage, sequence, skinning=replace(plain, neighbours=count)
                 )
-                self._errors(f"neighbours_{count}", sequence, made)
+                self._errors(f"neighbours_{count}", sequence, made.final, made.seconds)
             for share in settings.missing:
                 rng = rng_for(settings.seed, "missing", name, share)
                 holed = np.stack(
@@ -206,23 +216,62 @@ class Evaluation:
                     ]
                 )
                 made = self._reconstructed(stage, sequence, points=holed)
-                self._errors(f"missing_{round(100 * share)}", sequence, made)
+                variant = f"missing_{round(100 * share)}"
+                self._errors(variant, sequence, made.final, made.seconds)
             for share in settings.accuracy:
                 rng = rng_for(settings.seed, "accuracy", name, share)
                 wrong = with_wrong_labels(labels.ravel(), share, self.data.label, rng)
                 made = self._reconstructed(stage, sequence, labels=wrong.reshape(labels.shape))
-                self._errors(f"accuracy_{round(100 * share)}", sequence, made)
-            rng = rng_for(settings.seed, "noisy body", name)
-            poses = self.data.poses[rows] + rng.normal(0, settings.noise_pose_rad, 72)
-            shape = self.data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
-            wearer = self.data.wearers.of(int(self.data.gender[sequence]), shape)
-            made = self._reconstructed(stage, sequence, poses=poses, wearer=wearer)
-            self._errors("noisy_body", sequence, made)
+                variant = f"accuracy_{round(100 * share)}"
+                self._errors(variant, sequence, made.final, made.seconds)
 
-    def _errors(self, variant: str, sequence: int, made: Reconstruction) -> None:
+    def noisy_bodies(
+        self,
+        canonical: Mapping[str, CanonicalStage],
+        posed: Mapping[str, PosedStage],
+        refining: RefineSettings,
+        habits: Habits | None,
+    ) -> None:
+        """Errors with a body that is not quite known, in variants that end in "noisy_body".
+
+        Canonical stages are measured if their points say where on the body they are; others do not
+        look at it. Of posed stages the full model, which alone has no name before the ending, what
+        comes before and after it, and MGN*.
+        """
+        for sequence in progress(self.sequences, total=len(self.sequences), label="noisy bodies"):
+            poses, wearer = self._noisy_body(sequence)
+            for variant, stage in canonical.items():
+                if stage.located:
+                    clouds = wearer.located(self.data.points[self.data.rows(sequence)], poses)
+                    found, _ = estimate_canonical(stage, clouds)
+                    self._canonical(f"{variant}_noisy_body", sequence, found)
+        for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
+            poses, wearer = self._noisy_body(sequence)
+            made = self._reconstructed(posed["posed"], sequence, poses=poses, wearer=wearer)
+            ours = self._refined(sequence, made, poses, wearer, refining, habits)
+            self._errors("noisy_body", sequence, made.final)
+            self._errors("lbs_noisy_body", sequence, made.proposal)
+            self._errors("ours_noisy_body", sequence, ours)
+            if "mgn" in posed:
+                made = self._reconstructed(posed["mgn"], sequence, poses=poses, wearer=wearer)
+                self._errors("mgn_noisy_body", sequence, made.final)
+
+    def _noisy_body(self, sequence: int) -> tuple[np.ndarray, Wearer]:
+        data, settings = self.data, self.settings
+        rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
+        poses = data.poses[data.rows(sequence)] + rng.normal(0, settings.noise_pose_rad, 72)
+        shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
+        return poses, data.wearers.of(int(data.gender[sequence]), shape)
+
+    def _errors(
+        self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
+    ) -> None:
+        """M2 and M3 alone."""
         true = self.data.garment[self.data.rows(sequence)]
-        measures = metrics.sequence_measures(made.final, true)
-        measures["inference_s_per_frame"] = made.seconds / len(true)
+        consecutive = self.data.consecutive(sequence)
+        measures = metrics.sequence_measures(garment, true, consecutive=consecutive)
+        if seconds is not None:
+            measures["inference_s_per_frame"] = seconds / len(true)
         self.add(variant, sequence, measures)
 
     def _reconstructed(self, stage: PosedStage, sequence: int, **changed: object) -> Reconstruction:
@@ -253,33 +302,37 @@ def evaluate(
         data: sequences of the type.
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        splits: to evaluate; sweeps are made on the test split alone.
+        splits: to evaluate; sweeps and noisy bodies are of the test split alone.
         settings, refining: see there.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `metrics.garment4d.Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code.
     """
-    found, habits = [], training_habits(data)
+    found, habits = [], training_habits(data, posed["posed"].settings.skinning)
     with whole_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(data, split, settings)
             evaluation.canonicals(canonical)
-            made = {variant: evaluation.posed(variant, stage) for variant, stage in posed.items()}
-            for sequence in evaluation.moving:
-                name, rows = str(data.name[sequence]), data.rows(sequence)
-                plain = made["posed"][name]
-                evaluation.garment("lbs", sequence, plain.proposal)
-                ours = evaluation.ours(sequence, plain, refining, habits)
-                evaluation.garment("truth", sequence, data.garment[rows], true=False)
-                if split == "test":
-                    shown = evaluation.shown(sequence, plain)
-                    shown.save(scratch / f"{name}.npz")
-                    replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
+            for variant, stage in posed.items():
+                for sequence, made in evaluation.posed(variant, stage):
+                    if variant != "posed":
+                        continue
+                    name, rows = str(data.name[sequence]), data.rows(sequence)
+                    evaluation.garment("lbs", sequence, made.proposal)
+                    ours = evaluation.ours(sequence, made, refining, habits)
+                    evaluation.garment("truth", sequence, data.garment[rows], true=False)
+                    simulated = float(data.source[sequence] == "simulated")
+                    evaluation.add("truth", sequence, {"simulated_share": simulated})
+                    if split == "test":
+                        shown = evaluation.shown(sequence, made)
+                        shown.save(scratch / f"{name}.npz")
+                        replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
             if split == "test":
                 evaluation.sweeps(posed["posed"])
+                evaluation.noisy_bodies(canonical, posed, refining, habits)
                 if vertex_sampled is not None:
                     released = Evaluation(vertex_sampled, split, settings)
-                    released.posed("vertex_sampled", posed["posed"])
+                    deque(released.posed("vertex_sampled", posed["posed"]), maxlen=0)
                     found += released.rows()
             found += evaluation.rows()
     return found

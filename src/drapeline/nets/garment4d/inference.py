@@ -1,4 +1,4 @@
-"""Whole sequences through trained Garment4D networks.
+"""Whole sequences through trained Garment4D networks, on the device that these are on.
 
 Coordinates are metres relative to the root joint, Z up. F frames, P points, N vertices.
 """
@@ -10,10 +10,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from drapeline.bodies.model import posed_vertices
+from drapeline.metrics import garment4d as metrics
 from drapeline.nets.garment4d.data import SequenceData, window_starts
 from drapeline.nets.garment4d.refine import Habits, RefineSettings, habits_of, refined
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, proposals
+from drapeline.outfits.fit import rest_body
 
 _BATCH = 4  # windows at once
 
@@ -53,7 +56,7 @@ def estimate_canonical(
     windows = _Windows(len(points), stage.settings.training.frames)
     outputs = list(_outputs(stage, windows, points, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    return stage.network.vertices(alpha[None])[0].numpy(), _labels(outputs, windows)
+    return stage.network.vertices(alpha[None])[0].cpu().numpy(), _labels(outputs, windows)
 
 
 @torch.inference_mode()
@@ -74,13 +77,13 @@ def reconstruct(
         points: (F, P, 3) clouds, metres, root frame.
         poses: (F, 72) rad of the wearer.
         wearer: the body.
-        stride: from one window to the next; T if None. The last window is shifted back to end
-            with the sequence.
+        stride: from one window to the next, at most T; T if None. The last window is shifted back
+            to end with the sequence.
         skinning: of the proposals, where not as in training.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
 
     Raises:
-        InputError: the sequence is shorter than a window.
+        InputError: the sequence is shorter than a window, or the stride longer than one.
     """
     started = time.perf_counter()
     training, faces = stage.settings.training, stage.space.faces
@@ -88,7 +91,7 @@ def reconstruct(
     seen = wearer.located(points, poses) if stage.located else points
     outputs = list(_outputs(stage.canonical, windows, seen, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    canonical = stage.canonical.network.vertices(alpha[None])[0].numpy()
+    canonical = stage.canonical.network.vertices(alpha[None])[0].cpu().numpy()
     weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)
     transforms = wearer.transforms(poses)
     proposal = proposals(canonical[None], weights[None], transforms[None])[0]
@@ -104,7 +107,8 @@ def reconstruct(
         batch = {key: torch.from_numpy(windows.of(chosen, x)) for key, x in frames.items()}
         for key, value in (("worn", canonical), ("weights", weights)):
             batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
-        mean.add(chosen, stage.predictions(batch, output.levels)[-1].numpy())
+        batch = {key: value.to(stage.device) for key, value in batch.items()}
+        mean.add(chosen, stage.predictions(batch, output.levels)[-1].cpu().numpy())
     return Reconstruction(
         _labels(outputs, windows), canonical, proposal, mean(), time.perf_counter() - started
     )
@@ -155,12 +159,12 @@ def _outputs(
     stage: CanonicalStage, windows: _Windows, points: np.ndarray, labels: np.ndarray | None
 ) -> Iterator:
     for starts in windows.parts():
-        cloud = torch.from_numpy(windows.of(starts, points))
+        cloud = torch.from_numpy(windows.of(starts, points)).to(stage.device)
         if labels is None:
             yield stage.network(cloud)
         else:
             given = windows.of(starts, np.asarray(labels, dtype=np.int64))
-            yield stage.network(cloud, torch.from_numpy(given))
+            yield stage.network(cloud, torch.from_numpy(given).to(stage.device))
 
 
 def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
@@ -168,7 +172,7 @@ def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
         return None
     mean = windows.mean(outputs[0].logits.shape[2:])
     for starts, output in zip(windows.parts(), outputs, strict=True):
-        mean.add(starts, output.logits.numpy())
+        mean.add(starts, output.logits.cpu().numpy())
     return mean().argmax(axis=-1).astype(np.uint8)
 
 
@@ -209,25 +213,73 @@ def refine(
     )
 
 
-def training_habits(data: SequenceData) -> Habits | None:
+def pictured(
+    made: Reconstruction,
+    *,
+    name: str,
+    garment: str,
+    faces: np.ndarray,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    number: np.ndarray,
+    true: np.ndarray | None = None,
+    true_canonical: np.ndarray | None = None,
+) -> metrics.Reconstruction:
+    """A reconstruction with all that figures need; the floor is below the lowest vertex.
+
+    Args:
+        made: with labels.
+        name: of the sequence.
+        garment: type.
+        faces: (E, 3) of its template.
+        points, poses, wearer: as it was made from.
+        number: (F,) of the frames.
+        true, true_canonical: (F, N, 3) and (N, 3); None for scans.
+    """
+    body = posed_vertices(wearer.model, wearer.shape, poses)[0]
+    return metrics.Reconstruction(
+        name=name,
+        garment=garment,
+        faces=faces,
+        canonical=made.canonical,
+        proposal=made.proposal,
+        final=made.final,
+        true=made.final[:0] if true is None else true,
+        true_canonical=made.canonical[:0] if true_canonical is None else true_canonical,
+        points=points,
+        labels=made.labels,
+        body=body,
+        rest_body=rest_body(wearer.model, wearer.shape),
+        body_faces=wearer.model.faces,
+        root_rotation=poses[:, :3],
+        root_height=-body[..., 2].min(axis=1),
+        number=number,
+    )
+
+
+def training_habits(data: SequenceData, skinning: SkinningSettings) -> Habits | None:
     """What simulated training sequences tell of worn garments; None where there are none.
 
     Static outfits in motion hang as skinning has it, so they would tell nothing of cloth.
+
+    Args:
+        data: sequences of the type.
+        skinning: of the proposals that garments are compared with.
     """
     chosen = data.of_split("train", ("simulated",))
     if not len(chosen):
         return None
-    wearers = [data.wearer(sequence) for sequence in chosen]
+
+    def skinned(sequence: int) -> np.ndarray:
+        canonical, wearer = data.canonical[sequence], data.wearer(sequence)
+        weights = wearer.weights(canonical, data.space.faces, skinning)
+        transforms = wearer.transforms(data.poses[data.rows(sequence)])
+        return proposals(canonical[None], weights[None], transforms[None])[0]
+
     return habits_of(
-        [data.garment[data.rows(sequence)] for sequence in chosen],
-        [
-            proposals(
-                data.canonical[sequence][None],
-                wearer.weights(data.canonical[sequence], data.space.faces, data.skinning)[None],
-                wearer.transforms(data.poses[data.rows(sequence)])[None],
-            )[0]
-            for sequence, wearer in zip(chosen, wearers, strict=True)
-        ],
-        [data.canonical[sequence] for sequence in chosen],
+        (data.garment[data.rows(sequence)] for sequence in chosen),
+        (skinned(sequence) for sequence in chosen),
+        (data.canonical[sequence] for sequence in chosen),
         data.space.faces,
     )

@@ -3,8 +3,10 @@
 import igl
 import numpy as np
 import torch
+from scipy import sparse
 from torch import nn
 
+from drapeline.mesh import edge_graph, edges
 from drapeline.nets.chebyshev import SparseMatrix
 from drapeline.nets.garment4d.points import nearest_neighbours
 
@@ -28,11 +30,23 @@ def interpenetration(
     return torch.relu(-(away * normals.gather(1, nearest)).sum(-1)).mean()
 
 
-class CotangentLaplacian(nn.Module):
+class _Laplacian(nn.Module):
+    """One fixed matrix L, applied to all meshes of a topology."""
+
+    def __init__(self, matrix: sparse.spmatrix) -> None:
+        super().__init__()
+        self.matrix = SparseMatrix(matrix)
+
+    def forward(self, vertices: torch.Tensor) -> torch.Tensor:
+        """(..., N, 3) metres -> (..., N, 3) metres."""
+        return self.matrix(vertices.movedim(-2, 0)).movedim(0, -2)
+
+
+class CotangentLaplacian(_Laplacian):
     """The cotangent Laplacian of one mesh, as libigl has it, applied to others of its topology.
 
     One fixed L keeps the term linear in the vertices it is applied to; the released code rebuilds
-    it from every target instead.
+    it from every mesh instead.
 
     Args:
         vertices: (N, 3) the template, metres.
@@ -40,14 +54,23 @@ class CotangentLaplacian(nn.Module):
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        super().__init__()
-        self.matrix = SparseMatrix(
+        super().__init__(
             igl.cotmatrix(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64))
         )
 
-    def forward(self, vertices: torch.Tensor) -> torch.Tensor:
-        """(..., N, 3) metres -> (..., N, 3) metres."""
-        return self.matrix(vertices.movedim(-2, 0)).movedim(0, -2)
+
+class UniformLaplacian(_Laplacian):
+    """From each vertex to the mean of its neighbours.
+
+    Args:
+        faces: (F, 3).
+        count: N.
+    """
+
+    def __init__(self, faces: np.ndarray, count: int) -> None:
+        graph = edge_graph(edges(faces), count)
+        degree = np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)
+        super().__init__(sparse.diags(1 / degree) @ graph - sparse.identity(count))
 
 
 def laplacian_difference(
@@ -68,6 +91,14 @@ def laplacian_difference(
     if form == "released":
         return (made.norm(dim=-1) - wanted.norm(dim=-1)).abs().mean()
     return (made.square().sum(-1) - wanted.square().sum(-1)).abs().mean()
+
+
+def roughness(laplacian: UniformLaplacian, vertices: torch.Tensor) -> torch.Tensor:
+    """Mean of |Lx| over vertices (..., N, 3), in metres.
+
+    The released code has it instead of equation 6 for posed garments.
+    """
+    return laplacian(vertices).norm(dim=-1).mean()
 
 
 def temporal_difference(vertices: torch.Tensor, form: str = "paper") -> torch.Tensor:

@@ -1,7 +1,8 @@
 """Layers of PointNet++ (Qi et al. 2017): features of points from the points around them.
 
 Nothing here normalises over a batch, so a batch gives what its clouds give one by one: features
-are normalised point by point, after the maximum over a neighbourhood, where rows are few.
+are normalised point by point, after the maximum over a neighbourhood, where rows are few, and what
+is pooled from a whole window by what training has shown so far.
 """
 
 from collections.abc import Sequence

@@ -18,8 +18,10 @@ from drapeline.mesh import edge_graph, edges
 from drapeline.nets.chebyshev import SparseMatrix, linear
 from drapeline.nets.garment4d.losses import (
     CotangentLaplacian,
+    UniformLaplacian,
     interpenetration,
     laplacian_difference,
+    roughness,
     temporal_difference,
 )
 from drapeline.nets.garment4d.pointnet import Neighbourhoods, PointLevel, pooled
@@ -65,7 +67,10 @@ class PosedWeights:
         interpenetration: lambda_7, per metre.
         laplacian: lambda_8.
         temporal: lambda_9.
-        laplacian_form, temporal_form: see `losses`.
+        laplacian_form: "paper": `laplacian_difference`; "released": `roughness` of the garment
+            alone.
+        temporal_form: "paper": squared distances, of all iterations; "released": distances, of
+            the last iteration alone.
     """
 
     vertices: float = 20.0
@@ -242,7 +247,7 @@ def posed_loss(
     target: torch.Tensor,
     body: torch.Tensor,
     body_normals: torch.Tensor,
-    laplacian: CotangentLaplacian,
+    laplacian: CotangentLaplacian | UniformLaplacian,
     weights: PosedWeights,
     iteration_weights: Sequence[float] | None = None,
 ) -> Mapping[str, torch.Tensor]:
@@ -252,7 +257,7 @@ def posed_loss(
         predictions: (B, T, N, 3) after each iteration, metres.
         target: (B, T, N, 3).
         body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
-        laplacian: of the template.
+        laplacian: of the template; the cotangent one for the paper's form, else the uniform one.
         weights: of the terms.
         iteration_weights: w_j, 1 each if None.
 
@@ -263,14 +268,18 @@ def posed_loss(
     shares = iteration_weights or [1.0] * len(predictions)
     terms = dict.fromkeys(("vertices", "interpenetration", "laplacian", "temporal"), 0.0)
     skin, normals = body.flatten(0, 1), body_normals.flatten(0, 1)
-    for share, garment in zip(shares, predictions, strict=True):
+    last_alone = weights.temporal_form == "released"
+    for number, (share, garment) in enumerate(zip(shares, predictions, strict=True), 1):
         parts = {
             "vertices": (garment - target).square().sum(-1).mean(),
             "interpenetration": interpenetration(garment.flatten(0, 1), skin, normals),
-            "laplacian": laplacian_difference(laplacian, garment, target, weights.laplacian_form),
-            "temporal": temporal_difference(garment, weights.temporal_form),
+            "laplacian": roughness(laplacian, garment)
+            if weights.laplacian_form == "released"
+            else laplacian_difference(laplacian, garment, target),
         }
-        terms = {name: terms[name] + share * part for name, part in parts.items()}
+        if number == len(predictions) or not last_alone:
+            parts["temporal"] = temporal_difference(garment, weights.temporal_form)
+        terms |= {name: terms[name] + share * part for name, part in parts.items()}
     return {**terms, "total": sum(getattr(weights, name) * term for name, term in terms.items())}
 
 

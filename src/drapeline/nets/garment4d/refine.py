@@ -5,7 +5,7 @@ moves smoothly, so with the lengths of the canonical garment's edges and all fra
 a system of equations to solve for the vertices: linear, and the same one in every round.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,6 +20,9 @@ from drapeline.registration.closest import closest_points
 _APART_M = 4.0  # between frames, where they are searched together
 _ROW = 16  # frames per row of such a layout
 _SMALL_M = 1e-9
+_MOMENTUM = 0.9  # share of the last round's step that the next one begins with
+_REACH_M = 0.06  # a point this far from the garment pulls half as hard as a close one
+_DEEP_M = 0.05  # what is nearest to vertices further inside is likely another limb
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
 _USUAL_ERROR_M = 0.08  # of proposals, where nothing is known of them
 
@@ -30,26 +33,19 @@ class RefineSettings:
 
     Attributes:
         rounds: how often points find their places on the garment anew.
-        momentum: share of the last round's step that the next one begins with.
-        reach_m: a point this far from the garment pulls half as hard as a close one.
         stretch: of the edges' lengths.
         bend: of the distances across edges.
         smooth: of accelerations, between frames.
         keep_m: a vertex that starts with this error is drawn back as hard as points pull it.
         gap_m: least distance from the body.
-        deep_m: vertices further inside than this are left to the points; what is nearest to them
-            is likely another limb.
     """
 
     rounds: int = 15
-    momentum: float = 0.9
-    reach_m: float = 0.06
     stretch: float = 2.0
     bend: float = 0.2
     smooth: float = 0.5
     keep_m: float = 0.008
     gap_m: float = 0.003
-    deep_m: float = 0.05
 
 
 class Habits(NamedTuple):
@@ -112,19 +108,19 @@ def refined(
     constant += habits.follow[:, None] * solver.bent(start if proposal is None else proposal)
     garment, before = start, start
     for number in range(settings.rounds):
-        ahead = garment + settings.momentum * (garment - before)
+        ahead = garment + _MOMENTUM * (garment - before)
         if number % _BODY_EVERY == 0:
             nearest = _nearest_rows(body, ahead)
-        pull = point_pull(ahead, points, chosen, faces, settings.reach_m)
-        pull += body_push(ahead, body, body_normals, nearest, settings)
+        pull = point_pull(ahead, points, chosen, faces, _REACH_M)
+        pull += body_push(ahead, body, body_normals, nearest, settings.gap_m)
         before, garment = garment, solver(constant + ahead + pull + cloth.lengths(ahead))
     return garment.astype(np.float32)
 
 
 def habits_of(
-    garments: Sequence[np.ndarray],
-    proposals: Sequence[np.ndarray],
-    canonicals: Sequence[np.ndarray],
+    garments: Iterable[np.ndarray],
+    proposals: Iterable[np.ndarray],
+    canonicals: Iterable[np.ndarray],
     faces: np.ndarray,
 ) -> Habits:
     """Means over training sequences, as if one more had the mean at all vertices and springs.
@@ -314,20 +310,22 @@ def body_push(
     body: np.ndarray,
     normals: np.ndarray,
     nearest: np.ndarray,
-    settings: RefineSettings,
+    gap_m: float,
 ) -> np.ndarray:
     """Offsets that take vertices to `gap_m` above the body, (F, N, 3) metres.
+
+    Vertices deep inside are left to the points.
 
     Args:
         garment: (F, N, 3).
         body, normals: (F, M, 3).
         nearest: (F, N) the body vertex whose tangent plane counts.
-        settings: `gap_m` and `deep_m`.
+        gap_m: wanted, metres.
     """
     place = np.take_along_axis(body, nearest[..., None], axis=1)
     normal = np.take_along_axis(normals, nearest[..., None], axis=1)
     height = ((garment - place) * normal).sum(-1, keepdims=True)
-    push = np.maximum(settings.gap_m - height, 0) * (height > -settings.deep_m)
+    push = np.maximum(gap_m - height, 0) * (height > -_DEEP_M)
     return push * normal
 
 

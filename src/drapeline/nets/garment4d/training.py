@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,7 +11,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.fitting import BEST, fit
+from drapeline.nets.fitting import BEST, arrays_digest, fit
 from drapeline.nets.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,
@@ -22,7 +22,7 @@ from drapeline.nets.garment4d.canonical import (
     canonical_loss,
 )
 from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
-from drapeline.nets.garment4d.losses import CotangentLaplacian
+from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
 from drapeline.nets.garment4d.posed import (
     MgnNetwork,
@@ -45,6 +45,8 @@ _KEPT_BYTES = 1 << 30  # of what it said about windows of training
 @dataclass(frozen=True)
 class Garment4dTraining(Training):
     """How a network of either stage is trained on windows; numbers of the released code.
+
+    Its batch is that of the canonical stage; the posed stage has 4 there.
 
     Attributes:
         frames: T of a window.
@@ -149,6 +151,10 @@ class Stage(Trained):
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Named terms with their `total`, and the error of the kind in mm, a scalar."""
 
+    def given(self) -> dict[str, Any]:
+        """What else the result depends on besides settings and data, as JSON values."""
+        return {}
+
     # ---- training
 
     def training_step(self, batch: Batch, _: int) -> torch.Tensor:
@@ -182,12 +188,16 @@ class CanonicalStage(Stage):
 
     @classmethod
     def network_of(cls, values: Mapping[str, Any]) -> CanonicalSettings:
-        """Sizes; with `points` and `width` those of the others are scaled, see there."""
+        """Sizes; with `points` and `width` those that are not given are scaled, see there."""
         scale = {key: values[key] for key in ("points", "width") if key in values}
+        given = {key: value for key, value in values.items() if value is not None}
         sizes = settings_of(
-            CanonicalSettings, {key: value for key, value in values.items() if key not in scale}
+            CanonicalSettings, {key: value for key, value in given.items() if key not in scale}
         )
-        return sizes.scaled(**scale) if scale else sizes
+        if not scale:
+            return sizes
+        scaled = sizes.scaled(**scale)
+        return replace(scaled, garment_points=given.get("garment_points", scaled.garment_points))
 
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
@@ -243,6 +253,8 @@ class PosedStage(Stage):
 
     def __init__(self, settings: StageSettings, canonical: CanonicalStage) -> None:
         super().__init__(settings, canonical.space, canonical.label)
+        if settings.loss.laplacian_form == "released":
+            self.laplacian = UniformLaplacian(self.space.faces, len(self.space.mean))
         self.canonical = canonical.requires_grad_(False)
         self.network = self.build(canonical.network)
         self._kept: dict[tuple[int, int], list[PointLevel]] = {}
@@ -302,6 +314,14 @@ class PosedStage(Stage):
             self.settings.loss,
         )
         return terms, distance_mm(found[-1], batch["target"])
+
+    def given(self) -> dict[str, Any]:
+        """The canonical network."""
+        weights = {key: value.cpu().numpy() for key, value in self.canonical.state_dict().items()}
+        return {
+            "canonical": plain(asdict(self.canonical.settings)),
+            "canonical_weights": arrays_digest(weights),
+        }
 
     def about(self) -> dict[str, Any]:
         """With what the canonical network is built from."""
@@ -402,7 +422,12 @@ def _fit(
         progress=progress,
         epochs=training.epochs,
         monitor=f"val_{stage.ERROR}",
-        settings={**plain(asdict(stage.settings)), "sequences": data.name.tolist()},
+        settings={
+            **plain(asdict(stage.settings)),
+            "sequences": data.name.tolist(),
+            "data": arrays_digest(data.arrays()),
+            **stage.given(),
+        },
         trainer=trainer,
         threads=threads,
     )
@@ -428,9 +453,10 @@ def predicted_canonicals(
         starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
         windows = np.stack([points[start : start + frames] for start in starts])
         found = [
-            stage.network(part).coefficients for part in torch.from_numpy(windows).split(_BATCH)
+            stage.network(part.to(stage.device)).coefficients
+            for part in torch.from_numpy(windows).split(_BATCH)
         ]
-        alpha[sequence] = torch.cat(found).mean(0).numpy()
+        alpha[sequence] = torch.cat(found).mean(0).cpu().numpy()
     return data.space.vertices(alpha)
 
 

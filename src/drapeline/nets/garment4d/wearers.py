@@ -181,6 +181,15 @@ class Wearers:
         self.bodies = bodies
         self._surfaces = {gender: BodySurface(body, chosen) for gender, body in bodies.items()}
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that they are made of, by name."""
+        return {
+            f"{gender}/{key}": value
+            for gender, surface in self._surfaces.items()
+            for key, value in {**vars(self.bodies[gender]), "chosen": surface.chosen}.items()
+            if isinstance(value, np.ndarray)
+        }
+
     def of(self, gender: int, shape: np.ndarray) -> Wearer:
         """The body of a gender's code and a shape (10,)."""
         name = GENDERS[gender]

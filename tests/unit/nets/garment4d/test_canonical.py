@@ -241,6 +241,17 @@ def test_the_loss_of_the_truth_is_zero_and_its_terms_are_those_of_equation_4(spa
     torch.testing.assert_close(regressed["total"], weighed - 0.05 * terms["segmentation"])
 
 
+@pytest.mark.parametrize(("form", "power"), [("paper", 2), ("released", 1)])
+def test_the_laplacian_term_compares_lengths_or_their_squares(space, form, power):
+    _, labels, alpha, garments = windows(space, 2)
+    weights = CanonicalWeights(laplacian_form=form)
+    rougher = CanonicalOutput(None, alpha, 3 * garments, [])
+    terms = loss_of(rougher, labels, alpha, garments, weights)
+    lengths = CotangentLaplacian(tube(0.6, 0.15), tube_faces())(garments).norm(dim=-1)
+    wanted = (3**power - 1) * (lengths**power).mean()
+    torch.testing.assert_close(terms["laplacian"], wanted, rtol=1e-4, atol=0)
+
+
 def test_the_loss_sees_penetration_in_metres(space):
     _, labels, alpha, garments = windows(space, 1)
     body = garments + torch.tensor([0, 0, 0.02])

@@ -15,7 +15,7 @@ from drapeline.nets.garment4d.data import (
     collect_garment4d,
     window_starts,
 )
-from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers
+from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers
 from drapeline.nets.gcvae_data import GarmentData
 from drapeline.registration.dynamic import moved
 from garment4d_toys import KIND, save_toy_data, skirt_faces, toy_bodies, toy_sequences
@@ -83,6 +83,16 @@ def test_a_sequence_shorter_than_a_window_is_named(data):
         data.windows("train", 4, 4)
 
 
+def test_a_stride_that_leaves_out_frames_is_refused(data):
+    with pytest.raises(InputError, match="of 3 frames have a stride of 4, expected at most 3"):
+        data.windows("train", 3, 4)
+
+
+def test_only_simulated_sequences_have_every_frame(data):
+    found = [data.consecutive(sequence) for sequence in range(len(data))]
+    assert found == (data.source == "simulated").tolist()
+
+
 def test_windows_keep_to_their_split_and_their_sources(data):
     for split in ("train", "val", "test"):
         windows = data.windows(split, 3, 3)
@@ -123,6 +133,40 @@ def test_proposals_are_the_skinned_garments_that_are_worn(collected, data):
     assert 0.002 < away.max() < 0.025
 
 
+@pytest.mark.parametrize("rooms", [0, 1.5, 100])
+def test_what_does_not_fit_into_memory_is_computed_of_the_frames_asked_for(
+    data, rooms, monkeypatch
+):
+    rows, part = [data.rows(sequence) for sequence in (4, 5)], slice(2, 5)
+    whole = [
+        data.wearer(s).located(data.points[r], data.poses[r])
+        for s, r in zip((4, 5), rows, strict=True)
+    ]
+    monkeypatch.setattr("drapeline.nets.garment4d.data._KEPT_BYTES", int(rooms * whole[0].nbytes))
+    data.wear(data.canonical, SKINNING)
+    asked = []
+    located = Wearer.located
+
+    def counted(wearer, points, poses):
+        asked.append(len(points))
+        return located(wearer, points, poses)
+
+    monkeypatch.setattr(Wearer, "located", counted)
+    for sequence, expected in ((4, whole[0]), (5, whole[1]), (4, whole[0]), (5, whole[1])):
+        found = data.clouds(sequence, located=True, frames=part)
+        np.testing.assert_allclose(found, expected[part], atol=1e-6)
+    kept, once = len(whole[0]), 3
+    assert (
+        asked
+        == {
+            0: [once] * 4,
+            1.5: [once, kept, once, once],
+            100: [once, kept, once, kept],
+        }[rooms]
+    )
+    np.testing.assert_allclose(data.clouds(5, located=True), whole[1], atol=1e-6)
+
+
 def test_predicted_canonicals_change_proposals_but_not_the_truth(data):
     window = np.array([[4, 1]])
     before = data.batch(window, 3, posed=True)
@@ -145,13 +189,14 @@ def test_training_sees_train_and_val_windows_only(data):
     assert seen["val"] == set(data.of_split("val").tolist())
 
 
-def test_validation_falls_back_on_other_sources(tmp_path, toy_body):
+def test_validation_falls_back_on_other_sources(tmp_path, toy_body, caplog):
     sequences = [one for one in toy_sequences(toy_body) if one.name != "00007"]
     collect_garment4d(tmp_path / "data", KIND, sequences, skirt_faces(), 3)
     data = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 10))
     windows = Windows(data, frames=3, stride=3, sources=("simulated",), posed=False)
     batch = windows.batch(windows.rows("val"))
     assert [str(data.source[s]) for s in batch["sequence"]] == ["skinned"]
+    assert "no simulated Skirt in the validation split" in caplog.text
     trained = windows.batch(windows.rows("train"))["sequence"]
     assert set(data.source[trained]) == {"simulated"}
 
@@ -168,7 +213,7 @@ def test_bad_sequences_are_named(tmp_path, toy_body):
         collect(replace(sequences[1], name="00009", points=np.zeros((3, 8, 3))))
     holed = sequences[1].garment().copy()
     holed[2, 5, 0] = np.nan
-    with pytest.raises(InputError, match="00009 holds NaN or infinity in frame 12"):
+    with pytest.raises(InputError, match="00009 holds NaN or infinity in frame 16"):
         collect(replace(sequences[1], name="00009", garment=lambda: holed))
     with pytest.raises(InputError, match="no sequences"):
         collect_garment4d(tmp_path / "data", KIND, [], skirt_faces(), 3)

@@ -3,16 +3,23 @@
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
+from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
 from drapeline.metrics.garment4d import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.evaluation import EvaluationSettings, evaluate
-from drapeline.nets.garment4d.inference import estimate_canonical, reconstruct, refine
+from drapeline.nets.garment4d.evaluation import Evaluation, EvaluationSettings, evaluate
+from drapeline.nets.garment4d.inference import (
+    estimate_canonical,
+    reconstruct,
+    refine,
+    training_habits,
+)
 from drapeline.nets.garment4d.refine import RefineSettings
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
-from drapeline.nets.garment4d.wearers import Wearers, proposals
+from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers, proposals
 from drapeline.seeding import rng_for
 from garment4d_toys import CANONICAL, POSED, save_toy_data, toy_bodies
 
@@ -109,6 +116,48 @@ def test_the_order_of_the_points_does_not_matter(shaken, given):
     np.testing.assert_array_equal(turned.labels, made.labels[:, order])
 
 
+def test_a_walk_elsewhere_gives_the_same_garment(shaken, data, given, toy_body, tmp_path):
+    """Networks see coordinates relative to the root joint, so places in the world do not matter."""
+    sequence = int(data.of_split("test")[0])
+    made = []
+    for start in ([0.5, -0.25, 1.0], [-8.0, 16.0, 1.0]):  # sums without rounding
+        trans = np.array(start) + 0.125 * np.arange(len(given["poses"]))[:, None]
+        points = np.asarray(given["points"], dtype=np.float64)
+        np.savez(tmp_path / "scans.npz", points=points + trans[:, None])
+        body = {"poses": given["poses"], "shape": data.shape[sequence], "gender": "female"}
+        np.savez(tmp_path / "body.npz", trans=trans, **body)
+        scans = read_scans(tmp_path / "scans.npz", tmp_path / "body.npz", toy_bodies(toy_body))
+        points = np.stack([scan.points for scan in scans.scans])
+        made.append(reconstruct(shaken, points, scans.body.poses, given["wearer"]).final)
+    np.testing.assert_allclose(made[0], made[1], atol=1e-6)
+
+
+def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_points_are(
+    data, given
+):
+    """About the vertical. Networks see coordinates turned as the world, so they may tell fronts.
+
+    Skinning, what `located` points know besides their places, and our last step (see its own
+    test) do not depend on where a body faces.
+    """
+    turn = Rotation.from_euler("z", 1.1)
+    poses = np.array(given["poses"], dtype=np.float64)
+    poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
+    points = (given["points"] @ turn.as_matrix().T).astype(np.float32)
+    wearer, canonical = given["wearer"], data.canonical[0]
+    before, after = (
+        wearer.located(x, y) for x, y in ((given["points"], given["poses"]), (points, poses))
+    )
+    np.testing.assert_allclose(after[..., :3], points, atol=1e-6)
+    np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=2e-3)
+    weights = wearer.weights(canonical, data.space.faces, SkinningSettings(16, 5))
+    before, after = (
+        proposals(canonical[None], weights[None], wearer.transforms(x)[None])[0]
+        for x in (given["poses"], poses)
+    )
+    np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
+
+
 def test_clouds_without_a_garment_still_give_one(shaken, given):
     nothing = np.zeros(given["points"].shape[:2], dtype=np.uint8)
     made = reconstruct(shaken, **given, labels=nothing)
@@ -122,6 +171,20 @@ def test_a_sequence_shorter_than_a_window_is_refused(identity, given):
     short = {**given, "points": given["points"][:2], "poses": given["poses"][:2]}
     with pytest.raises(InputError, match="2 frames, expected at least 3"):
         reconstruct(identity, **short)
+
+
+def test_a_stride_longer_than_a_window_is_refused(identity, given):
+    with pytest.raises(InputError, match="stride of 4, expected at most 3"):
+        reconstruct(identity, **given, stride=4)
+
+
+def test_habits_are_those_beside_proposals_of_the_skinning_asked_for(data):
+    # Toy garments are skinned like this, and sway by up to 2 cm.
+    own = training_habits(data, SkinningSettings(neighbours=16, passes=5))
+    other = training_habits(data, SkinningSettings(neighbours=1, passes=0))
+    assert own.error_m.max() < 0.021
+    assert own.error_m.mean() < 0.9 * other.error_m.mean()
+    np.testing.assert_allclose(own.shares, other.shares)
 
 
 def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, given):
@@ -183,15 +246,53 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     assert value("vertex_sampled", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
     assert value("neighbours_1", "vertex_error_mm") != pytest.approx(error, rel=1e-4)
     assert value("noisy_body", "vertex_error_mm") > error
+    # Displacements are zero, so that skinning alone is the full model.
+    noisy = [value(f"{v}noisy_body", "vertex_error_mm") for v in ("", "lbs_", "ours_")]
+    assert noisy[0] == noisy[1] != noisy[2]
     labels = {variant for _, variant, *_ in rows}
     assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
     # The truth is told apart from the body only; toy points are its own vertices.
     assert find_value(rows, "truth", "test", "Skirt", "vertex_error_mm") is None
+    assert find_value(rows, "truth", "test", "Skirt", "canonical_error_mm") is None
+    # Toy garments vary in width and length alone, and registration changes nothing of them.
+    assert value("truth", "canonical_to_original_mm") == pytest.approx(0, abs=1e-3)
+    assert value("pca", "canonical_error_mm") < 0.1 * value("canonical", "canonical_error_mm")
+    assert value("truth", "simulated_share") == 1
     assert value("truth", "to_cloud_mm") < value("posed", "to_cloud_mm")
     # Simulated sequences alone are measured in motion, all of them at rest.
     assert find_value(rows, "posed", "val", "Skirt", "vertex_error_mm").n == 1
     assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 2
     assert not [row for row in rows if row.split == "val" and row.variant == "noisy_body"]
+
+
+def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
+    data, identity, toy_body, tmp_path, caplog
+):
+    save_toy_data(tmp_path / "data", toy_body)
+    alone = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 30))
+    alone.split[(alone.source == "simulated") & (alone.split == "val")] = "train"
+    evaluation = Evaluation(alone, "val", EvaluationSettings())
+    assert "no simulated Skirt in the val split" in caplog.text
+    list(evaluation.posed("posed", identity))
+    names = {row.metric for row in evaluation.rows()}
+    assert "vertex_error_mm" in names
+    assert "acceleration_error_m_s2" not in names
+
+
+def test_a_noisy_body_reaches_canonical_stages_that_points_are_located_for(data, identity):
+    settings = {**CANONICAL, "network": {**CANONICAL["network"], "located": True}}
+    located = CanonicalStage(CanonicalStage.settings_of(settings), data.space, data.label).eval()
+    evaluation = Evaluation(data, "test", EvaluationSettings())
+    stages = {"canonical": located, "pointnet": identity.canonical}
+    evaluation.canonicals(stages)
+    evaluation.noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
+    rows = evaluation.rows()
+    assert not [row for row in rows if row.variant == "pointnet_noisy_body"]
+    plain, noisy = (
+        find_value(rows, variant, "test", "Skirt", "canonical_error_mm").value
+        for variant in ("canonical", "canonical_noisy_body")
+    )
+    assert plain != noisy
 
 
 def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):

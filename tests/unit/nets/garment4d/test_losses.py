@@ -5,8 +5,10 @@ import torch
 
 from drapeline.nets.garment4d.losses import (
     CotangentLaplacian,
+    UniformLaplacian,
     interpenetration,
     laplacian_difference,
+    roughness,
     temporal_difference,
 )
 from gcvae_toys import tube, tube_faces
@@ -88,6 +90,26 @@ def test_laplacian_difference_scales_as_its_form_says_and_sees_only_roughness(fo
     torch.testing.assert_close(larger, (3**power - 1) * (rough**power).mean())
     smaller = laplacian_difference(laplacian, 0 * true, true, form)
     torch.testing.assert_close(smaller, (rough**power).mean())
+
+
+def test_roughness_is_the_mean_distance_to_the_mean_of_the_neighbours():
+    faces = tube_faces(False)
+    garments = torch.from_numpy(np.stack([tube(), bent()])[None]).float()
+    neighbours = [set() for _ in tube()]
+    for face in faces.tolist():
+        for corner in face:
+            neighbours[corner] |= set(face) - {corner}
+    wanted = np.mean(
+        [
+            np.linalg.norm(np.mean([one[n] for n in near], axis=0) - one[vertex])
+            for one in garments[0].double().numpy()
+            for vertex, near in enumerate(neighbours)
+        ]
+    )
+    laplacian = UniformLaplacian(faces, len(tube()))
+    assert float(roughness(laplacian, garments)) == pytest.approx(wanted, rel=1e-5)
+    collapsed = torch.ones_like(garments)
+    assert float(roughness(laplacian, collapsed)) < 1e-6
 
 
 @pytest.mark.parametrize(("form", "wanted"), [("paper", 0.25), ("released", 0.5)])

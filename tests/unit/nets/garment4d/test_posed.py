@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from drapeline.nets.chebyshev import SparseMatrix
-from drapeline.nets.garment4d.losses import CotangentLaplacian
+from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
 from drapeline.nets.garment4d.posed import (
     FrameAttention,
@@ -233,6 +233,36 @@ def test_loss_is_the_weighted_sum_of_its_terms_over_iterations():
     for name, value in both.items():
         torch.testing.assert_close(value, 0.5 * one[name] + 2 * last[name], atol=1e-7, rtol=1e-5)
     assert float(last["vertices"]) == 0
+
+
+def test_released_forms_are_roughness_and_distances_of_the_last_iteration():
+    proposal, _, body, normals = inputs()
+    target = proposal + torch.tensor([0.03, 0.0, 0.04])
+    iterations = [proposal, 1.5 * proposal, 2 * proposal]
+    released = PosedWeights(laplacian_form="released", temporal_form="released")
+    uniform = UniformLaplacian(FACES, VERTICES)
+    found = posed_loss(iterations, target, body, normals, uniform, released)
+    lengths = []
+    for vertex in range(VERTICES):
+        around = FACES[np.isin(FACES, vertex).any(axis=1)]
+        near = np.unique(around[around != vertex])
+        away = proposal[:, :, near].mean(2) - proposal[:, :, vertex]
+        lengths.append(float(away.norm(dim=-1).mean()))
+    assert float(found["laplacian"]) == pytest.approx((1 + 1.5 + 2) * np.mean(lengths), rel=1e-5)
+    steps = [
+        float((proposal[b, t + 1, v] - proposal[b, t, v]).norm())
+        for b in range(len(proposal))
+        for t in range(proposal.shape[1] - 1)
+        for v in range(VERTICES)
+    ]
+    assert float(found["temporal"]) == pytest.approx(2 * np.mean(steps), rel=1e-5)
+    paper = posed_loss(
+        iterations, target, body, normals, CotangentLaplacian(tube(), FACES), PosedWeights()
+    )
+    squared = (1 + 2.25 + 4) * np.mean(np.square(steps))
+    assert float(paper["temporal"]) == pytest.approx(squared, rel=1e-5)
+    for name in ("vertices", "interpenetration"):
+        torch.testing.assert_close(found[name], paper[name])
 
 
 def test_unknown_transformer_is_refused():

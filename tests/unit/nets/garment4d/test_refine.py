@@ -259,7 +259,7 @@ def test_vertices_inside_the_body_come_out_and_very_deep_ones_do_not():
     normal = np.array([[[0.0, 0, 1]]])
     garment = np.array([[[0.0, 0, 0.002], [0, 0, -0.03], [0, 0, -0.06], [0, 0, 0.2]]])
     nearest = np.zeros((1, 4), int)
-    push = body_push(garment, body, normal, nearest, replace(SETTINGS, gap_m=0.003))
+    push = body_push(garment, body, normal, nearest, 0.003)
     np.testing.assert_allclose(push[0, :, 2], [0.001, 0.033, 0, 0], atol=1e-12)
     assert (push[..., :2] == 0).all()
 

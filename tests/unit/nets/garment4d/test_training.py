@@ -1,6 +1,7 @@
 """Trainings of a few steps on toy skirts."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from drapeline.nets.garment4d.training import (
     MgnStage,
     PointNetStage,
     PosedStage,
+    Stage,
     load_stage,
     predicted_canonicals,
     train_canonical,
@@ -172,6 +174,71 @@ def test_two_trainings_end_with_the_same_weights(folder, wearers):
         torch.testing.assert_close(value, ends[1][key], msg=key)
 
 
+class Killed(Exception):
+    """Stands for the signal."""
+
+
+def killed(monkeypatch, train, *args):
+    """Stop a training after its first epoch."""
+
+    def stop(stage):
+        if stage.current_epoch == 1:
+            raise Killed
+
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(Stage, "on_train_epoch_start", stop)
+        run(train, *args)
+
+
+def begun(folder, name, monkeypatch, train, *args):
+    """The epoch that a training of this name goes on from, 0 if it starts anew."""
+    found = []
+    with monkeypatch.context() as patched:
+        patched.setattr(Stage, "on_train_start", lambda stage: found.append(stage.current_epoch))
+        run(train, folder, name, *args)
+    return found[0]
+
+
+def test_a_killed_training_goes_on_with_the_same_data_alone(
+    tmp_path, folder, wearers, toy_body, monkeypatch
+):
+    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 2}}
+
+    def data(where=folder / "data", wearers=wearers):
+        return SequenceData(where, wearers)
+
+    def moved():
+        """One point of one frame elsewhere."""
+        copy = tmp_path / "moved"
+        shutil.copytree(folder / "data", copy)
+        points = np.load(copy / "points.npy", mmap_mode="r+")
+        points[5, 7] += 0.01
+        points.flush()
+        return data(copy)
+
+    for name, start, changed in (
+        ("same", 1, data),
+        ("moved", 0, moved),
+        ("fewer_body_points", 0, lambda: data(wearers=Wearers(toy_bodies(toy_body), 29))),
+    ):
+        killed(monkeypatch, train_canonical, tmp_path, name, data(), short)
+        assert begun(tmp_path, name, monkeypatch, train_canonical, changed(), short) == start
+
+
+def test_a_killed_training_goes_on_with_the_same_canonical_network_alone(
+    tmp_path, data, canonical, monkeypatch
+):
+    short = {**POSED, "training": {**POSED["training"], "epochs": 2}}
+    for name, start in (("same", 1), ("other", 0)):
+        stage = load_stage(canonical, CanonicalStage)
+        killed(monkeypatch, train_posed, tmp_path, name, data, short, stage)
+        again = load_stage(canonical, CanonicalStage)
+        if name == "other":
+            with torch.no_grad():
+                again.network.encoder.coefficients.bias[0] += 1e-4
+        assert begun(tmp_path, name, monkeypatch, train_posed, data, short, again) == start
+
+
 def test_a_loss_that_is_not_finite_names_the_windows(folder, data):
     data.canonical = np.full_like(data.canonical, np.nan)
     with pytest.raises(InputError, match=r"loss is nan \(.*for samples 0000.*/1\d.*expected a fin"):
@@ -189,6 +256,22 @@ def test_settings_come_from_plain_values_and_go_back(canonical):
     assert settings.training == replace(settings.training, sources=("simulated", "skinned"))
     scaled = CanonicalStage.settings_of({"network": {"points": 1000, "width": 0.25}}).network
     assert scaled.garment[0].widths[0] == (8, 8)
+    for given, points in ((None, 250), (700, 700)):
+        values = {"points": 1000, "width": 1.0, "garment_points": given}
+        assert CanonicalStage.settings_of({"network": values}).network.garment_points == points
+
+
+def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(data, canonical):
+    stage = load_stage(canonical, CanonicalStage)
+    values = {**POSED, "loss": {"laplacian_form": "released"}}
+    posed = PosedStage(PosedStage.settings_of(values), stage)
+    batch = as_tensors(data.batch(data.windows("val", 3, 3), 3, posed=True))
+    with torch.no_grad():
+        terms, _ = posed.losses(batch)
+        others, _ = posed.losses({**batch, "target": 2 * batch["target"]})
+    torch.testing.assert_close(terms["laplacian"], others["laplacian"])
+    assert float(terms["laplacian"]) > 0
+    assert float(terms["vertices"]) != pytest.approx(float(others["vertices"]))
 
 
 def test_unknown_settings_and_wrong_kinds_are_refused(canonical, tmp_path):

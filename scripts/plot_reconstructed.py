@@ -1,0 +1,19 @@
+"""Rule `plot_reconstructed`: a garment from a user's scans, step by step and in motion."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.frames import FPS
+from drapeline.metrics.garment4d import load_reconstruction
+from drapeline.report.garment4d_figures import animate_steps, plot_steps, spread
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+_STEPS = 3
+
+with rule_log(snakemake.log[0]):
+    shown = load_reconstruction(snakemake.input[0])
+    plot_steps(snakemake.output.steps, [(shown, spread(len(shown.final), _STEPS))])
+    frames_apart = int(shown.number[1] - shown.number[0]) if len(shown.number) > 1 else 1
+    animate_steps(snakemake.output.moving, shown, frame_ms=round(1000 * frames_apart / FPS))
