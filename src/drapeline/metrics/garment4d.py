@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.mesh import Mesh
-from drapeline.metrics.garment_metrics import distances_mm, inside_measures
+from drapeline.metrics.garment_metrics import area_distance_mm, inside_measures
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
@@ -201,21 +201,21 @@ def sequence_measures(
 
 
 def canonical_measures(
-    predicted: np.ndarray, true: np.ndarray | None = None, original: Mesh | None = None
+    predicted: Mesh, true: np.ndarray | None = None, original: Mesh | None = None
 ) -> dict[str, float]:
     """Everything about the canonical garment of one sequence.
 
     Args:
-        predicted: (N, 3) in template topology; the truth itself to measure registration.
+        predicted: in template topology, N vertices; the truth itself to measure registration.
         true: (N, 3), the registered garment.
         original: the garment as simulated, triangles: registration leaves some of it out, so
             that M1 alone would not see its errors.
     """
     found = {}
     if true is not None:
-        found["canonical_error_mm"] = vertex_error_mm(predicted, true)
+        found["canonical_error_mm"] = vertex_error_mm(predicted.vertices, true)
     if original is not None:
-        found["canonical_to_original_mm"] = float(distances_mm(predicted, original).mean())
+        found["canonical_to_original_mm"] = area_distance_mm(predicted, original)
     return found
 
 

@@ -94,11 +94,15 @@ def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
     """
     if not len(predicted.faces):
         return float("nan"), float("nan")
-    return _area_mean_mm(predicted, true), _area_mean_mm(true, predicted)
+    return area_distance_mm(predicted, true), area_distance_mm(true, predicted)
 
 
-def _area_mean_mm(mesh: Mesh, other: Mesh) -> float:
-    """By the rule of seven points per face, which is exact for cubic functions of the place."""
+def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
+    """Mean distance of a surface to another over its area.
+
+    Vertices, edge middles and face centres count as in the rule that integrates cubic functions
+    over a triangle exactly.
+    """
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
     middles = (corners + np.roll(corners, -1, axis=1)) / 2
     places = (mesh.vertices, middles.reshape(-1, 3), corners.mean(axis=1))

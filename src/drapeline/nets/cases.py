@@ -100,7 +100,7 @@ def moving_cases(
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
-    for moving in first_of_each((moving.name, moving) for moving in movings):
+    for moving in {m.name: m for m in reversed(movings)}.values():
         rows = rows_of(garments, moving)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
@@ -180,10 +180,12 @@ def wrinkle_rows(
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
     drawn = rng.standard_normal((columns, z.shape[1]))
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
-    first = first_of_each((moving.name, k) for k, moving in enumerate(movings))
+    first_of_type = {movings[k].name: k for k in reversed(range(len(movings)))}
     return {
         "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
-        "garment": [w for k in first for w in worn(k, z, data.poses[lively])],
+        "garment": [
+            w for k in sorted(first_of_type.values()) for w in worn(k, z, data.poses[lively])
+        ],
         "codes,\nat rest": worn(chosen, drawn, rest),
         "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
     }

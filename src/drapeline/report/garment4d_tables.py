@@ -133,8 +133,8 @@ def write_garment4d_page(
         "<p>Losses and M1 know the registered garment, not the one as made.</p>",
         _table(rows, _CANONICAL, "canonical_error_mm"),
         "<h2>Distance to the garment as simulated (mm)</h2>",
-        "<p>M1 does not see what registration loses. Here vertices are measured against the"
-        " surface before it; the last row is what registration alone leaves.</p>",
+        "<p>M1 does not see what registration loses. Here surfaces are measured, over their"
+        " area, against the one before it; the last row is what registration alone leaves.</p>",
         _table(rows, _CANONICAL, "canonical_to_original_mm"),
         "<h2>Points with the right label (%)</h2>",
         _table(rows, {"canonical": "Garment4D"}, "segmentation_accuracy"),

@@ -156,11 +156,11 @@ def test_sequence_measures_follow_what_is_known(motion):
 def test_canonical_error_is_also_taken_against_the_garment_as_made():
     original = Mesh(*ball(0.3))
     true = ball(0.31)[0]  # registration that loses a centimetre
-    found = canonical_measures(ball(0.33)[0], true, original)
+    found = canonical_measures(Mesh(*ball(0.33)), true, original)
     assert found["canonical_error_mm"] == pytest.approx(20, abs=0.01)
     assert found["canonical_to_original_mm"] == pytest.approx(30, abs=1.5)
-    assert set(canonical_measures(true, true)) == {"canonical_error_mm"}
-    floor = canonical_measures(true, None, original)
+    assert set(canonical_measures(Mesh(*ball(0.31)), true)) == {"canonical_error_mm"}
+    floor = canonical_measures(Mesh(*ball(0.31)), None, original)
     assert floor == {"canonical_to_original_mm": pytest.approx(10, abs=1.5)}
 
 

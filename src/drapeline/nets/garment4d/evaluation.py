@@ -10,6 +10,7 @@ import numpy as np
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.clouds import with_holes, with_wrong_labels
+from drapeline.mesh import Mesh
 from drapeline.metrics import garment4d as metrics
 from drapeline.metrics.garment4d import Measured
 from drapeline.metrics.table import ALL, MetricRow
@@ -119,6 +120,7 @@ class Evaluation:
         self, variant: str, sequence: int, garment: np.ndarray, *, true: bool = True
     ) -> None:
         """All measures of a canonical garment (N, 3); without `true` those that need no truth."""
+        garment = Mesh(garment, self.data.space.faces)
         original = self.data.originals.get(str(self.data.name[sequence]))
         registered = self.data.canonical[sequence] if true else None
         self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
