@@ -5,13 +5,14 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 CONFIG ?= config.yaml
 CORES ?= all
+PROFILE ?= local
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .PHONY: run report test lint format lock clean
 
 run: .venv/ready
-	$(SNAKEMAKE) --workflow-profile workflow/profiles/local
+	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE)
 	$(MAKE) --no-print-directory report
 
 report: .venv/ready

@@ -25,6 +25,7 @@ with rule_log(snakemake.log[0]) as log:
         gender=GENDERS.index(wanted.gender),
         reference_leg_length_m=motion.reference_leg_length_m,
         removable=wanted.removable,
+        shape_range=wanted.shape_range,
         gap_m=wanted.segment_gap_m,
         sequence=wanted.sub_sequence,
         action=motion.action,

@@ -89,8 +89,14 @@ def plan_samples(
         male_skirts: whether male bodies wear skirts and dresses.
 
     Raises:
-        InputError: no sub-sequence is long enough, or no outfit is left for male bodies.
+        InputError: `frames_min` is above `frames`, no sub-sequence is long enough, or no outfit
+            is left for male bodies.
     """
+    if frames_min > frames:
+        raise InputError(
+            f"motions.frames_min is {frames_min}, expected at most motions.frames,"
+            f" which is {frames}"
+        )
     pieces = sub_sequences(frames_of, frames=frames, frames_min=frames_min)
     if not any(pieces.values()):
         longest = max(frames_of.values(), default=0)

@@ -50,26 +50,54 @@ def _sentence(error: ValidationError) -> str:
         unknown = sorted(set(error.instance) - set(known))
         prefix = "" if key == "the file" else f"{key}."
         return f"'{prefix}{unknown[0]}' is not a setting, expected one of {', '.join(known)}"
+    if error.validator == "dependentRequired":
+        named, missing = next(
+            (name, other)
+            for name, needed in error.validator_value.items()
+            for other in needed
+            if name in error.instance and other not in error.instance
+        )
+        return f"{key} names {named} but no {missing}, expected both"
     return f"{key} is {error.instance!r}, expected {_expectation(error.schema)}"
 
 
 def _expectation(schema: Mapping[str, Any]) -> str:
+    words = _allowed(schema)
+    if "description" in schema and "enum" not in schema:
+        words += f" ({schema['description'].strip().rstrip('.')})"
+    return words
+
+
+def _allowed(schema: Mapping[str, Any]) -> str:
+    if "anyOf" in schema:
+        return " or ".join(map(_allowed, schema["anyOf"]))
     if "enum" in schema:
         return "one of " + ", ".join(map(str, schema["enum"]))
     kind = schema.get("type", "a value")
     words = " or ".join(kind) if isinstance(kind, list) else str(kind)
     words = ("an " if words[0] in "aeiou" else "a ") + words
-    low, high = schema.get("minimum"), schema.get("maximum")
-    if low is not None and high is not None:
-        words += f" from {low} to {high}"
-    elif low is not None:
-        words += f" of at least {low}"
-    if schema.get("minItems") is not None:
-        words += f" of {schema['minItems']} or more items"
+    words += _between(schema.get("minimum"), schema.get("maximum"), schema.get("exclusiveMinimum"))
+    words += _items(schema.get("minItems"), schema.get("maxItems"))
     if schema.get("uniqueItems"):
         words += ", each named once"
     if "pattern" in schema:
         words += f" matching {schema['pattern']}"
-    if "description" in schema:
-        words += f" ({schema['description'].strip().rstrip('.')})"
     return words
+
+
+def _between(low: float | None, high: float | None, above: float | None = None) -> str:
+    if above is not None:
+        return f" above {above}" + (f" and at most {high}" if high is not None else "")
+    if low is not None:
+        return f" of at least {low}" if high is None else f" from {low} to {high}"
+    return f" of at most {high}" if high is not None else ""
+
+
+def _items(least: int | None, most: int | None) -> str:
+    if least is None and most is None:
+        return ""
+    if least == most:
+        return f" of exactly {least} items"
+    if least is None:
+        return f" of at most {most} items"
+    return f" of {least} or more items" if most is None else f" of {least} to {most} items"

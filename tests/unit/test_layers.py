@@ -19,6 +19,7 @@ MAY_IMPORT = {
     "metrics": CORE | {"metrics", "registration", "bodies", "outfits", "dataset"},
     "nets": CORE | {"nets", "metrics", "registration", "bodies", "outfits", "dataset"},
     "planning": CORE | {"motions", "outfits", "dataset", "bodies"},
+    "feasibility": CORE | {"planning", "outfits"},
     "report": CORE
     | {"report", "dataset", "simulation", "bodies", "outfits", "motions"}
     | {"registration", "metrics"},

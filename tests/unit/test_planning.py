@@ -102,6 +102,11 @@ def test_a_length_no_clip_reaches_is_named():
         plan(frames=300, frames_min=200)
 
 
+def test_a_least_length_above_the_length_is_named():
+    with pytest.raises(InputError, match=r"frames_min is 100, expected at most .*, which is 60"):
+        plan(frames=60, frames_min=100)
+
+
 def test_nothing_to_wear_is_named():
     with pytest.raises(InputError, match="nothing for male bodies to wear"):
         plan(kinds=["Dress", "Top+Skirt"])

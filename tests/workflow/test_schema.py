@@ -48,3 +48,16 @@ def test_shipped_configs_fit(name):
 def test_every_outfit_can_be_asked_for():
     kinds = SCHEMA["properties"]["outfits"]["properties"]["kinds"]
     assert set(kinds["items"]["enum"]) == set(kinds["default"]) == set(KINDS)
+
+
+def test_the_paper_size_trains_with_the_printed_loss():
+    """Laid over config.yaml, which has other weights, as Snakemake does it."""
+    default, paper = (
+        yaml.safe_load((ROOT / name).read_text())["gcvae"]
+        for name in ("config.yaml", "workflow/config/paper.yaml")
+    )
+    printed = checked_settings({}, SCHEMA, "")["gcvae"]
+    assert {**printed["loss"], **default["loss"]} != printed["loss"]
+    assert {**printed["loss"], **default["loss"], **paper["loss"]} == printed["loss"]
+    assert (printed["loss"]["normals"], printed["loss"]["mask"]) == (70, 0.1)
+    assert paper["dvae"]["static_model"] == printed["dvae"]["static_model"] == "svae"

@@ -49,11 +49,33 @@ def test_each_size_plans_every_step(config, tmp_path):
             {"motions": {"frames": 300, "frames_min": 300, "loop_frames": 60}},
             "frames_min is 300, but the longest clip has",
         ),
+        ({"outfits": {"tightness_range": [1, -1]}}, "is [1, -1], expected the lower end first"),
+        ({"gcvae": {"trainer": {"devices": "two"}}}, "devices is 'two', expected one of auto, -1"),
+        (
+            {"samples": {"count": 6, "val_share": 0}},
+            "samples.val_share is 0 and samples.test_share 0.2, which puts none of 6 into val",
+        ),
+        ({"samples": {"count": 1}}, "samples.test_share 0.2, which puts none of 1 into val"),
+        (
+            {"samples": {"count": 12}, "static": {"count": 24, "test_share": 0}},
+            "static.test_share 0, which puts none of 24 into test",
+        ),
+        (
+            {"outfits": {"kinds": ["Jumpsuit"]}, "garment4d": {"skinned": {"shards": 0}}},
+            "the plan has 0 sequences of a",
+        ),
     ],
 )
 def test_a_wrong_setting_stops_before_any_job(tmp_path, settings, message):
     text = dry_run_error(tmp_path, **settings)
     assert message in " ".join(text.split())
+
+
+def test_what_only_training_needs_does_not_stop_the_dataset(tmp_path):
+    config = with_settings(tmp_path, samples={"count": 1, "val_share": 0, "test_share": 0})[-1]
+    target = str(tmp_path / "results/dataset")
+    run = snakemake("--nolock", "--dry-run", target, "--configfile", config)
+    assert run.returncode == 0, run.stderr
 
 
 def test_a_missing_or_broken_motion_is_named_before_any_job(tmp_path):

@@ -16,6 +16,12 @@ os.environ.update(
 )
 
 from drapeline.errors import InputError
+from drapeline.feasibility import (
+    planned_sequences,
+    refuse_contradictions,
+    require_sequences,
+    require_splits,
+)
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
 from drapeline.nets.variants import pooling_of
@@ -33,6 +39,7 @@ try:
             " + ".join(map(os.path.relpath, workflow.configfiles)),
         )
     )
+    refuse_contradictions(config)
     MOTIONS = motion_table(
         config["motions"]["table"],
         config["motions"]["sequences"],
@@ -157,10 +164,26 @@ def in_progress(kind):
     )
 
 
+def static_data(*splits):
+    """Input function: garments at rest, some of which are planned for each of these splits."""
+
+    def checked(wildcards):
+        planned = [plan.split for plans in STATIC.values() for plan in plans]
+        require_splits(planned, splits, group="static", shares=config["static"])
+        return f"{RESULTS}/static/data"
+
+    return checked
+
+
 def conditions_input(wildcards):
-    """Rows that hold the conditions; those of the DVAE contain the static code."""
+    """Rows that hold the conditions; those of the DVAE contain the static code.
+
+    All trainings of garment VAEs begin here, so it is here that splits are checked.
+    """
     if wildcards.conditions == "static":
-        return {"data": f"{RESULTS}/static/data"}
+        return {"data": static_data("train", "val")(wildcards)}
+    planned = [plan.partition for plan in SAMPLES.values()]
+    require_splits(planned, ["train", "val"], group="samples", shares=config["samples"])
     version = wildcards.conditions.split("_")[0]
     return {"data": f"{RESULTS}/dynamic/{version}", "svae": static_model()}
 
@@ -226,6 +249,31 @@ def cloud_settings(wildcards):
 def training_sequences():
     """What the networks of a garment type learn from."""
     return f"{G4D}/{{garment}}/data_{config['garment4d']['protocol']}"
+
+
+def stage_sequences(stage=None):
+    """Input function: `training_sequences`, of which enough are planned for a stage or its baseline."""
+
+    def checked(wildcards):
+        name = stage or ("mgn" if wildcards.posed == "mgn" else "posed")
+        skinned = config["garment4d"]["skinned"]
+        training = config["garment4d"][name]["training"]
+        require_sequences(
+            wildcards.garment,
+            planned_sequences(
+                wildcards.garment,
+                SAMPLES.values(),
+                [plan for shard in SKINNED for plan in STATIC[shard]],
+                frames=skinned["frames"],
+                step=skinned["step"],
+            ),
+            stage=name,
+            sources=training["sources"],
+            window=training["frames"],
+        )
+        return training_sequences().format(garment=wildcards.garment)
+
+    return checked
 
 
 def garment_sequences(wildcards):

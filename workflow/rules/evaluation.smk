@@ -1,4 +1,4 @@
-# Test rows are read by the rules of this file alone.
+# Test rows are read by the rules of this file, and by those of garment4d.smk that evaluate.
 # Which models each table of metrics holds.
 METRIC_TABLES = {
     "metrics": [
@@ -332,7 +332,7 @@ rule plot_gcvae_errors:
         **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
         svae=f"{RESULTS}/gcvae/{shown_svae()}",
         codes=f"{RESULTS}/codes/{shown_svae()}.npz",
-        data=f"{RESULTS}/static/data",
+        data=static_data(*EVALUATED_SPLITS),
         outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
     output:
         report(

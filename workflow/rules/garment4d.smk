@@ -179,7 +179,7 @@ rule collect_garment4d:
 rule train_garment4d_canonical:
     input:
         **WHOLE_BODIES,
-        data=training_sequences(),
+        data=stage_sequences("canonical"),
     output:
         directory(f"{G4D}/{{garment}}/{{canonical}}"),
     log:
@@ -205,7 +205,7 @@ rule train_garment4d_canonical:
 rule train_garment4d_posed:
     input:
         **WHOLE_BODIES,
-        data=training_sequences(),
+        data=stage_sequences(),
         canonical=f"{G4D}/{{garment}}/canonical",
     output:
         directory(f"{G4D}/{{garment}}/{{posed}}"),
@@ -267,7 +267,7 @@ rule compare_representations:
             garment: f"{G4D}/{garment}/data_{config['garment4d']['protocol']}"
             for garment in TEMPLATE_TYPES
         },
-        data=f"{RESULTS}/static/data",
+        data=static_data(*EVALUATED_SPLITS),
         outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
         fits=expand(f"{G4D}/fits/static/{{shard}}", shard=STATIC),
         models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/svae_ours"],

@@ -221,6 +221,7 @@ rule plot_time:
         gallery_files(),
         REGISTRATION_FILES,
         GCVAE_FILES,
+        GARMENT4D_FILES,
         rules.plot_statistics.output,
         rules.tabulate_dataset.output,
         rules.plot_health.output,

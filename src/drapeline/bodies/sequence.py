@@ -15,15 +15,9 @@ from drapeline.frames import JOINT_NAMES
 from drapeline.storage import load_npz, save_npz
 
 # Parts that may be left out of collisions, by what the outfit leaves bare.
-REMOVABLE = {
-    "none": (),
-    "hands": ("hand",),
-    "forearms": ("hand", "forearm"),
-    "arms": ("hand", "forearm", "upper_arm"),
-}
+REMOVABLE = {"hands": ("hand",), "forearms": ("hand", "forearm")}
 THINNER_STEP = 1.0  # of the shape's second coefficient, corpulence
 MAX_THINNED = 3
-THINNEST = 3.0
 TRIAL_FRAMES = 6  # worst frames, on which a thinner body is tried before the whole sequence
 
 
@@ -85,6 +79,7 @@ def make_body_sequence(
     gender: int,
     reference_leg_length_m: float | None = None,
     removable: str = "hands",
+    shape_range: float = 3.0,
     gap_m: float = 0.004,
     sequence: str = "",
     action: str = "",
@@ -104,6 +99,7 @@ def make_body_sequence(
         reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
             path is scaled by the ratio of leg lengths. None keeps it.
         removable: a key of `REMOVABLE`, what the outfit leaves bare.
+        shape_range: largest magnitude of a coefficient; no body is made thinner than that.
         gap_m: between parts that were pressed apart.
     """
     shape = np.array(shape, dtype=np.float64)
@@ -113,7 +109,7 @@ def make_body_sequence(
     if solution.unsolved().any():
         worst = np.where(solution.unsolved(), solution.depth_m, 0).max(axis=1).argsort()
         trial = np.sort(worst[-TRIAL_FRAMES:])
-        for times, thin in enumerate(_thinner_shapes(body, shape), 1):
+        for times, thin in enumerate(_thinner_shapes(body, shape, shape_range), 1):
             _, attempt, _ = _solve(body, topology, thin, poses[trial], removable, gap_m)
             if attempt.unsolved().any():
                 continue
@@ -218,13 +214,13 @@ def _solve(
     return vertices, solution, removed
 
 
-def _thinner_shapes(body: BodyModel, shape: np.ndarray) -> Iterator[np.ndarray]:
+def _thinner_shapes(body: BodyModel, shape: np.ndarray, shape_range: float) -> Iterator[np.ndarray]:
     """The same person with less and less corpulence, down to the thinnest in range."""
     sign = _thinner_direction(body)
     for step in range(1, MAX_THINNED + 1):
         thin = shape.copy()
         thin[1] += sign * step * THINNER_STEP
-        if abs(thin[1]) > THINNEST and thin[1] * sign > 0:
+        if abs(thin[1]) > shape_range and thin[1] * sign > 0:
             return
         yield thin
 

@@ -73,11 +73,19 @@ def test_deep_collision_is_rejected_with_its_reason(toy_body):
     assert "frame 1" in record.reason
 
 
-def test_bare_arms_are_left_out_instead(toy_body):
-    record = sequence(toy_body, [0.4, 1.8], removable="arms")
+@pytest.mark.parametrize(
+    ("removable", "limb"), [("hands", {"wrist", "hand"}), ("forearms", {"elbow", "wrist", "hand"})]
+)
+def test_bare_limbs_are_left_out_instead(toy_body, removable, limb):
+    poses = arms_down([0.4, 1.2])
+    for side, sign in (("left", -1), ("right", 1)):
+        poses[1, 3 * JOINT_NAMES.index(f"{side}_elbow") + 2] = sign * 2.0
+    record = make_body_sequence(
+        toy_body, np.zeros(10), poses, np.zeros((2, 3)), gender=0, removable=removable
+    )
     assert record.outcome == "removed"
     names = {JOINT_NAMES[j] for j in record.removed_segments}
-    assert {"left_hand", "right_hand", "left_wrist"} <= names
+    assert names == {f"{side}_{joint}" for side in ("left", "right") for joint in limb}
     kept = collision_faces(toy_body, record)
     gone = np.isin(toy_body.segmentation, record.removed_segments)
     assert 0 < len(kept) < len(toy_body.faces)
@@ -106,6 +114,14 @@ def test_fat_body_is_made_thinner(toy_body):
     assert record.outcome == "thinned"
     assert record.thinned >= 1
     assert record.shape[1] == pytest.approx(3.0 - record.thinned)
+
+
+def test_no_body_is_made_thinner_than_shapes_are_drawn(toy_body):
+    """At an angle at which the body of mean corpulence has to be thinner, and may or may not."""
+    assert sequence(toy_body, [1.6]).outcome == "thinned"
+    record = sequence(toy_body, [1.6], shape_range=0.5)
+    assert (record.outcome, record.thinned) == ("rejected", 0)
+    np.testing.assert_array_equal(record.shape, np.zeros(10))
 
 
 def test_feet_stand_on_the_floor(toy_body):
