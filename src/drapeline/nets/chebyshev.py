@@ -103,10 +103,11 @@ class ChebConv(nn.Module):
     def _recurrence(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:
         before, term = x, laplacian(x)
         out = torch.addmm(self.bias, x.flatten(0, 1), self.weight[0])
-        out.addmm_(term.flatten(0, 1), self.weight[1])
+        # In place, which autocast does not reach, so that no sum is held twice.
+        out.addmm_(term.flatten(0, 1).to(out.dtype), self.weight[1].to(out.dtype))
         for weight in self.weight[2:]:
             before, term = term, 2 * laplacian(term) - before
-            out.addmm_(term.flatten(0, 1), weight)
+            out.addmm_(term.flatten(0, 1).to(out.dtype), weight.to(out.dtype))
         return out
 
     def _clenshaw(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:

@@ -8,6 +8,7 @@ import torch
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import GENDERS, REST_POSE
+from drapeline.nets.precision import full_precision
 from drapeline.registration.topology import TOPOLOGIES
 
 SHAPES = 10
@@ -86,6 +87,7 @@ def rest_basis(bodies: Mapping[str, BodyModel]) -> np.ndarray:
     return np.stack(basis)
 
 
+@full_precision
 def rest_bodies(basis: torch.Tensor, cvar: torch.Tensor) -> torch.Tensor:
     """Rest bodies T, (V, 3, B), of conditions (B, C) that begin with shape and gender."""
     male = cvar[:, SHAPES : SHAPES + 1]

@@ -17,6 +17,7 @@ from drapeline.mesh import vertex_normals
 from drapeline.nets.chebyshev import ChebConv, UnpoolConv, linear
 from drapeline.nets.domain import Domain
 from drapeline.nets.graph import MeshGraph
+from drapeline.nets.precision import full_precision
 from drapeline.registration.topology import TOPOLOGIES
 
 # Garments unlike any in training must not give infinite variance.
@@ -111,6 +112,7 @@ class VertexLinear(nn.Module):
         self.weight = nn.Parameter(torch.zeros(vertices, inputs, outputs))
         self.bias = nn.Parameter(torch.zeros(vertices, 1, outputs))
 
+    @full_precision
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """(V, B, inputs) -> (V, B, outputs)."""
         return torch.baddbmm(self.bias, x, self.weight)
@@ -146,8 +148,9 @@ class Encoder(nn.Module):
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
         rows = (self.pooled(graphs, inputs) - self.mean) / self.std
         features = torch.relu(self.features(rows))
-        mean, log_variance = self.code(features).chunk(2, dim=1)
-        return Code(mean, log_variance.clamp(*_LOG_VARIANCE), self.condition(features))
+        code, condition = (head(features).to(self.mean) for head in (self.code, self.condition))
+        mean, log_variance = code.chunk(2, dim=1)
+        return Code(mean, log_variance.clamp(*_LOG_VARIANCE), condition)
 
     def pooled(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> torch.Tensor:
         """Features of the coarsest nodes, (B, nodes * width), before they are normalised."""

@@ -12,6 +12,7 @@ import torch
 from torch import nn
 
 from drapeline.nets.chebyshev import SparseMatrix
+from drapeline.nets.precision import full_precision
 
 CHANNELS = 4
 
@@ -112,11 +113,13 @@ class LinearPath(nn.Module):
         for name, value in fit._asdict().items():
             getattr(self, name).copy_(value)
 
+    @full_precision
     def forward(self, z: torch.Tensor, conditions: torch.Tensor) -> torch.Tensor:
         """(B, Z) and (B, C) -> fields (V, 4, B)."""
         field = with_one(conditions) @ self.regression + z @ self.basis
         return field.T.unflatten(0, (-1, CHANNELS))
 
+    @full_precision
     def posterior(
         self, fields: torch.Tensor, mask: torch.Tensor, conditions: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:

@@ -48,7 +48,7 @@ def conditioning(tmp_path_factory):
 def train(tmp_path, conditioning):
     """train("name", settings, garments) -> folder of the finished training."""
 
-    def run(name, settings=SETTINGS, garments=None):
+    def run(name, settings=SETTINGS, garments=None, **options):
         train_vae(
             tmp_path / name,
             garments or ToyGarments(),
@@ -56,7 +56,7 @@ def train(tmp_path, conditioning):
             settings,
             conditioning=conditioning,
             progress=tmp_path / ".progress" / name,
-            trainer={"accelerator": "cpu"},
+            trainer={"accelerator": "cpu", **options},
             threads=1,
         )
         return tmp_path / name
@@ -75,9 +75,7 @@ def assert_same(first, second):
 
 
 def test_the_conditioning_autoencoder_learns_and_is_frozen_in_the_vae(train, conditioning):
-    rows = (conditioning / "history.tsv").read_text().splitlines()
-    column = rows[0].split("\t").index("val_loss")
-    losses = [float(row.split("\t")[column]) for row in rows[1:]]
+    losses = column(conditioning, "val_loss")
     assert losses[-1] < 0.9 * losses[0]
     before = read_checkpoint(conditioning / "best.ckpt")["state_dict"]
     after = weights(train("svae"))
@@ -108,6 +106,23 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, set
         offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
     assert offsets.shape == batch["offsets"].shape
     assert ((mask >= 0) & (mask <= 1)).all()
+
+
+def column(folder, name):
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
+
+
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_mixed_precision_trains_to_about_the_same_error(train, settings, order):
+    settings = replace(settings, network=replace(settings.network, order=order))
+    full, mixed = train("full", settings), train("mixed", settings, precision="bf16-mixed")
+    name = "val_surface_error_mm"
+    np.testing.assert_allclose(column(mixed, name), column(full, name), rtol=0.15)
+    assert column(mixed, name) != column(full, name)
+    dtypes = {value.dtype for value in weights(mixed).values() if value.is_floating_point()}
+    assert dtypes == {torch.float32}
 
 
 def test_the_same_seed_trains_the_same_weights_and_another_others(train):

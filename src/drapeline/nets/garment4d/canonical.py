@@ -32,6 +32,7 @@ from drapeline.nets.garment4d.pointnet import (
     pooled,
 )
 from drapeline.nets.garment4d.points import farthest_points, gathered
+from drapeline.nets.precision import full_precision
 from drapeline.registration.garment_space import GarmentSpace
 
 # Points per cloud in the released code.
@@ -309,6 +310,7 @@ class _ShapeNetwork(nn.Module):
         components = torch.from_numpy(np.array(space.components, dtype=np.float32))
         self.register_buffer("components", components)
 
+    @full_precision
     def vertices(self, coefficients: torch.Tensor) -> torch.Tensor:
         """Alpha (B, D) -> T(alpha) (B, N, 3)."""
         return self.mean + torch.tensordot(coefficients, self.components, dims=1)

@@ -15,6 +15,7 @@ from torch import nn
 
 from drapeline.nets.chebyshev import linear
 from drapeline.nets.garment4d.points import ball_neighbours, gathered, nearest_neighbours
+from drapeline.nets.precision import full_precision
 
 _SMALL = 1e-8
 _MOMENTUM, _FLOOR = 0.02, 1e-4
@@ -60,8 +61,9 @@ class Neighbourhoods(nn.Module):
     def forward(self, level: PointLevel, centres: torch.Tensor) -> torch.Tensor:
         """Features (B, Q, widths[-1]) at centres (B, Q, 3); zero where no point is valid."""
         place, feature = self.first.weight[:, :3] / self.radius, self.first.weight[:, 3:]
-        points = F.linear(level.points, place) + F.linear(level.features, feature, self.first.bias)
-        middle = F.linear(centres, place)
+        points = placed(level.points, place)
+        points = points + F.linear(level.features, feature, self.first.bias)
+        middle = placed(centres, place)
         index = ball_neighbours(level.points, centres, self.radius, self.count, level.valid)
         rows = gathered(points, index)  # (B, Q, count, widths[0])
         if self.others:
@@ -72,6 +74,12 @@ class Neighbourhoods(nn.Module):
         else:
             rows = rows.max(2).values - middle
         return rows.relu() * level.valid.any(1)[:, None, None]
+
+
+@full_precision
+def placed(points: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """(B, n, 3) -> (B, n, C), exact enough that points of one ball can be told apart."""
+    return F.linear(points, weight)
 
 
 class SetAbstraction(nn.Module):

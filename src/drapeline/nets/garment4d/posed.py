@@ -26,6 +26,7 @@ from drapeline.nets.garment4d.losses import (
 )
 from drapeline.nets.garment4d.pointnet import Neighbourhoods, PointLevel, pooled
 from drapeline.nets.garment4d.skinning import skinned
+from drapeline.nets.precision import full_precision
 
 TRANSFORMERS = ("paper", "per_vertex", "none")
 
@@ -227,13 +228,20 @@ class FrameAttention(nn.Module):
         count, width = len(x), x.shape[-1]
         query, key, value = self.projection(x).unflatten(1, (-1, frames)).chunk(3, dim=-1)
         if self.per_vertex:
-            weights = torch.softmax(query @ key.mT / width**0.5, dim=-1)  # (N, B, T, T)
-            return (weights @ value).flatten(1, 2)
+            return attended(query, key, value, width).flatten(1, 2)
         query, key, value = (
             part.permute(1, 2, 0, 3).flatten(2) for part in (query, key, value)
         )  # (B, T, N * width)
-        weights = torch.softmax(query @ key.mT / frames**0.5, dim=-1)  # (B, T, T)
-        return (weights @ value).unflatten(2, (count, width)).permute(2, 0, 1, 3).flatten(1, 2)
+        rows = attended(query, key, value, frames)
+        return rows.unflatten(2, (count, width)).permute(2, 0, 1, 3).flatten(1, 2)
+
+
+@full_precision
+def attended(
+    query: torch.Tensor, key: torch.Tensor, value: torch.Tensor, scale: int
+) -> torch.Tensor:
+    """softmax(Q K^T / sqrt(scale)) V of (..., T, C) each; in 16 bits long products overflow."""
+    return torch.softmax(query @ key.mT / scale**0.5, dim=-1) @ value
 
 
 def mean_of_neighbours(faces: np.ndarray, count: int) -> sparse.csr_matrix:

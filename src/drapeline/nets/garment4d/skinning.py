@@ -2,7 +2,10 @@
 
 import torch
 
+from drapeline.nets.precision import full_precision
 
+
+@full_precision
 def skinned(
     canonical: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor
 ) -> torch.Tensor:

@@ -44,14 +44,14 @@ def data(folder, wearers):
     return SequenceData(folder / "data", wearers)
 
 
-def run(train, folder, name, data, values, *stage, **options):
+def run(train, folder, name, data, values, *stage, precision="32-true", **options):
     train(
         folder / name,
         data,
         values,
         *stage,
         progress=folder / ".progress" / name,
-        trainer={"accelerator": "cpu"},
+        trainer={"accelerator": "cpu", "precision": precision},
         threads=1,
         **options,
     )
@@ -113,6 +113,27 @@ def test_a_loaded_stage_says_what_was_validated_last(posed, canonical, data):
     with torch.inference_mode():
         _, error = alone.losses(batch)
     assert float(error) == pytest.approx(min(column(canonical, "val_canonical_error_mm")), rel=0.02)
+
+
+@pytest.mark.parametrize("stage", ["canonical", "pointnet", "posed", "mgn"])
+def test_mixed_precision_trains_to_about_the_same_error(folder, wearers, canonical, stage):
+    errors = []
+    for precision in ("32-true", "bf16-mixed"):
+        data = SequenceData(folder / "data", wearers)
+        name, training = f"{stage} {precision}", {**CANONICAL["training"], "epochs": 2}
+        if stage in ("canonical", "pointnet"):
+            values, pointnet = {**CANONICAL, "training": training}, stage == "pointnet"
+            run(train_canonical, folder, name, data, values, pointnet=pointnet, precision=precision)
+            errors.append(column(folder / name, "val_canonical_error_mm"))
+        else:
+            network = {"widths": [32, 32, 64]} if stage == "mgn" else POSED["network"]
+            values = {**POSED, "network": network, "training": training}
+            before = load_stage(canonical, CanonicalStage)
+            options = {"mgn": stage == "mgn", "precision": precision}
+            run(train_posed, folder, name, data, values, before, **options)
+            errors.append(column(folder / name, "val_vertex_error_mm"))
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0.15)
+    assert errors[1] != errors[0]
 
 
 def test_the_canonical_network_is_not_trained_further(posed, canonical):

@@ -1,0 +1,29 @@
+"""Mixed precision: what has to run in full."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import torch
+
+
+def full_precision(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a function of tensors leave autocast, and give it 32 bits for 16.
+
+    For geometry: rounded to bfloat16, a place one metre away is off by up to 4 mm.
+    """
+
+    @wraps(function)
+    def run(*values: Any) -> Any:
+        device = next(x.device.type for x in values if isinstance(x, torch.Tensor))
+        if not torch.is_autocast_enabled(device):
+            return function(*values)
+        with torch.autocast(device, enabled=False):
+            return function(*map(_widened, values))
+
+    return run
+
+
+def _widened(value: Any) -> Any:
+    narrow = isinstance(value, torch.Tensor) and value.dtype in (torch.float16, torch.bfloat16)
+    return value.float() if narrow else value
