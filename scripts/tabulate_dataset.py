@@ -9,6 +9,4 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    write_paper_tables(
-        snakemake.output[0], snakemake.input.dataset, rendered=snakemake.params.rendered
-    )
+    write_paper_tables(snakemake.output[0], snakemake.input.dataset)

@@ -32,9 +32,7 @@ def test_plot_health_draws_every_measure_and_the_page(run_rule, dataset, tmp_pat
 
 def test_tables_and_viewer_are_pages(run_rule, dataset, tmp_path):
     page = tmp_path / "tables.html"
-    run_rule(
-        "tabulate_dataset", input={"dataset": dataset}, output=[page], params={"rendered": False}
-    )
+    run_rule("tabulate_dataset", input={"dataset": dataset}, output=[page])
     assert "CLOTH3D, as printed" in page.read_text()
     run_rule("view_example", input={"dataset": dataset}, output=[tmp_path / "example.html"])
     run_rule("view_sample", input=[tmp_path / "samples/00001"], output=[tmp_path / "sample.html"])

@@ -81,7 +81,6 @@ rule tabulate_dataset:
         mem_mb=500,
         runtime=10,
     params:
-        rendered=True,
         code=source_hash("tabulate_dataset"),
     script:
         "../../scripts/tabulate_dataset.py"

@@ -402,16 +402,6 @@ def _find(
         size = 2.0 * reach if best <= size else 2.0 * size
 
 
-def nearest_places(
-    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Closest places of points (P, 3) on a mesh: corners (P, 3) and weights (P, 3)."""
-    face, weights = _nearest(points, np.zeros_like(points), vertices, triangles, -1.1)
-    if (face < 0).any():
-        raise ValueError(f"{(face < 0).sum()} points are further than {_REACH_M} m from the mesh")
-    return triangles[face], weights
-
-
 def _nearest(
     points: np.ndarray,
     normals: np.ndarray,

@@ -44,10 +44,10 @@ class Registration(NamedTuple):
 class Registrar:
     """Registers garments of all types on bodies of all shapes."""
 
-    def __init__(self, topology: Topology, settings: NicpSettings | None = None) -> None:
+    def __init__(self, topology: Topology) -> None:
         """Index both topologies."""
         self._topology = topology
-        self._settings = settings or NicpSettings()
+        self._settings = NicpSettings()
         count = len(topology.rest)
         self._body = BodyMesh(topology.faces, count)
         self._skirt = BodyMesh(topology.skirt_faces, count)

@@ -17,7 +17,6 @@ def garment_weights(
     body: np.ndarray,
     body_faces: np.ndarray,
     weights: np.ndarray,
-    passes: int = _PASSES,
 ) -> np.ndarray:
     """Weights of the nearest body vertices that face the same way, then Laplacian smoothing.
 
@@ -27,7 +26,6 @@ def garment_weights(
         body: (B, 3) in the rest pose.
         body_faces: (G, 3).
         weights: (B, K) of the body, rows sum to 1.
-        passes: of smoothing.
 
     Returns:
         (V, K) float32, rows sum to 1; zero where the garment has no faces.
@@ -41,7 +39,7 @@ def garment_weights(
     out = np.zeros((len(garment), weights.shape[1]))
     out[used] = np.einsum("vk,vkj->vj", share, weights[near])
     mean = averaging_matrix(faces, len(garment))
-    for _ in range(passes):
+    for _ in range(_PASSES):
         out = (out + mean @ out) / 2
     out[used] /= out[used].sum(axis=1, keepdims=True)
     return out.astype(np.float32)

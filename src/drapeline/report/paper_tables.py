@@ -44,13 +44,12 @@ _TABLE_2 = {
 }  # fmt: skip
 
 
-def write_paper_tables(path: str | Path, dataset: str | Path, *, rendered: bool) -> None:
+def write_paper_tables(path: str | Path, dataset: str | Path) -> None:
     """Write the page with tables 1 and 2.
 
     Args:
         path: the HTML page.
         dataset: folder of a collected dataset.
-        rendered: whether colour images of the samples are made.
 
     Raises:
         InputError: the dataset's statistics are missing or lack a column.
@@ -69,7 +68,7 @@ def write_paper_tables(path: str | Path, dataset: str | Path, *, rendered: bool)
         " They say how large and how varied the original is; they are not a score to reach, and"
         " nothing here was computed from its data.</p>",
         "<h2>Table 1: what the dataset holds</h2>",
-        html_table(_table_1({row["measure"]: row for row in overview}, rendered)),
+        html_table(_table_1({row["measure"]: row for row in overview})),
         "<h2>More of this dataset, by split</h2>",
         html_table([_numbers(row) for row in overview]),
         "<h2>Table 2: share of the frames per action label</h2>",
@@ -79,7 +78,7 @@ def write_paper_tables(path: str | Path, dataset: str | Path, *, rendered: bool)
     )
 
 
-def _table_1(measures: Mapping[str, Mapping[str, str]], rendered: bool) -> list[dict[str, str]]:
+def _table_1(measures: Mapping[str, Mapping[str, str]]) -> list[dict[str, str]]:
     def ours(measure: str) -> str:
         return measures.get(measure, {}).get("all", "-")
 
@@ -98,7 +97,7 @@ def _table_1(measures: Mapping[str, Mapping[str, str]], rendered: bool) -> list[
         "Layered": f"✓ ({ours('layered outfits')} of {ours('sequences')} outfits)",
         "#frames": f"{frames:,}",
         "Type": "Synth.",
-        "RGB": "✓" if rendered else "x",
+        "RGB": "✓",
         "GT error": "None",
         "Sequences": ours("sequences"),
         "Female to male": f"{ours('female')}:{ours('male')}",

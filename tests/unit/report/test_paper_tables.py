@@ -11,7 +11,7 @@ def test_the_papers_actions_add_up_to_all_frames():
 
 
 def test_their_numbers_are_marked_and_never_in_our_column(tmp_path, dataset):
-    write_paper_tables(tmp_path / "x.html", dataset.path, rendered=False)
+    write_paper_tables(tmp_path / "x.html", dataset.path)
     text = (tmp_path / "x.html").read_text()
     assert '<td class="theirs">2.1M</td>' in text
     assert '<td class="number theirs">27.49 %</td>' in text
@@ -22,7 +22,7 @@ def test_their_numbers_are_marked_and_never_in_our_column(tmp_path, dataset):
 
 
 def test_our_numbers_are_those_of_the_dataset(tmp_path, dataset):
-    write_paper_tables(tmp_path / "x.html", dataset.path, rendered=True)
+    write_paper_tables(tmp_path / "x.html", dataset.path)
     text = (tmp_path / "x.html").read_text()
     # "walk" is the paper's Walk, and all of our 18 frames.
     assert (
@@ -35,7 +35,7 @@ def test_our_numbers_are_those_of_the_dataset(tmp_path, dataset):
 
 
 def test_an_empty_dataset_still_has_its_page(tmp_path, rejected):
-    write_paper_tables(tmp_path / "x.html", rejected.path, rendered=False)
+    write_paper_tables(tmp_path / "x.html", rejected.path)
     text = (tmp_path / "x.html").read_text()
     assert "<td>Frames</td><td>0</td>" in text
     assert '<td>Walk</td><td class="number">-</td>' in text
@@ -43,9 +43,9 @@ def test_an_empty_dataset_still_has_its_page(tmp_path, rejected):
 
 def test_missing_tables_and_columns_are_named(tmp_path, dataset):
     with pytest.raises(InputError, match=r"statistics_overview.tsv: no such file"):
-        write_paper_tables(tmp_path / "x.html", tmp_path, rendered=False)
+        write_paper_tables(tmp_path / "x.html", tmp_path)
     shutil.copytree(dataset.path, tmp_path / "dataset")
     table = tmp_path / "dataset/statistics_actions.tsv"
     table.write_text(table.read_text().replace("percent", "share"))
     with pytest.raises(InputError, match=r"statistics_actions.tsv: lacks column percent"):
-        write_paper_tables(tmp_path / "x.html", tmp_path / "dataset", rendered=False)
+        write_paper_tables(tmp_path / "x.html", tmp_path / "dataset")
