@@ -211,12 +211,22 @@ def vae_settings(kind):
     }
 
 
+def svae_settings(wildcards):
+    """Params function: settings of the paper's static model, or of ours."""
+    settings = vae_settings("svae")
+    if wildcards.svae != "svae_ours":
+        return settings
+    ours = config["gcvae"]["svae_ours"]
+    return {
+        group: {**values, **ours.get(group, {})} for group, values in settings.items()
+    }
+
+
 def conditioning_settings(wildcards):
     kind = "svae" if wildcards.conditions == "static" else "dvae"
     return {
         "condition": config["gcvae"][kind]["network"]["condition"],
-        "epochs": config["gcvae"]["conditioning"]["epochs"],
-        "seed": config["seed"],
+        "training": {**config["gcvae"]["conditioning"], "seed": config["seed"]},
     }
 
 

@@ -53,7 +53,7 @@ rule train_svae:
         mem_mb=6000,
         runtime=1440,
     params:
-        settings=vae_settings("svae"),
+        settings=svae_settings,
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("svae"),
         code=source_hash("train_svae"),

@@ -12,14 +12,8 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
     "svae_ours": {
-        "loss": {"normals": 0.3, "mask": 1.0, "mask_form": "bce", "offsets_form": "distance"},
-        "training": {
-            "model": "linear",
-            "schedule": "one_cycle",
-            "learning_rate": 3e-3,
-            "epochs": 5,
-            "batch": 16,
-        },
+        "loss": {"mask_form": "bce", "offsets_form": "distance"},
+        "training": {"model": "linear"},
     },
 }
 DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
