@@ -18,15 +18,17 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    given, splits = snakemake.input, snakemake.params.splits
+    given = snakemake.input
     version, frames = snakemake.wildcards.version, snakemake.wildcards.frames
     rows = dynamic_vae_summary(
         load_vae(Path(given.model) / BEST),
         dynamic_garments(given.data, given.static, int(frames)),
-        load_moving(given.samples, given.registrations, splits),
+        {
+            split: load_moving(given.samples, given.registrations, split)
+            for split in snakemake.params.splits
+        },
         {gender: load_body(given[gender]) for gender in GENDERS},
         load_topology(given.topology),
         f"dvae_{version}_{frames}",
-        splits,
     )
     write_metrics(snakemake.output[0], rows)

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    splits = snakemake.params.splits
+    files = snakemake.input.samples, snakemake.input.registrations
     rows = moving_baseline_summary(
-        load_moving(snakemake.input.samples, snakemake.input.registrations, ["train", *splits]),
+        load_moving(*files, "train"),
+        {split: load_moving(*files, split) for split in snakemake.params.splits},
         {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
         load_topology(snakemake.input.topology),
-        splits,
         step=snakemake.params.step,
         seed=snakemake.params.seed,
     )

@@ -118,6 +118,11 @@ def mapped(path: str | Path) -> np.ndarray:
         raise InputError(f"{path}: not readable as an array ({error})") from error
 
 
+def new_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
+    """An `.npy` array to fill piece by piece, which may be larger than memory."""
+    return np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
+
+
 def save_npz(path: str | Path, **arrays: Any) -> None:
     """Write arrays (strings and numbers included, nothing pickled) to a compressed `.npz`."""
     for name, value in arrays.items():
@@ -127,8 +132,12 @@ def save_npz(path: str | Path, **arrays: Any) -> None:
         np.savez_compressed(stream, **arrays)
 
 
-def load_npz(path: str | Path, *required: str) -> dict[str, np.ndarray]:
+def load_npz(path: str | Path, *required: str, only: bool = False) -> dict[str, np.ndarray]:
     """Read an `.npz` without executing anything in it.
+
+    Args:
+        required: keys that have to be there.
+        only: leave the others unread.
 
     Raises:
         InputError: the file is missing, unreadable, holds pickles or lacks a required key.
@@ -138,14 +147,13 @@ def load_npz(path: str | Path, *required: str) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
     try:
         with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+            found = archive.files
+            arrays = {name: archive[name] for name in found if name in required or not only}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
     missing = [name for name in required if name not in arrays]
     if missing:
-        raise InputError(
-            f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(arrays))}"
-        )
+        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(found))}")
     return arrays
 
 

@@ -47,7 +47,7 @@ def test_evaluate_svae_measures_held_out_garments_and_keeps_all_codes(run_rule, 
     assert {(row.model, row.variant) for row in rows} == {("svae", "svae_no_cvar")}
     whole = find_value(rows, "svae_no_cvar", "test", "all", "surface_error_mm")
     assert whole.n == len(files.garments.rows("test"))
-    for name in ("normal_error_deg", "mask_iou", "kl", "inside_share", "pieces"):
+    for name in ("normal_error_deg", "mask_iou", "kl_nat", "inside_share", "pieces"):
         assert find_value(rows, "svae_no_cvar", "val", "all", name) is not None
     codes, about = load_codes(output["codes"])
     assert codes.mean.shape == (len(files.garments.garment), 5)

@@ -73,7 +73,7 @@ def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
 
 def with_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict[str, float]]:
     """The measures with each garment's KL (n,) in nats."""
-    return [{**row, "kl": float(value)} for row, value in zip(measures, kl, strict=True)]
+    return [{**row, "kl_nat": float(value)} for row, value in zip(measures, kl, strict=True)]
 
 
 class StaticRows(Protocol):

@@ -44,11 +44,6 @@ def mask_iou(predicted: np.ndarray, true: np.ndarray) -> float:
     return float((predicted & true).sum() / (predicted | true).sum())
 
 
-def gaussian_kl(mean: np.ndarray, log_variance: np.ndarray) -> np.ndarray:
-    """Divergence (n,) in nats of Gaussians (n, Z) from the unit one, summed over the code."""
-    return 0.5 * (mean**2 + np.exp(log_variance) - 1 - log_variance).sum(axis=1)
-
-
 def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
     """The garment as a mesh of its own; mask vertices that no face joins are left out."""
     garment = faces_within(faces, mask)

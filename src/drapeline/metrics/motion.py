@@ -1,8 +1,9 @@
 """Simulated garments in motion: their ground truth, trivial predictions, and how good any are."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,57 +64,94 @@ class MovingGarment:
         return out
 
 
-def load_moving(
+@dataclass(frozen=True)
+class MovingFiles:
+    """Where a garment of a simulated sample lies, since not all of them fit into memory.
+
+    Attributes:
+        sample, split, name: as of `MovingGarment`.
+        folder: of the sample.
+        registration: folder of its registrations.
+    """
+
+    sample: str
+    split: str
+    name: str
+    folder: Path
+    registration: Path
+
+    def load(self) -> MovingGarment:
+        """Read it.
+
+        Raises:
+            InputError: a file is missing or damaged.
+        """
+        with Sample(self.folder) as sample:
+            return MovingGarment(
+                sample=self.sample,
+                split=self.split,
+                name=self.name,
+                gender=sample.gender,
+                shape=np.asarray(sample.info.shape),
+                poses=np.asarray(sample.info.poses),
+                registered=load_sample_garment(self.registration / f"{self.name}.npz"),
+                faces=sample.mesh(self.name).triangles,
+                cloth=sample.vertices(self.name, frame="root"),
+            )
+
+
+def moving_files(
     samples: Iterable[str | Path], registrations: Iterable[str | Path], splits: Sequence[str]
-) -> list[MovingGarment]:
-    """Garments of the accepted samples of some splits.
+) -> Iterator[MovingFiles]:
+    """Garments of the accepted samples of some splits, sample by sample.
 
     Args:
         samples: folders as `write_sample` leaves them.
         registrations: folders of the same samples as `register_sample` leaves them.
-        splits: to load.
+        splits: wanted.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    found = []
-    for folder, registration in zip(samples, registrations, strict=True):
-        status = read_json(Path(registration) / "status.json")
-        if status["status"] != "accepted" or status["split"] not in splits:
-            continue
-        with Sample(folder) as sample:
-            for name in sample.garments:
-                found.append(
-                    MovingGarment(
-                        sample=status["id"],
-                        split=status["split"],
-                        name=name,
-                        gender=sample.gender,
-                        shape=np.asarray(sample.info.shape),
-                        poses=np.asarray(sample.info.poses),
-                        registered=load_sample_garment(Path(registration) / f"{name}.npz"),
-                        faces=sample.mesh(name).triangles,
-                        cloth=sample.vertices(name, frame="root"),
-                    )
-                )
-    return found
+    for folder, registration in zip(map(Path, samples), map(Path, registrations), strict=True):
+        status = read_json(registration / "status.json")
+        if status["status"] == "accepted" and status["split"] in splits:
+            with Sample(folder) as sample:
+                names = sample.garments
+            for name in names:
+                yield MovingFiles(status["id"], status["split"], name, folder, registration)
+
+
+def load_moving(
+    samples: Iterable[str | Path], registrations: Iterable[str | Path], split: str
+) -> Iterator[MovingGarment]:
+    """Garments of the accepted samples of a split, each read when it is its turn.
+
+    Args:
+        samples, registrations: see `moving_files`.
+        split: to load.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    return (files.load() for files in moving_files(samples, registrations, [split]))
 
 
 def shown_moving(
     samples: Sequence[str | Path], registrations: Sequence[str | Path]
-) -> list[MovingGarment]:
+) -> list[MovingFiles]:
     """All garments for pictures, those of the test split first and those of training last.
 
     Raises:
         InputError: a file is unusable, or no sample was accepted.
     """
-    found = load_moving(samples, registrations, SPLITS)
+    found = list(moving_files(samples, registrations, SPLITS))
     if not found:
         raise InputError(
             f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
             " expected one or more"
         )
-    return sorted(found, key=lambda moving: -SPLITS.index(moving.split))
+    return sorted(found, key=lambda files: -SPLITS.index(files.split))
 
 
 def measure_motion(
@@ -146,8 +184,21 @@ def measure_motion(
     return found
 
 
+class Measured(NamedTuple):
+    """Metrics of the frames of one garment.
+
+    Attributes:
+        sample, garment: which one.
+        rows: metric -> value, per frame.
+    """
+
+    sample: str
+    garment: str
+    rows: Sequence[Mapping[str, float]]
+
+
 def moving_summary(
-    measured: Sequence[tuple[MovingGarment, Sequence[Mapping[str, float]]]],
+    measured: Sequence[Measured],
     *,
     model: str,
     variant: str,
@@ -157,9 +208,9 @@ def moving_summary(
     """Rows of the table of metrics over all frames; samples are resampled as wholes."""
     return summary_rows(
         rng_for(seed, "intervals", variant, split),
-        [row for _, rows in measured for row in rows],
-        [moving.name for moving, rows in measured for _ in rows],
-        [moving.sample for moving, rows in measured for _ in rows],
+        [row for one in measured for row in one.rows],
+        [one.garment for one in measured for _ in one.rows],
+        [one.sample for one in measured for _ in one.rows],
         model=model,
         variant=variant,
         split=split,
@@ -173,18 +224,17 @@ def mean_wrinkles(
     """(types, V, 3) mean pose-invariant offsets of training garments, per type and vertex.
 
     Args:
+        garments: looked at one after the other.
+        bodies: super-resolved, by gender.
         step: of the frames looked at.
 
     Raises:
         InputError: there are none.
     """
-    found = list(garments)
-    if not found:
-        raise InputError("no sample of the training split was accepted, expected one or more")
-    vertices = len(found[0].registered.mask)
+    vertices = len(next(iter(bodies.values())).v_template)
     total = np.zeros((len(GARMENTS), vertices, 3))
     count = np.zeros((len(GARMENTS), vertices, 1))
-    for moving in progress(found, label="mean wrinkles"):
+    for moving in progress(garments, label="mean wrinkles"):
         frames = np.arange(0, len(moving.poses), step)
         offsets = dynamic_offsets(
             moving.registered,
@@ -197,14 +247,16 @@ def mean_wrinkles(
         kind = GARMENTS.index(moving.name)
         total[kind] += offsets.sum(axis=0)
         count[kind] += len(frames) * moving.registered.mask[:, None]
+    if not count.any():
+        raise InputError("no sample of the training split was accepted, expected one or more")
     return (total / np.maximum(count, 1)).astype(np.float32)
 
 
 def moving_baseline_summary(
-    garments: Sequence[MovingGarment],
+    training: Iterable[MovingGarment],
+    held_out: Mapping[str, Iterable[MovingGarment]],
     bodies: Mapping[str, BodyModel],
     topology: Topology,
-    splits: Sequence[str],
     *,
     step: int,
     seed: int,
@@ -212,17 +264,17 @@ def moving_baseline_summary(
     """The static garment moved by its skinning weights, without and with the type's mean wrinkles.
 
     Args:
-        garments: of the training split and of those to measure.
+        training: garments that the mean is learned from.
+        held_out: split -> garments to measure.
         bodies: super-resolved, by gender.
-        splits: to measure on.
         step: of the frames measured, and of those that the mean is learned from.
         seed: of the intervals.
     """
-    mean = mean_wrinkles((g for g in garments if g.split == "train"), bodies, step)
+    mean = mean_wrinkles(training, bodies, step)
     found = []
-    for split in splits:
-        measured: dict[str, list] = {"moving": [], STILL: [], MEAN: []}
-        for moving in progress([g for g in garments if g.split == split], label=split):
+    for split, garments in held_out.items():
+        measured: dict[str, list[Measured]] = {"moving": [], STILL: [], MEAN: []}
+        for moving in progress(garments, label=split):
             body, frames = bodies[moving.gender], np.arange(0, len(moving.poses), step)
             wrinkles = mean[GARMENTS.index(moving.name)] * moving.registered.mask[:, None]
             for name, offsets in ((STILL, np.zeros_like(wrinkles)), (MEAN, wrinkles)):
@@ -235,11 +287,11 @@ def moving_baseline_summary(
                     "unposed",
                 )
                 rows = measure_motion(moving, frames, points, body, topology)
-                measured[name].append((moving, rows))
+                measured[name].append(Measured(moving.sample, moving.name, rows))
             rows = measure_motion(moving, frames, moving.points(frames), body, topology)
             inside = [{k: v for k, v in row.items() if k.startswith("inside")} for row in rows]
-            measured["moving"].append((moving, inside))
-        for name, pairs in measured.items():
+            measured["moving"].append(Measured(moving.sample, moving.name, inside))
+        for name, rows in measured.items():
             model = "truth" if name == "moving" else "baseline"
-            found += moving_summary(pairs, model=model, variant=name, split=split, seed=seed)
+            found += moving_summary(rows, model=model, variant=name, split=split, seed=seed)
     return found

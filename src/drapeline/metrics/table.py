@@ -21,7 +21,7 @@ UNITS = {
     "surface_error_mm": "mm",
     "normal_error_deg": "deg",
     "mask_iou": "1",
-    "kl": "nat",
+    "kl_nat": "nat",
     "predicted_to_true_mm": "mm",
     "true_to_predicted_mm": "mm",
     "inside_share": "1",

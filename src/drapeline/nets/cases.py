@@ -13,7 +13,7 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh, triangulate
 from drapeline.metrics.cases import GarmentCase, WornGarment
 from drapeline.metrics.garment_metrics import garment_mesh, surface_error_mm
-from drapeline.metrics.motion import MovingGarment
+from drapeline.metrics.motion import MovingFiles, MovingGarment
 from drapeline.nets.dynamic_data import HISTORY_FRAMES, DynamicGarments
 from drapeline.nets.gcvae_training import DynamicVae, StaticVae
 from drapeline.nets.represent import (
@@ -88,7 +88,7 @@ def static_cases(
 def moving_cases(
     model: DynamicVae,
     garments: DynamicGarments,
-    movings: Sequence[MovingGarment],
+    files: Sequence[MovingFiles],
     super_bodies: Mapping[str, BodyModel],
     bodies: Mapping[str, BodyModel],
     topology: Topology,
@@ -96,11 +96,11 @@ def moving_cases(
     """The middle frame of the first garment of each type in motion.
 
     Args:
-        movings: held-out garments first.
+        files: held-out garments first.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
-    for moving in {m.name: m for m in reversed(movings)}.values():
+    for moving in (one.load() for one in {one.name: one for one in reversed(files)}.values()):
         rows = rows_of(garments, moving)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
@@ -132,7 +132,7 @@ def wrinkle_rows(
     rng: np.random.Generator,
     model: DynamicVae,
     garments: DynamicGarments,
-    movings: Sequence[MovingGarment],
+    files: Sequence[MovingFiles],
     super_bodies: Mapping[str, BodyModel],
     bodies: Mapping[str, BodyModel],
     topology: Topology,
@@ -142,7 +142,7 @@ def wrinkle_rows(
 
     Args:
         rng: draws the codes of the last two rows.
-        movings: held-out garments first; the one of them that moves most gives frame, pose and
+        files: held-out garments first; the one of them that moves most gives frame, pose and
             wrinkle code.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
         columns: pictures per row.
@@ -152,16 +152,18 @@ def wrinkle_rows(
         at rest" and "codes, in motion" keep garment and pose under codes of the prior.
     """
     data = garments.data
-    rows_by = [rows_of(garments, moving) for moving in movings]
+    rows_by = [rows_of(garments, one) for one in files]
     bend = [np.linalg.norm(data.poses[rows, 0, 3:], axis=1) for rows in rows_by]
-    held_out = [k for k, moving in enumerate(movings) if moving.split == movings[0].split]
+    held_out = [k for k, one in enumerate(files) if one.split == files[0].split]
     chosen = max(held_out, key=lambda k: np.ptp(bend[k]))
     rows = rows_by[chosen]
     lively = rows[[bend[chosen].argmax()]]
     z = encode_garments(model, garments, lively).mean
+    first_of_type = {files[k].name: k for k in reversed(range(len(files)))}
+    shown = {k: files[k].load() for k in {chosen, *first_of_type.values()}}
 
     def worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
-        other = movings[which]
+        other = shown[which]
         own = np.repeat(rows_by[which][:1], len(codes))
         points = moving_points(
             model, garments, own, other, super_bodies[other.gender], codes, poses
@@ -180,7 +182,6 @@ def wrinkle_rows(
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
     drawn = rng.standard_normal((columns, z.shape[1]))
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
-    first_of_type = {movings[k].name: k for k in reversed(range(len(movings)))}
     return {
         "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
         "garment": [

@@ -53,7 +53,7 @@ def dynamic_domain(
     )
     base_mean, base_std = body_statistics(data.base[row] for row in rows)
     basis = rest_basis(bodies)
-    worn = torch.from_numpy(data.static_cvar()[np.unique(data.wearer[rows])])
+    worn = torch.from_numpy(data.cvar(np.unique(data.wearer[rows])))
     rest = rest_bodies(torch.from_numpy(basis), worn).permute(2, 0, 1).numpy()
     body_mean, body_std = body_statistics(rest)
     return Domain(

@@ -17,13 +17,26 @@ from drapeline.nets.gcvae_training import GarmentVae
 from drapeline.outfits.fit import rest_body, signed_tightness
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import Version, dynamic_offsets, load_sample_garment
+from drapeline.registration.static_data import static_cvar
 from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder
+from drapeline.storage import load_npz, mapped, new_array, read_json, save_npz, whole_folder
 
 # A condition on f frames is on the pose of the frame and of f - 1 before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
-_GARMENT_KEYS = ("sample", "split", "garment", "shape", "gender", "tightness", "mask", "static")
+_GARMENT_KEYS = ("sample", "split", "garment", "shape", "gender", "tightness")
+# Too much for memory where there are many samples: rows are frames, or garments.
+_FRAME_ARRAYS, _GARMENT_ARRAYS = ("offsets", "base", "poses"), ("mask", "static")
+
+
+@dataclass(frozen=True)
+class _Accepted:
+    """A sample to collect: its garments, and the frames that are taken of each."""
+
+    folder: Path
+    registration: Path
+    garments: list[str]
+    frames: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -31,7 +44,8 @@ class _Recording:
     """One garment of one sample: what does not change from frame to frame, and its frames."""
 
     about: dict[str, Any]
-    frames: np.ndarray
+    mask: np.ndarray
+    static: np.ndarray
     poses: np.ndarray
     offsets: np.ndarray
     base: np.ndarray
@@ -61,50 +75,72 @@ def collect_dynamic(
         InputError: no sample was accepted, or a file is unusable.
     """
     found = [
-        recording
-        for sample, registration in progress(samples.items(), total=len(samples), label="samples")
-        for recording in _recordings(Path(sample), Path(registration), bodies, version, step)
+        one
+        for sample, registration in samples.items()
+        for one in _accepted(Path(sample), Path(registration), step)
     ]
     if not found:
         raise InputError(
             f"{output}: none of {len(samples)} samples was accepted, expected one or more"
         )
-    counts = [len(recording.frames) for recording in found]
+    frames = [one.frames for one in found for _ in one.garments]
+    counts = [len(numbers) for numbers in frames]
+    vertices = (len(next(iter(bodies.values())).v_template), 3)
     with whole_folder(output) as scratch:
-        for key in ("offsets", "base"):
-            np.save(scratch / f"{key}.npy", np.concatenate([getattr(r, key) for r in found]))
+        arrays = {
+            key: new_array(scratch / f"{key}.npy", dtype, shape)
+            for key, dtype, shape in (
+                ("offsets", np.float32, (sum(counts), *vertices)),
+                ("base", np.float32, (sum(counts), *vertices)),
+                ("poses", np.float32, (sum(counts), HISTORY_FRAMES, 72)),
+                ("mask", np.bool_, (len(counts), vertices[0])),
+                ("static", np.float32, (len(counts), *vertices)),
+            )
+        }
+        about: list[dict[str, Any]] = []
+        start = 0
+        for one in progress(found, total=len(found), label="samples"):
+            for recording in _recordings(one, bodies, version):
+                end = start + len(one.frames)
+                for key in _FRAME_ARRAYS:
+                    arrays[key][start:end] = getattr(recording, key)
+                for key in _GARMENT_ARRAYS:
+                    arrays[key][len(about)] = getattr(recording, key)
+                about.append(recording.about)
+                start = end
+        for array in arrays.values():
+            array.flush()
         save_npz(
             scratch / "frames.npz",
-            frame=np.concatenate([r.frames for r in found]),
-            poses=np.concatenate([r.poses for r in found]),
-            wearer=np.repeat(np.arange(len(found)), counts),
+            frame=np.concatenate(frames),
+            wearer=np.repeat(np.arange(len(counts)), counts),
         )
         save_npz(
             scratch / "garments.npz",
             version=np.array(version),
-            **{key: np.stack([r.about[key] for r in found]) for key in _GARMENT_KEYS},
+            **{key: np.stack([row[key] for row in about]) for key in _GARMENT_KEYS},
         )
     return sum(counts)
 
 
+def _accepted(folder: Path, registration: Path, step: int) -> Iterator[_Accepted]:
+    if read_json(registration / "status.json")["status"] == "accepted":
+        with Sample(folder) as sample:
+            frames = np.arange(0, sample.frame_count, step)
+            yield _Accepted(folder, registration, list(sample.garments), frames)
+
+
 def _recordings(
-    folder: Path,
-    registration: Path,
-    bodies: Mapping[str, BodyModel],
-    version: Version,
-    step: int,
+    one: _Accepted, bodies: Mapping[str, BodyModel], version: Version
 ) -> Iterator[_Recording]:
-    status = read_json(registration / "status.json")
-    if status["status"] != "accepted":
-        return
-    with Sample(folder) as sample:
+    status, frames = read_json(one.registration / "status.json"), one.frames
+    with Sample(one.folder) as sample:
         info, body = sample.info, bodies[sample.gender]
-        frames = np.arange(0, sample.frame_count, step)
         back = frames[:, None] - HISTORY_STEP * np.arange(HISTORY_FRAMES)
         poses = info.poses[np.maximum(back, 0)].astype(np.float32)  # (n, 4, 72)
         rest = rest_body(body, info.shape)
-        for name in sample.garments:
-            garment = load_sample_garment(registration / f"{name}.npz")
+        for name in one.garments:
+            garment = load_sample_garment(one.registration / f"{name}.npz")
             cloth = sample.vertices(name, frame="root")[frames]
             if version == "posed":
                 base = posed_vertices(body, info.shape, poses[:, 0])[0]
@@ -120,10 +156,9 @@ def _recordings(
                     "tightness": signed_tightness(sample.tightness, sample.gender).astype(
                         np.float32
                     ),
-                    "mask": garment.mask,
-                    "static": garment.offsets,
                 },
-                frames=frames,
+                mask=garment.mask,
+                static=garment.offsets,
                 poses=poses,
                 offsets=dynamic_offsets(garment, cloth, body, info.shape, poses[:, 0], version),
                 base=base.astype(np.float32),
@@ -136,12 +171,13 @@ class DynamicData:
     Attributes:
         version: "posed" or "unposed".
         offsets, base: (N, V, 3) float32 metres, memory-mapped: X, and what X is added to.
+        poses: (N, 4, 72) rad, memory-mapped, of the frame and of three before it, each three
+            frames earlier.
         frame: (N,) number of the frame.
-        poses: (N, 4, 72) rad, of the frame and of three before it, each three frames earlier.
         wearer: (N,) index into what follows.
         sample, split, garment: (G,) of each garment.
         shape, gender, tightness: (G, 10), (G,), (G, 2).
-        mask, static: (G, V) bool and (G, V, 3) float32 metres, of the rest pose.
+        mask, static: (G, V) bool and (G, V, 3) float32 metres, memory-mapped, of the rest pose.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -151,13 +187,14 @@ class DynamicData:
             InputError: a file is missing or lacks an array.
         """
         folder = Path(folder)
-        frames = load_npz(folder / "frames.npz", "frame", "poses", "wearer")
+        frames = load_npz(folder / "frames.npz", "frame", "wearer")
         garments = load_npz(folder / "garments.npz", "version", *_GARMENT_KEYS)
-        self.frame, self.poses, self.wearer = (frames[k] for k in ("frame", "poses", "wearer"))
+        self.frame, self.wearer = frames["frame"], frames["wearer"]
         self.version = str(garments.pop("version"))
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
-        self.offsets, self.base = (mapped(folder / f"{key}.npy") for key in ("offsets", "base"))
+        for key in (*_FRAME_ARRAYS, *_GARMENT_ARRAYS):
+            setattr(self, key, mapped(folder / f"{key}.npy"))
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -170,24 +207,23 @@ class DynamicData:
         """(n,) codes of `TOPOLOGIES`."""
         return topology_codes(self.garment[self.wearer[rows]])
 
-    def static_batch(self) -> Batch:
-        """All garments in the rest pose, as an SVAE takes them."""
+    def static_batch(self, wearers: np.ndarray) -> Batch:
+        """Garments (g,) in the rest pose, as an SVAE takes them."""
+        kinds = self.garment[wearers]
         return {
-            "offsets": self.static,
-            "mask": self.mask,
-            "cvar": self.static_cvar(),
-            "topology": topology_codes(self.garment),
-            "garment": self.garment,
+            "offsets": np.asarray(self.static[wearers]),
+            "mask": np.asarray(self.mask[wearers]),
+            "cvar": self.cvar(wearers),
+            "topology": topology_codes(kinds),
             "names": [
                 f"{sample}/{GARMENTS[kind]}"
-                for sample, kind in zip(self.sample, self.garment, strict=True)
+                for sample, kind in zip(self.sample[wearers], kinds, strict=True)
             ],
         }
 
-    def static_cvar(self) -> np.ndarray:
-        """(G, 13) shape, gender and signed tightness."""
-        parts = (self.shape, self.gender[:, None], self.tightness)
-        return np.concatenate(parts, 1).astype(np.float32)
+    def cvar(self, wearers: np.ndarray) -> np.ndarray:
+        """(g, 13) static conditions of garments (g,)."""
+        return static_cvar(self.shape[wearers], self.gender[wearers], self.tightness[wearers])
 
 
 class DynamicGarments:
@@ -214,7 +250,15 @@ class DynamicGarments:
         """(n, 13 + 72 f + Z) float32: static conditions, poses, static code."""
         wearer = self.data.wearer[rows]
         poses = self.data.poses[rows, : self.frames].reshape(len(rows), -1)
-        return np.concatenate([self.data.static_cvar()[wearer], poses, self.codes[wearer]], 1)
+        return np.concatenate([self.data.cvar(wearer), poses, self.codes[wearer]], 1)
+
+    def names(self, rows: np.ndarray) -> list[str]:
+        """Sample, garment and frame of rows, for messages."""
+        data = self.data
+        return [
+            f"{data.sample[w]}/{GARMENTS[data.garment[w]]}/{frame}"
+            for w, frame in zip(data.wearer[rows], data.frame[rows], strict=True)
+        ]
 
     def batch(self, rows: np.ndarray) -> Batch:
         """Arrays of rows."""
@@ -222,26 +266,23 @@ class DynamicGarments:
         return {
             "offsets": np.asarray(data.offsets[rows]),
             "base": np.asarray(data.base[rows]),
-            "mask": data.mask[wearer],
+            "mask": np.asarray(data.mask[wearer]),
             "cvar": self.cvar(rows),
             "topology": self.topology(rows),
             "garment": data.garment[wearer],
-            "names": [
-                f"{data.sample[w]}/{GARMENTS[data.garment[w]]}/{frame}"
-                for w, frame in zip(wearer, data.frame[rows], strict=True)
-            ],
+            "names": self.names(rows),
         }
 
 
 def static_codes(model: GarmentVae, data: DynamicData) -> np.ndarray:
     """(G, Z) float32: mean static code of each garment."""
-    batch = data.static_batch()
-    parts = []
-    for start in range(0, len(data.garment), 16):
-        rows = slice(start, start + 16)
-        part = as_tensors({key: value[rows] for key, value in batch.items()})
-        parts.append(model.encode(part).mean.numpy())
-    return np.concatenate(parts)
+    everything = np.arange(len(data.garment))
+    return np.concatenate(
+        [
+            model.encode(as_tensors(data.static_batch(everything[start : start + 16]))).mean.numpy()
+            for start in range(0, len(everything), 16)
+        ]
+    )
 
 
 def dynamic_garments(folder: str | Path, static: str | Path, frames: int) -> DynamicGarments:

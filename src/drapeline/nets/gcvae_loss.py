@@ -48,7 +48,7 @@ class GcvaeLoss:
         return min(self.kl_start + rise, self.kl_max)
 
 
-def kl_nats(mean: torch.Tensor, log_variance: torch.Tensor) -> torch.Tensor:
+def kl_nat(mean: torch.Tensor, log_variance: torch.Tensor) -> torch.Tensor:
     """(B, Z) each -> (B,): KL of the normal posterior from the standard normal, summed over z."""
     return 0.5 * (mean**2 + log_variance.exp() - 1 - log_variance).sum(1)
 

@@ -15,7 +15,7 @@ from drapeline.nets.gcvae_data import Batch, Garments, as_tensors, refuse_unfini
 from drapeline.nets.gcvae_loss import (
     GcvaeLoss,
     distance_sums,
-    kl_nats,
+    kl_nat,
     mask_sums,
     normal_sums,
     offset_sums,
@@ -152,7 +152,7 @@ class GarmentVae(Trained):
         chosen = np.sort(rng.permutation(rows)[:_FIRST_BATCH])
         chosen = chosen[np.argsort(garments.topology(chosen), kind="stable")]
         batch = garments.batch(chosen)
-        refuse_unfinite(batch)
+        refuse_unfinite(batch["offsets"], batch["names"], "offsets")
         parts = self.parts(as_tensors(batch))
         self.network.normalise_by(network_inputs(parts))
 
@@ -261,7 +261,7 @@ class GarmentVae(Trained):
         """The other terms of equation 3."""
         return {
             "condition": (code.condition - self.conditioning(cvar)).abs().mean(),
-            "kl": kl_nats(code.mean, code.log_variance).mean() / code.mean.shape[1],
+            "kl": kl_nat(code.mean, code.log_variance).mean() / code.mean.shape[1],
         }
 
     def garment_terms(
@@ -294,12 +294,12 @@ class GarmentVae(Trained):
         cvar, counts = conditions_of(parts)
         code = self.encode_parts(parts)
         out = self.decode_parts(code.mean, cvar, counts)
-        nats = kl_nats(code.mean, code.log_variance).mean()
+        nats = kl_nat(code.mean, code.log_variance).mean()
         offsets = self.garment_terms(parts, out, 0)["offsets"]
         values = {
             "selection": offsets + 0.1 * nats / code.mean.shape[1],
             "offsets": offsets,
-            "kl_nats": nats,
+            "kl_nat": nats,
             **self._metrics(parts, out),
         }
         self.log_means("val", values, len(cvar))

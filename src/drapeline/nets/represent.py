@@ -1,6 +1,6 @@
 """Datasets of garments through trained VAEs: to codes, and from codes to garments."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -17,12 +17,18 @@ from drapeline.metrics.evaluation import (
     static_summary,
     with_kl,
 )
-from drapeline.metrics.garment_metrics import gaussian_kl
-from drapeline.metrics.motion import MovingGarment, measure_motion, moving_summary
+from drapeline.metrics.motion import (
+    Measured,
+    MovingFiles,
+    MovingGarment,
+    measure_motion,
+    moving_summary,
+)
 from drapeline.metrics.table import MetricRow
 from drapeline.nets.domain import STATIC_CVAR, rest_bodies
 from drapeline.nets.dynamic_data import DynamicGarments
 from drapeline.nets.gcvae_data import Garments, as_tensors
+from drapeline.nets.gcvae_loss import kl_nat
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import dressed
@@ -46,6 +52,10 @@ class Codes(NamedTuple):
 
     mean: np.ndarray
     log_variance: np.ndarray
+
+    def kl_nat(self) -> np.ndarray:
+        """(n,) divergence of each from the standard normal, in nats."""
+        return kl_nat(*map(torch.from_numpy, self)).numpy()
 
     def of(self, rows: np.ndarray) -> "Codes":
         """Those of some rows."""
@@ -113,7 +123,7 @@ def measure_static(
     measures = measure_predictions(
         static_truth(model, garments), zip(rows.tolist(), decoded, strict=True)
     )
-    return with_kl(measures, gaussian_kl(codes.mean, codes.log_variance))
+    return with_kl(measures, codes.kl_nat())
 
 
 def static_vae_summary(
@@ -170,7 +180,7 @@ def moving_points(
     )
 
 
-def rows_of(garments: DynamicGarments, moving: MovingGarment) -> np.ndarray:
+def rows_of(garments: DynamicGarments, moving: MovingGarment | MovingFiles) -> np.ndarray:
     """Rows of a dataset that are frames of one garment, in their order."""
     data = garments.data
     wearer = np.flatnonzero(
@@ -182,32 +192,30 @@ def rows_of(garments: DynamicGarments, moving: MovingGarment) -> np.ndarray:
 def dynamic_vae_summary(
     model: DynamicVae,
     garments: DynamicGarments,
-    movings: Sequence[MovingGarment],
+    movings: Mapping[str, Iterable[MovingGarment]],
     bodies: Mapping[str, BodyModel],
     topology: Topology,
     variant: str,
-    splits: Sequence[str],
 ) -> list[MetricRow]:
     """Rows of the table of metrics for a trained dynamic VAE.
 
     Args:
         garments: every frame that is measured.
-        movings: the same garments with their simulation and their skinning weights.
+        movings: split -> the same garments with their simulation and their skinning weights.
         bodies: super-resolved, by gender.
-        splits: to measure on.
     """
     seed = model.settings.training.seed
     found = []
-    for split in splits:
+    for split, held_out in movings.items():
         measured = []
-        for moving in progress([m for m in movings if m.split == split], label=split):
+        for moving in progress(held_out, label=split):
             rows, body = rows_of(garments, moving), bodies[moving.gender]
             codes = encode_garments(model, garments, rows)
             points = moving_points(model, garments, rows, moving, body, codes.mean)
             frames = garments.data.frame[rows]
             measures = measure_motion(moving, frames, points, body, topology)
-            kl = gaussian_kl(codes.mean, codes.log_variance)
-            measured.append((moving, with_kl(measures, kl)))
+            rows = with_kl(measures, codes.kl_nat())
+            measured.append(Measured(moving.sample, moving.name, rows))
         found += moving_summary(measured, model="dvae", variant=variant, split=split, seed=seed)
     return found
 

@@ -27,6 +27,7 @@ from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, decode_codes, rest_body
 from drapeline.outfits.fit import signed_tightness
 from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.static_data import static_cvar
 from drapeline.registration.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz, whole_folder
@@ -174,7 +175,7 @@ class Request:
         """(13,) float32 conditions of the static VAE."""
         gender = GENDERS.index(self.gender)
         signed = signed_tightness(self.tightness, self.gender)
-        return np.array([*self.shape, gender, *signed], dtype=np.float32)
+        return static_cvar(self.shape[None], np.array([gender]), signed[None])[0]
 
 
 def draw_requests(

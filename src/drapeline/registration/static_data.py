@@ -13,7 +13,7 @@ from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.statistics import body_statistics, offset_statistics
 from drapeline.registration.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, mapped, save_npz, whole_folder
+from drapeline.storage import load_npz, mapped, new_array, save_npz, whole_folder
 
 _ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
 
@@ -32,36 +32,49 @@ def collect_static(
         Number of garments.
 
     Raises:
-        InputError: a shard lacks arrays, counts other vertices, or no row is for training.
+        InputError: a shard lacks arrays, counts other vertices than the bodies, or no row is for
+            training.
     """
-    about = [load_npz(path, "offsets", "mask", *_ROWS) for path in shards]
-    counts = {part["offsets"].shape[1] for part in about}
-    if len(counts) != 1:
-        raise InputError(
-            f"{output}: shards count {sorted(counts)} body vertices, expected one count;"
-            " register them anew"
-        )
+    about = [load_npz(path, *_ROWS, only=True) for path in shards]
     rows = {key: np.concatenate([part[key] for part in about]) for key in _ROWS}
-    train = rows["split"] == "train"
-    if not train.any():
+    chosen = np.flatnonzero(rows["split"] == "train")
+    if not len(chosen):
         raise InputError(f"{output}: no garment is for training, expected one or more")
-    offsets = np.concatenate([part.pop("offsets") for part in about])
-    mask = np.concatenate([part.pop("mask") for part in about])
-    chosen = np.flatnonzero(train)
-    mean, std = offset_statistics((offsets[row], mask[row]) for row in chosen)
+    count = len(next(iter(bodies.values())).v_template)
     _, first = np.unique(rows["outfit"][chosen], return_index=True)  # each body once
     body_mean, body_std = body_statistics(
         rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
         for row in progress(chosen[first], total=len(first), label="bodies")
     )
     with whole_folder(output) as scratch:
-        np.save(scratch / "offsets.npy", offsets)
-        np.save(scratch / "mask.npy", mask)
+        shape = (len(rows["split"]), count)
+        offsets = new_array(scratch / "offsets.npy", np.float32, (*shape, 3))
+        mask = new_array(scratch / "mask.npy", np.bool_, shape)
+        start = 0
+        for path in progress(shards, total=len(shards), label="shards"):
+            part = load_npz(path, "offsets", "mask", only=True)
+            for array in part.values():
+                if array.shape[1] != count:
+                    raise InputError(
+                        f"{path}: counts {array.shape[1]} body vertices, expected {count};"
+                        " register it anew"
+                    )
+            end = start + len(part["mask"])
+            offsets[start:end], mask[start:end] = part["offsets"], part["mask"]
+            start = end
+        mean, std = offset_statistics((offsets[row], mask[row]) for row in chosen)
+        offsets.flush()
+        mask.flush()
         save_npz(scratch / "rows.npz", **rows)
         save_npz(
             scratch / "statistics.npz", mean=mean, std=std, body_mean=body_mean, body_std=body_std
         )
-    return len(mask)
+    return len(rows["split"])
+
+
+def static_cvar(shape: np.ndarray, gender: np.ndarray, tightness: np.ndarray) -> np.ndarray:
+    """Static conditions (n, 13) float32: shape (n, 10), gender (n,), signed tightness (n, 2)."""
+    return np.concatenate([shape, gender[:, None], tightness], axis=1).astype(np.float32)
 
 
 class StaticData:
@@ -115,9 +128,7 @@ class StaticData:
 
     def cvar(self, rows: np.ndarray) -> np.ndarray:
         """(n, 13) float32 conditions: shape, gender, signed tightness."""
-        return np.concatenate(
-            [self.shape[rows], self.gender[rows, None], self.tightness[rows]], axis=1
-        ).astype(np.float32)
+        return static_cvar(self.shape[rows], self.gender[rows], self.tightness[rows])
 
     def topology(self, rows: np.ndarray) -> np.ndarray:
         """(n,) codes of `TOPOLOGIES`."""

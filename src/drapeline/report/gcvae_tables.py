@@ -41,7 +41,7 @@ _SHOWN = {
     "surface_error_mm": ("Surface error (mm)", 1),
     "normal_error_deg": ("Normals error (deg)", 1),
     "mask_iou": ("Mask IoU", 4),
-    "kl": ("KL (nats)", 2),
+    "kl_nat": ("KL (nats)", 2),
     "predicted_to_true_mm": ("Predicted to true (mm)", 1),
     "true_to_predicted_mm": ("True to predicted (mm)", 1),
     "inside_share": ("Inside the body (%)", 2),

@@ -10,7 +10,6 @@ from drapeline.metrics.garment_metrics import (
     distances_mm,
     garment_measures,
     garment_mesh,
-    gaussian_kl,
     inside_depth,
     inside_measures,
     largest_piece,
@@ -82,18 +81,6 @@ def test_mask_iou_counts():
     true = np.array([0, 1, 1, 1, 0], dtype=bool)
     assert mask_iou(predicted, true) == 0.5
     assert mask_iou(true, true) == 1.0
-
-
-def test_kl_equals_torch_and_is_zero_for_the_prior():
-    torch = pytest.importorskip("torch")
-    rng = rng_for(0, "kl")
-    mean, log_variance = rng.normal(size=(2, 5, 8))
-    normal = torch.distributions.Normal
-    expected = torch.distributions.kl_divergence(
-        normal(torch.tensor(mean), torch.tensor(np.exp(log_variance / 2))), normal(0.0, 1.0)
-    ).sum(1)
-    np.testing.assert_allclose(gaussian_kl(mean, log_variance), expected, rtol=1e-10)
-    assert (gaussian_kl(np.zeros((3, 8)), np.zeros((3, 8))) == 0).all()
 
 
 def test_garment_mesh_keeps_faces_with_all_corners_in_the_mask(tube):

@@ -97,12 +97,18 @@ def test_mean_wrinkles_are_those_of_the_type_freed_from_pose(toy_body):
 
 
 def test_baselines_reach_what_their_data_allows(toy_body, topology):
-    garments = [
-        moving_garment(toy_body, split, "Tshirt", wrinkle=WRINKLE_M, seed=seed)
-        for split, seed in (("train", 0), ("train", 1), ("test", 2), ("test", 3))
-    ]
+
+    def garments(split, *seeds):
+        for seed in seeds:
+            yield moving_garment(toy_body, split, "Tshirt", wrinkle=WRINKLE_M, seed=seed)
+
     rows = moving_baseline_summary(
-        garments, dict.fromkeys(GENDERS, toy_body), topology, ["test"], step=1, seed=0
+        garments("train", 0, 1),
+        {"test": garments("test", 2, 3)},
+        dict.fromkeys(GENDERS, toy_body),
+        topology,
+        step=1,
+        seed=0,
     )
     still, mean = (
         find_value(rows, name, "test", "all", "surface_error_mm") for name in (STILL, MEAN)
@@ -118,10 +124,10 @@ def test_baselines_reach_what_their_data_allows(toy_body, topology):
 def test_without_training_garments_there_is_one_sentence(toy_body, topology):
     with pytest.raises(InputError, match="no sample of the training split was accepted"):
         moving_baseline_summary(
-            [moving_garment(toy_body, "test", "Tshirt")],
+            [],
+            {"test": [moving_garment(toy_body, "test", "Tshirt")]},
             dict.fromkeys(GENDERS, toy_body),
             topology,
-            ["test"],
             step=1,
             seed=0,
         )
@@ -147,13 +153,20 @@ def files(toy_body, tmp_path):
 def test_only_accepted_samples_are_loaded_root_relative(files):
     samples, registrations = files
     folders = [tiny.folder for tiny in samples]
-    found = load_moving(folders, registrations, ["train", "test"])
+    found = list(load_moving(folders, registrations, "train"))
     assert {(m.sample, m.split) for m in found} == {("00001", "train")}
     assert {m.name for m in found} == {"Tshirt", "Skirt"}
     for moving in found:
         np.testing.assert_allclose(moving.cloth, samples[0].vertices[moving.name], atol=1e-5)
         assert moving.faces.max() < moving.cloth.shape[1]
-    assert load_moving(folders, registrations, ["test"]) == []
+    assert not list(load_moving(folders, registrations, "test"))
+    # Each is read when it is its turn.
+    turns = load_moving(folders, registrations, "train")
+    first = next(turns).name
+    (last,) = {"Tshirt", "Skirt"} - {first}
+    (registrations[0] / f"{last}.npz").unlink()
+    with pytest.raises(InputError, match=rf"{last}\.npz: no such file"):
+        next(turns)
 
 
 def test_pictures_take_held_out_garments_first(toy_body, files, tmp_path):
@@ -167,5 +180,8 @@ def test_pictures_take_held_out_garments_first(toy_body, files, tmp_path):
         moving_garment(toy_body, "test", "Tshirt").registered.save(held_out / f"{garment}.npz")
     found = shown_moving([*folders, tiny.folder], [*registrations, held_out])
     assert [m.split for m in found] == ["test", "test", "train", "train"]
+    loaded = found[1].load()
+    assert (loaded.sample, loaded.name) == ("00003", found[1].name)
+    np.testing.assert_allclose(loaded.cloth, tiny.vertices[loaded.name], atol=1e-5)
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
         shown_moving(folders[1:], registrations[1:])

@@ -233,7 +233,7 @@ def test_measures_are_those_of_the_network(model, garments):
         seen = mask[i] > 0.5
         both, either = (seen & true[i]).sum(), (seen | true[i]).sum()
         assert row["mask_iou"] == pytest.approx((both / either).item(), abs=1e-6)
-        assert row["kl"] > 0
+        assert row["kl_nat"] > 0
 
 
 def test_a_walk_begins_and_ends_at_its_garments(model, types, garments):

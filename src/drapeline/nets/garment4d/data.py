@@ -20,7 +20,15 @@ from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers, 
 from drapeline.nets.gcvae_data import Batch
 from drapeline.registration.garment_space import fit_space, load_space
 from drapeline.rule_log import LOGGER, progress
-from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
+from drapeline.storage import (
+    load_npz,
+    mapped,
+    new_array,
+    read_json,
+    save_npz,
+    whole_folder,
+    write_json,
+)
 
 SOURCES = ("simulated", "skinned")
 _PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")
@@ -94,9 +102,7 @@ def collect_garment4d(
     space = fit_space(canonical[trained], components, faces)
     with whole_folder(output) as scratch:
         arrays = {
-            name: np.lib.format.open_memmap(
-                scratch / f"{name}.npy", mode="w+", dtype=dtype, shape=(total, *shape)
-            )
+            name: new_array(scratch / f"{name}.npy", dtype, (total, *shape))
             for name, dtype, shape in (
                 ("points", np.float32, first.points.shape[1:]),
                 ("labels", np.uint8, first.labels.shape[1:]),
