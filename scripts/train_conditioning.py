@@ -15,7 +15,8 @@ with rule_log(snakemake.log[0]):
     train_conditioning(
         snakemake.output[0],
         dynamic_garments(data, snakemake.input.svae, frames) if frames else StaticData(data),
-        ConditioningSettings(**snakemake.params.settings),
+        ConditioningSettings.of(snakemake.params.settings),
+        code=snakemake.params.code,
         progress=snakemake.params.progress,
         threads=snakemake.threads,
     )

@@ -32,6 +32,7 @@ with rule_log(snakemake.log[0]):
         ),
         VaeSettings.of(laid_over(snakemake.params.settings, DVAE_VARIANTS[variant])),
         conditioning=snakemake.input.conditioning,
+        code=snakemake.params.code,
         progress=snakemake.params.progress,
         trainer=snakemake.params.trainer,
         threads=snakemake.threads,

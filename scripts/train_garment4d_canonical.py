@@ -20,6 +20,7 @@ with rule_log(snakemake.log[0]):
         SequenceData(given.data, Wearers(bodies, params.body_points)),
         params.settings,
         pointnet=snakemake.wildcards.canonical == "pointnet",
+        code=params.code,
         progress=params.progress,
         trainer=params.trainer,
         threads=snakemake.threads,

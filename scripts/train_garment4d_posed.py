@@ -24,6 +24,7 @@ with rule_log(snakemake.log[0]):
         laid_over(params.settings, POSED_VARIANTS.get(variant, {})),
         load_stage(given.canonical, CanonicalStage).to(fastest_device()),
         mgn=variant == "mgn",
+        code=params.code,
         progress=params.progress,
         trainer=params.trainer,
         threads=snakemake.threads,

@@ -30,6 +30,7 @@ with rule_log(snakemake.log[0]):
         ),
         VaeSettings.of(laid_over(snakemake.params.settings, changes)),
         conditioning=snakemake.input.conditioning,
+        code=snakemake.params.code,
         progress=snakemake.params.progress,
         trainer=snakemake.params.trainer,
         threads=snakemake.threads,

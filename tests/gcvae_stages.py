@@ -66,7 +66,8 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
         output=[folder / "conditioning"],
         params={
             "frames": 0,
-            "settings": {"condition": 4, "epochs": 2},
+            "settings": {"condition": 4, "training": {"epochs": 2}},
+            "code": "c",
             "progress": str(folder / ".progress" / "conditioning"),
         },
         wildcards={"conditions": "static"},
@@ -78,6 +79,7 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
         params={
             "settings": SETTINGS,
             "trainer": {"accelerator": "cpu"},
+            "code": "c",
             "progress": str(folder / ".progress" / variant),
         },
         wildcards={"svae": variant},

@@ -68,7 +68,6 @@ class ToyGarments:
         self.mask = body[:, 2] > hem
         offsets = (gap + slant * (body[:, 2:] - 0.3)) * out * self.mask[..., None]
         self.offsets = offsets.astype(np.float32)
-        self.names = [f"toy{i:03d}" for i in range(count)]
         self.split = np.array(["train"] * (count - 12) + ["val"] * 6 + ["test"] * 6)
 
     def rows(self, split):
@@ -81,13 +80,17 @@ class ToyGarments:
         parts = (self.shape[rows], self.gender[rows, None], self.tightness[rows])
         return np.concatenate(parts, 1).astype(np.float32)
 
+    def names(self, rows):
+        return [f"toy{row:03d}" for row in rows]
+
     def batch(self, rows):
         return {
             "offsets": self.offsets[rows],
+            "base": np.broadcast_to(tube().astype(np.float32), self.offsets[rows].shape),
             "mask": self.mask[rows],
             "cvar": self.cvar(rows),
             "topology": self.codes[rows],
-            "names": [self.names[row] for row in rows],
+            "names": self.names(rows),
         }
 
 

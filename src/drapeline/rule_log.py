@@ -1,6 +1,7 @@
 """What a rule prints goes to its log; what a user did wrong comes back as one sentence."""
 
 import logging
+import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -25,7 +26,10 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
     traceback in both.
     """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    handler = logging.FileHandler(path, mode="w")
+    # Lightning runs the script once more for each further device; those only add to the log.
+    if os.environ.get("LOCAL_RANK", "0") == "0":
+        Path(path).write_text("")
+    handler = logging.FileHandler(path)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S"))
     LOGGER.addHandler(handler)
     LOGGER.setLevel(logging.INFO)

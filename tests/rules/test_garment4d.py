@@ -59,6 +59,7 @@ def trained(run_rule, folder, bodies, sequences):
                 "settings": settings.get(name, {**POSED, "training": SHORT}),
                 "body_points": BODY_POINTS,
                 "trainer": {"accelerator": "cpu"},
+                "code": "c",
                 "progress": str(folder / ".progress" / name),
             },
             wildcards={stage: name, "garment": KIND},
@@ -86,7 +87,13 @@ def test_a_damaged_folder_of_sequences_ends_a_training_with_one_sentence(
             "train_garment4d_canonical",
             input={"data": tmp_path / "data", **bodies},
             output=[tmp_path / "canonical"],
-            params={"settings": CANONICAL, "body_points": 30, "trainer": {}, "progress": "none"},
+            params={
+                "settings": CANONICAL,
+                "body_points": 30,
+                "trainer": {},
+                "code": "c",
+                "progress": "none",
+            },
             wildcards={"canonical": "canonical"},
         )
     assert not (tmp_path / "canonical").exists()

@@ -88,6 +88,8 @@ def test_collected_frames_are_the_simulated_garment(collected, stages, folder, v
     assert data.version == version
     assert set(data.sample) == {"00001", "00003", "00004"}  # one was rejected
     assert len(data) == 3 * 2 * 4  # samples, garments, every second of eight frames
+    for key in ("offsets", "base", "poses", "mask", "static"):
+        assert isinstance(getattr(data, key), np.memmap)
     body = load_body(stages["female"])
     for row in (0, 5, len(data) - 1):
         wearer, frame = data.wearer[row], data.frame[row]
@@ -121,7 +123,8 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
         output=[tmp_path / "conditioning_dynamic"],
         params={
             "frames": frames,
-            "settings": {"condition": 4, "epochs": 2},
+            "settings": {"condition": 4, "training": {"epochs": 2}},
+            "code": "c",
             "progress": str(tmp_path / ".progress" / "c"),
         },
         wildcards={"conditions": f"{version}_{frames}"},
@@ -138,6 +141,7 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
         params={
             "settings": SETTINGS,
             "trainer": {"accelerator": "cpu"},
+            "code": "c",
             "progress": str(tmp_path / ".progress" / "d"),
         },
         wildcards={"version": version, "frames": str(frames)},

@@ -49,6 +49,7 @@ def test_a_training_that_cannot_go_on_says_so_in_one_sentence(run_rule, stages, 
             params={
                 "settings": {"network": {"widths": [4] * 6}, "loss": {}, "training": {}},
                 "trainer": {},
+                "code": "c",
                 "progress": str(tmp_path / ".progress"),
             },
             wildcards={"svae": "svae"},

@@ -46,6 +46,16 @@ def test_log_files_of_two_rules_do_not_mix(tmp_path):
     assert not logging.getLogger("drapeline").handlers
 
 
+def test_a_log_begins_anew_but_for_processes_of_further_devices(tmp_path, monkeypatch):
+    path = tmp_path / "log"
+    for rank, text in ((None, "old"), ("0", "first"), ("1", "second")):
+        if rank is not None:
+            monkeypatch.setenv("LOCAL_RANK", rank)
+        with rule_log(str(path)) as log:
+            log.info("this is %s", text)
+    assert [text in path.read_text() for text in ("old", "first", "second")] == [False, True, True]
+
+
 def test_progress_yields_everything_in_order():
     assert list(progress(range(5), label="frames")) == [0, 1, 2, 3, 4]
 

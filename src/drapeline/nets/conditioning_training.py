@@ -1,18 +1,21 @@
 """Training of the conditioning autoencoder, alone and before the networks that it conditions."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import pytorch_lightning as lightning
 import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.conditioning import ConditioningAutoencoder
-from drapeline.nets.fitting import fit, learning_rate
-from drapeline.nets.gcvae_data import Batch, GarmentData, cvar_statistics
+from drapeline.nets.fitting import fit
+from drapeline.nets.gcvae_data import Batch, GarmentData, cvar_statistics, refuse_unfinite
+from drapeline.nets.trained import Trained, Training, plain
 from drapeline.seeding import rng_for
+
+_TRAINING = Training(epochs=60, learning_rate=3e-3, schedule="one_cycle")
 
 
 @dataclass(frozen=True)
@@ -21,17 +24,16 @@ class ConditioningSettings:
 
     Attributes:
         condition: size of cvar^z.
-        epochs: passes over the training rows.
-        batch: samples per step.
-        learning_rate: largest one of Adam.
-        seed: of weights and order.
+        training: how long and how fast.
     """
 
     condition: int = 32
-    epochs: int = 60
-    batch: int = 32
-    learning_rate: float = 3e-3
-    seed: int = 0
+    training: Training = field(default=_TRAINING)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "ConditioningSettings":
+        """From nested mappings; what is missing from the training is as by default."""
+        return cls(values["condition"], replace(_TRAINING, **values["training"]))
 
 
 class Conditions(Protocol):
@@ -43,63 +45,59 @@ class Conditions(Protocol):
     def cvar(self, rows: np.ndarray) -> np.ndarray:
         """(n, C)."""
 
+    def names(self, rows: np.ndarray) -> list[str]:
+        """What the rows are called in messages."""
+
 
 class _Rows:
     """Conditions as batches without garments."""
 
     def __init__(self, conditions: Conditions) -> None:
-        self.rows, self.cvar = conditions.rows, conditions.cvar
+        self.rows, self.cvar, self.names = conditions.rows, conditions.cvar, conditions.names
 
     def topology(self, rows: np.ndarray) -> np.ndarray:
         return np.zeros(len(rows), dtype=np.int64)
 
     def batch(self, rows: np.ndarray) -> Batch:
-        return {"cvar": self.cvar(rows).astype(np.float32)}
+        return {"cvar": self.cvar(rows).astype(np.float32), "names": self.names(rows)}
 
 
-class ConditioningTraining(lightning.LightningModule):
-    """Gamma with its L1 loss."""
+class ConditioningTraining(Trained):
+    """Gamma with its L1 loss.
+
+    Args:
+        settings: sizes and training.
+        mean, std: (C,) of the conditions over the training rows.
+    """
 
     def __init__(self, settings: ConditioningSettings, mean: np.ndarray, std: np.ndarray) -> None:
         super().__init__()
         self.settings = settings
+        rng = rng_for(settings.training.seed, "conditioning")
         self.autoencoder = ConditioningAutoencoder(
             len(mean),
             2 * settings.condition,
             settings.condition,
             mean=torch.from_numpy(mean),
             std=torch.from_numpy(std),
-            rng=torch.Generator().manual_seed(
-                int(rng_for(settings.seed, "conditioning").integers(2**62))
-            ),
+            rng=torch.Generator().manual_seed(int(rng.integers(2**62))),
         )
 
     def training_step(self, batch: Batch, _: int) -> torch.Tensor:
         """L1 of the reconstruction."""
-        return self._loss("train", batch)
+        loss = self.autoencoder.loss(batch["cvar"])
+        self.stop_if_unfinite(loss, {"reconstruction": loss}, batch["names"])
+        self.log_means("train", {"loss": loss}, len(batch["cvar"]))
+        return loss
 
     def validation_step(self, batch: Batch, _: int) -> None:
         """The same on validation rows."""
-        self._loss("val", batch)
-
-    def _loss(self, stage: str, batch: Batch) -> torch.Tensor:
         loss = self.autoencoder.loss(batch["cvar"])
-        self.log(f"{stage}_loss", loss, on_step=False, on_epoch=True, batch_size=len(batch["cvar"]))
-        return loss
+        self.log_means("val", {"loss": loss}, len(batch["cvar"]))
 
-    def on_train_batch_start(self, *_: Any) -> None:
-        """Set the learning rate from the step alone."""
-        share = self.global_step / self.trainer.estimated_stepping_batches
-        for group in self.optimizers().param_groups:
-            group["lr"] = learning_rate(self.settings.learning_rate, "one_cycle", share)
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam."""
-        return torch.optim.Adam(self.parameters(), lr=self.settings.learning_rate)
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Say what this is."""
-        checkpoint["drapeline"] = {"kind": "conditioning"}
+    def about(self) -> dict[str, Any]:
+        """Kind and settings; the statistics are among the weights."""
+        return {"kind": "conditioning", "settings": plain(asdict(self.settings))}
 
 
 def train_conditioning(
@@ -107,20 +105,39 @@ def train_conditioning(
     conditions: Conditions,
     settings: ConditioningSettings,
     *,
+    code: str,
     progress: str | Path,
     threads: int,
 ) -> None:
-    """Train on the training rows and leave a folder as `fit` does."""
-    mean, std = cvar_statistics(conditions.cvar(conditions.rows("train")))
+    """Train on the training rows and leave a folder as `fit` does.
+
+    Args:
+        folder, progress, threads: see `fit`.
+        conditions: of training and validation rows.
+        settings: sizes and training.
+        code: digest of the code; a training is taken up again by the same code alone.
+
+    Raises:
+        InputError: a condition, or later the loss, is not finite; names the samples.
+    """
+    rows, training = conditions.rows("train"), settings.training
+    cvar = conditions.cvar(rows)
+    refuse_unfinite(cvar, conditions.names(rows), "conditions")
+    mean, std = cvar_statistics(cvar)
     fit(
         ConditioningTraining(settings, mean, std),
-        GarmentData(_Rows(conditions), batch=settings.batch, seed=settings.seed),
+        GarmentData(_Rows(conditions), batch=training.batch, seed=training.seed),
         folder,
         progress=progress,
-        epochs=settings.epochs,
+        epochs=training.epochs,
         monitor="val_loss",
-        settings={**vars(settings), "mean": mean.tolist(), "std": std.tolist()},
-        trainer={"accelerator": "cpu"},
+        settings={
+            **plain(asdict(settings)),
+            "mean": mean.tolist(),
+            "std": std.tolist(),
+            "code": code,
+        },
+        trainer={"accelerator": "cpu", "devices": 1},
         threads=threads,
     )
 

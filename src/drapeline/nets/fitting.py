@@ -2,6 +2,7 @@
 
 import ctypes
 import hashlib
+import json
 import math
 import shutil
 import sys
@@ -15,11 +16,13 @@ import numpy as np
 import pytorch_lightning as lightning
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
+from pytorch_lightning.loggers import TensorBoardLogger
 
 from drapeline.rule_log import LOGGER
-from drapeline.storage import read_json, whole_file, whole_folder, write_json
+from drapeline.storage import whole_file, whole_folder, write_json
 
 LAST, BEST, HISTORY, SETTINGS = "last.ckpt", "best.ckpt", "history.tsv", "settings.json"
+CURVES = "tensorboard"
 
 
 class History(lightning.Callback):
@@ -38,8 +41,9 @@ class History(lightning.Callback):
         values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
         seconds = time.perf_counter() - self._started
         self.rows.append({"epoch": trainer.current_epoch, "seconds": round(seconds, 3), **values})
-        if trainer.is_global_zero:
-            self._write()
+        if not trainer.is_global_zero:
+            return
+        self._write()
         LOGGER.info(
             "epoch %d of %d, %.1f s: %s",
             trainer.current_epoch + 1,
@@ -79,35 +83,39 @@ def fit(
 
     Args:
         module, data: what is trained on what.
-        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv` and `settings.json`.
-        progress: folder of a training under way; taken up again if its settings are `settings`.
+        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json` and `tensorboard`.
+        progress: folder for a training under way; taken up again if its settings are `settings`.
         epochs: of training.
         monitor: logged value whose least epoch is the best one.
         settings: all that the result depends on, as JSON values.
         trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
         threads: of the processor.
+
+    With several devices each has a process of its own that calls this; the first one writes.
     """
     keep_freed_memory()
     torch.set_num_threads(threads)
-    progress = Path(progress)
-    if progress.exists() and not _same_settings(progress / SETTINGS, settings):
-        shutil.rmtree(progress)
-    progress.mkdir(parents=True, exist_ok=True)
-    write_json(progress / SETTINGS, settings)
-    last = progress / LAST
-    if last.exists():
+    # Named after the settings, so that no process looks at what another one clears away.
+    text = json.dumps(settings, sort_keys=True)
+    under_way = Path(progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
+    engine = _trainer(under_way, epochs, monitor, trainer)
+    if engine.is_global_zero:
+        begin(under_way, settings)
+    last = under_way / LAST
+    resumed = last.exists()
+    if resumed:
         LOGGER.info("going on from %s", last)
     with warnings.catch_warnings():
         # The progress folder is meant to hold files; the other is Lightning's own business.
         warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
-        _trainer(progress, epochs, monitor, trainer).fit(
-            module, datamodule=data, ckpt_path=last if last.exists() else None, weights_only=True
-        )
-    with whole_folder(folder) as scratch:
-        for name in (LAST, BEST, HISTORY, SETTINGS):
-            shutil.copyfile(progress / name, scratch / name)
-    shutil.rmtree(progress)
+        engine.fit(module, datamodule=data, ckpt_path=last if resumed else None, weights_only=True)
+    if engine.is_global_zero:
+        with whole_folder(folder) as scratch:
+            for name in (LAST, BEST, HISTORY, SETTINGS):
+                shutil.copyfile(under_way / name, scratch / name)
+            shutil.copytree(under_way / CURVES, scratch / CURVES)
+        shutil.rmtree(progress)
 
 
 _DIGESTED_BYTES = 64 << 20  # of an array; a tenth of a second
@@ -128,18 +136,27 @@ def arrays_digest(arrays: Mapping[str, np.ndarray]) -> str:
     return digest.hexdigest()[:12]
 
 
-def _same_settings(path: Path, settings: Mapping[str, Any]) -> bool:
-    return path.exists() and read_json(path) == settings
+def tensors_digest(tensors: Mapping[str, torch.Tensor]) -> str:
+    """The same of tensors, such as the weights of a network."""
+    return arrays_digest({name: tensor.cpu().numpy() for name, tensor in tensors.items()})
+
+
+def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
+    """Make the folder of a training, or keep it, and clear away those of other settings."""
+    for other in under_way.parent.glob("*"):
+        if other.name != under_way.name:
+            shutil.rmtree(other) if other.is_dir() else other.unlink()
+    write_json(under_way / SETTINGS, settings)
 
 
 def _trainer(
-    progress: Path, epochs: int, monitor: str, options: Mapping[str, Any]
+    under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]
 ) -> lightning.Trainer:
     terminal = sys.stderr.isatty()
     # The last after the best, so that a resume knows which epoch was best so far.
     keepers = [
         ModelCheckpoint(
-            progress,
+            under_way,
             filename=Path(name).stem,
             monitor=value,
             enable_version_counter=False,
@@ -149,8 +166,9 @@ def _trainer(
     ]
     return lightning.Trainer(
         max_epochs=epochs,
-        callbacks=[History(progress / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
-        logger=False,
+        callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
+        logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
+        use_distributed_sampler=False,  # ours knows of several devices
         enable_progress_bar=terminal,
         enable_model_summary=False,
         num_sanity_val_steps=0,

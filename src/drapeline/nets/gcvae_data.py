@@ -1,6 +1,6 @@
 """Batches of garments for training, read from memory-mapped arrays."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -35,18 +35,20 @@ def as_tensors(batch: Batch) -> Batch:
     }
 
 
-def refuse_unfinite(batch: Batch) -> None:
-    """Check arrays that statistics are made from.
+def refuse_unfinite(values: np.ndarray, names: Sequence[str], what: str) -> None:
+    """Check an array (n, ...) that statistics are made from.
+
+    Args:
+        names: (n,) of its rows.
+        what: it holds, for the message.
 
     Raises:
-        InputError: names the samples whose offsets are not all finite.
+        InputError: names the samples whose values are not all finite.
     """
-    finite = np.isfinite(batch["offsets"]).all(axis=(1, 2))
+    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     if not finite.all():
-        names = ", ".join(
-            name for name, fine in zip(batch["names"], finite, strict=True) if not fine
-        )
-        raise InputError(f"samples {names}: offsets hold NaN or infinity, expected metres")
+        bad = ", ".join(name for name, fine in zip(names, finite, strict=True) if not fine)
+        raise InputError(f"samples {bad}: {what} hold NaN or infinity, expected finite numbers")
 
 
 class _Rows(Dataset):
@@ -63,11 +65,25 @@ class _Rows(Dataset):
 
 
 class _Batches(Sampler):
-    """Batches of even size; shuffled by seed and epoch alone where there is a seed."""
+    """Batches of even size; shuffled by seed and epoch alone where there is a seed.
 
-    def __init__(self, rows: np.ndarray, size: int, seed: int | None) -> None:
+    Of several processes each takes its share, and as many as the others, for they wait for one
+    another in every step.
+
+    Args:
+        rows: to take.
+        size: of a batch, about.
+        seed: of the order; None keeps it.
+        processes: how many there are.
+        rank: which of them this is.
+    """
+
+    def __init__(
+        self, rows: np.ndarray, size: int, seed: int | None, processes: int = 1, rank: int = 0
+    ) -> None:
         self.rows, self.seed, self.epoch = rows, seed, 0
-        self.count = max(1, round(len(rows) / size))
+        self.processes, self.rank = processes, rank
+        self.count = max(1, round(len(rows) / (size * processes)))
 
     def set_epoch(self, epoch: int) -> None:
         """Called by the trainer, after a resume too."""
@@ -80,7 +96,10 @@ class _Batches(Sampler):
         rows = self.rows
         if self.seed is not None:
             rows = rng_for(self.seed, "epoch", self.epoch).permutation(rows)
-        yield from (part.tolist() for part in np.array_split(rows, self.count))
+        total = self.count * self.processes
+        rows = np.resize(rows, max(len(rows), total))  # fewer than processes: some come again
+        parts = np.array_split(rows, total)[self.rank :: self.processes]
+        yield from (part.tolist() for part in parts)
 
 
 class GarmentData(lightning.LightningDataModule):
@@ -90,15 +109,14 @@ class GarmentData(lightning.LightningDataModule):
         garments: where batches come from.
         batch: samples per step.
         seed: of the order of the training rows.
-        workers: processes that read ahead; memory-mapped arrays seldom need any.
 
     Raises:
         InputError: the training or the validation split is empty.
     """
 
-    def __init__(self, garments: Garments, *, batch: int, seed: int, workers: int = 0) -> None:
+    def __init__(self, garments: Garments, *, batch: int, seed: int) -> None:
         super().__init__()
-        self.garments, self.batch, self.seed, self.workers = garments, batch, seed, workers
+        self.garments, self.batch, self.seed = garments, batch, seed
         for split in ("train", "val"):
             if len(garments.rows(split)) == 0:
                 raise InputError(
@@ -115,10 +133,9 @@ class GarmentData(lightning.LightningDataModule):
         return self._loader("val", None)
 
     def _loader(self, split: str, seed: int | None) -> DataLoader:
-        sampler = _Batches(self.garments.rows(split), self.batch, seed)
-        return DataLoader(
-            _Rows(self.garments), sampler=sampler, batch_size=None, num_workers=self.workers
-        )
+        among = (self.trainer.world_size, self.trainer.global_rank) if self.trainer else (1, 0)
+        sampler = _Batches(self.garments.rows(split), self.batch, seed, *among)
+        return DataLoader(_Rows(self.garments), sampler=sampler, batch_size=None)
 
 
 def cvar_statistics(cvar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

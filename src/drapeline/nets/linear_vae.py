@@ -82,7 +82,7 @@ class LinearVae(StaticVae):
             rng = rng_for(self.settings.training.seed, "linear rows")
             rows = np.sort(rng.choice(rows, SIZE.rows, replace=False))
         batch = garments.batch(rows)
-        refuse_unfinite(batch)
+        refuse_unfinite(batch["offsets"], batch["names"], "offsets")
         fields, known, conditions = self._known(batch)
         mirror = mirror_of(self.domain.body_mean.astype(np.float64), self.domain.faces["body"])
         if mirror is not None:  # a garment's mirror image is a garment too

@@ -7,7 +7,7 @@ from typing import Any
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.conditioning_training import load_conditioning
 from drapeline.nets.domain import Domain
-from drapeline.nets.fitting import BEST, arrays_digest, fit
+from drapeline.nets.fitting import BEST, fit, tensors_digest
 from drapeline.nets.gcvae_data import GarmentData, Garments
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
 from drapeline.nets.linear_vae import LinearVae
@@ -27,6 +27,7 @@ def train_vae(
     settings: VaeSettings,
     *,
     conditioning: str | Path,
+    code: str,
     progress: str | Path,
     trainer: dict[str, Any],
     threads: int,
@@ -35,14 +36,20 @@ def train_vae(
 
     Args:
         conditioning: folder of the trained conditioning autoencoder.
+        code: digest of the code; a training is taken up again by the same code alone.
     """
     training = settings.training
+    about = {
+        **plain(asdict(settings)),
+        "domain": tensors_digest(domain.tensors()),
+        "code": code,
+    }
     model = MODELS[training.model](settings, domain)
     if hasattr(model, "conditioning"):
         path = Path(conditioning) / BEST
         load_conditioning(read_checkpoint(path), model.conditioning, path)
+        about["conditioning"] = tensors_digest(model.conditioning.state_dict())
     model.prepare(garments)
-    arrays = {name: tensor.numpy() for name, tensor in domain.tensors().items()}
     fit(
         model,
         GarmentData(garments, batch=training.batch, seed=training.seed),
@@ -50,7 +57,7 @@ def train_vae(
         progress=progress,
         epochs=training.epochs,
         monitor="val_selection",
-        settings={**plain(asdict(settings)), "domain": arrays_digest(arrays)},
+        settings=about,
         trainer=trainer,
         threads=threads,
     )

@@ -65,9 +65,7 @@ class Trained(lightning.LightningModule, ABC):
     def log_means(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
         """Log means over an epoch of values of a batch of `count` rows, as `{stage}_{name}`."""
         named = {f"{stage}_{key}": value.detach() for key, value in values.items()}
-        self.log_dict(
-            named, on_step=False, on_epoch=True, batch_size=count, sync_dist=stage == "val"
-        )
+        self.log_dict(named, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
 
     def stop_if_unfinite(
         self, loss: torch.Tensor, terms: Mapping[str, torch.Tensor], names: Sequence[str]

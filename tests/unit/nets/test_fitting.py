@@ -1,9 +1,13 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytorch_lightning as lightning
 import torch
 
 from drapeline.nets import fitting
-from drapeline.nets.fitting import arrays_digest, fit
+from drapeline.nets.fitting import arrays_digest, begin, fit
+from drapeline.storage import read_json
 
 
 class Line(lightning.LightningModule):
@@ -52,6 +56,8 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
     assert abs(last - path[-1]) < 1e-5
     rows = (tmp_path / "out" / "history.tsv").read_text().splitlines()
     assert [row.split("\t")[0] for row in rows] == ["epoch", *"012345"]
+    # The same curves, for TensorBoard.
+    assert list((tmp_path / "out" / "tensorboard").glob("events.out.tfevents.*"))
 
 
 def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
@@ -74,3 +80,55 @@ def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
         changed = array.copy()
         changed[row] += 1
         assert (arrays_digest({"a": changed}) == arrays_digest({"a": array})) is same
+
+
+def test_a_training_clears_away_those_of_other_settings_and_keeps_its_own(tmp_path):
+    for name in ("old", "same"):
+        begin(tmp_path / "progress" / name, {"name": name})
+        (tmp_path / "progress" / name / "last.ckpt").write_text(name)
+    begin(tmp_path / "progress" / "same", {"name": "same"})
+    assert [path.name for path in (tmp_path / "progress").iterdir()] == ["same"]
+    assert (tmp_path / "progress" / "same" / "last.ckpt").read_text() == "same"
+    assert read_json(tmp_path / "progress" / "same" / "settings.json") == {"name": "same"}
+
+
+SEVERAL = """
+import sys
+from pathlib import Path
+
+from drapeline.nets.conditioning_training import ConditioningSettings, ConditioningTraining, _Rows
+from drapeline.nets.fitting import fit
+from drapeline.nets.gcvae_data import GarmentData, cvar_statistics
+from drapeline.rule_log import rule_log
+from gcvae_toys import ToyGarments
+
+if __name__ == "__main__":
+    folder, garments = Path(sys.argv[1]), ToyGarments()
+    moments = cvar_statistics(garments.cvar(garments.rows("train")))
+    with rule_log(str(folder / "log")):
+        fit(
+            ConditioningTraining(ConditioningSettings(condition=4), *moments),
+            GarmentData(_Rows(garments), batch=8, seed=0),
+            folder / "out",
+            progress=folder / "progress",
+            epochs=2,
+            monitor="val_loss",
+            settings={},
+            trainer={"accelerator": "cpu", "devices": 2, "strategy": "ddp"},
+            threads=1,
+        )
+"""
+
+
+def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
+    script = tmp_path / "several.py"
+    script.write_text(SEVERAL)
+    subprocess.run([sys.executable, script, tmp_path], check=True, timeout=600)
+    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "tensorboard"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert not (tmp_path / "progress").exists()
+    steps = torch.load(tmp_path / "out" / "last.ckpt", weights_only=True)["global_step"]
+    assert steps == 2 * 2  # 36 rows in batches of 8 on each of two
+    log = (tmp_path / "log").read_text()
+    assert log.count("epoch 1 of 2") == log.count("epoch 2 of 2") == 1
+    assert "Traceback" not in log

@@ -12,8 +12,8 @@ from drapeline.nets.checkpoints import load_vae, read_checkpoint
 from drapeline.nets.conditioning_training import ConditioningSettings, train_conditioning
 from drapeline.nets.fitting import learning_rate
 from drapeline.nets.gcvae import GcvaeNetwork
-from drapeline.nets.gcvae_data import GarmentData, as_tensors
-from drapeline.nets.gcvae_loss import GcvaeLoss
+from drapeline.nets.gcvae_data import GarmentData, _Batches, as_tensors
+from drapeline.nets.gcvae_loss import GcvaeLoss, kl_nat
 from drapeline.nets.gcvae_training import GcvaeTraining, VaeSettings
 from drapeline.nets.runs import train_vae
 from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS, laid_over
@@ -24,37 +24,42 @@ SETTINGS = VaeSettings(
     loss=GcvaeLoss(normals=1.0),
     training=GcvaeTraining(epochs=2, batch=8, normal_parts=2),
 )
+MOVING = replace(
+    SETTINGS,
+    training=replace(SETTINGS.training, model="dynamic", version="unposed", mask=False),
+)
 OURS = replace(
     SETTINGS,
     loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
     training=replace(SETTINGS.training, model="linear"),
 )
+CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 12, "batch": 8}})
+
+
+def train_condition(folder, garments, settings):
+    progress = folder.with_name(f"{folder.name}_progress")
+    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=1)
+    return folder
 
 
 @pytest.fixture(scope="module")
 def conditioning(tmp_path_factory):
     folder = tmp_path_factory.mktemp("conditioning")
-    train_conditioning(
-        folder / "out",
-        ToyGarments(),
-        ConditioningSettings(condition=4, epochs=12, batch=8),
-        progress=folder / "progress",
-        threads=1,
-    )
-    return folder / "out"
+    return train_condition(folder / "out", ToyGarments(), CONDITIONING)
 
 
 @pytest.fixture
 def train(tmp_path, conditioning):
     """train("name", settings, garments) -> folder of the finished training."""
 
-    def run(name, settings=SETTINGS, garments=None, **options):
+    def run(name, settings=SETTINGS, garments=None, given=conditioning, **options):
         train_vae(
             tmp_path / name,
             garments or ToyGarments(),
             toy_domain(),
             settings,
-            conditioning=conditioning,
+            conditioning=given,
+            code="c",
             progress=tmp_path / ".progress" / name,
             trainer={"accelerator": "cpu", **options},
             threads=1,
@@ -92,6 +97,7 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, set
         "history.tsv",
         "last.ckpt",
         "settings.json",
+        "tensorboard",
     ]
     assert not (tmp_path / ".progress" / "model").exists()
     assert json.loads((folder / "settings.json").read_text())["network"]["latent"] == 8
@@ -134,6 +140,12 @@ def test_the_same_seed_trains_the_same_weights_and_another_others(train):
     assert not torch.allclose(first[key], other[key])
 
 
+def under_way(progress):
+    """The last checkpoint of the one training that a folder holds."""
+    (path,) = progress.glob("*/last.ckpt")
+    return path
+
+
 class Killed(Exception):
     """Stands for the signal."""
 
@@ -152,14 +164,13 @@ class DiesAfter(ToyGarments):
         return super().batch(rows)
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+@pytest.mark.parametrize("settings", [SETTINGS, MOVING, OURS], ids=["paper", "moving", "ours"])
 def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, settings):
     settings = replace(settings, training=replace(settings.training, epochs=4))
     with pytest.raises(Killed):
         train("killed", settings, DiesAfter(16))
     assert not (tmp_path / "killed").exists()
-    done = read_checkpoint(tmp_path / ".progress" / "killed" / "last.ckpt")["epoch"]
-    assert 0 < done < 3
+    assert 0 < read_checkpoint(under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
     resumed, whole = train("killed", settings), train("whole", settings)
     assert_same(weights(resumed), weights(whole))
     assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
@@ -174,9 +185,63 @@ def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, settings
 def test_other_settings_begin_anew(train, tmp_path):
     with pytest.raises(Killed):
         train("model", SETTINGS, DiesAfter(7))
-    assert (tmp_path / ".progress" / "model" / "last.ckpt").exists()
+    assert under_way(tmp_path / ".progress" / "model")
     settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=3))
     assert_same(weights(train("model", settings)), weights(train("other", settings)))
+
+
+def test_another_conditioning_network_begins_anew(train, conditioning, tmp_path):
+    settings = replace(CONDITIONING, training=replace(CONDITIONING.training, seed=1))
+    train_condition(tmp_path / "other", ToyGarments(), settings)
+    with pytest.raises(Killed):
+        train("model", SETTINGS, DiesAfter(7))
+    before = under_way(tmp_path / ".progress" / "model")
+    resumed = train("model", given=tmp_path / "other")
+    assert_same(weights(resumed), weights(train("anew", given=tmp_path / "other")))
+    assert not before.parent.exists()
+
+
+class DyingConditions(ToyGarments):
+    """Conditions whose reading stops the job after some batches."""
+
+    left = 11
+
+    def cvar(self, rows):
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+        return super().cvar(rows)
+
+
+def test_a_killed_conditioning_goes_on_to_the_same_weights(conditioning, tmp_path):
+    with pytest.raises(Killed):
+        train_condition(tmp_path / "killed", DyingConditions(), CONDITIONING)
+    assert under_way(tmp_path / "killed_progress")
+    resumed = train_condition(tmp_path / "killed", ToyGarments(), CONDITIONING)
+    assert_same(weights(resumed), weights(conditioning))
+
+
+class SpoiltConditions(ToyGarments):
+    """Conditions that are fine when first looked at and not when trained on."""
+
+    looks = 0
+
+    def cvar(self, rows):
+        self.looks += 1
+        cvar = super().cvar(rows)
+        if self.looks > 1:
+            cvar[np.asarray(rows) == SpoiltLater.spoilt, 3] = np.inf
+        return cvar
+
+
+def test_conditions_that_are_not_finite_stop_with_their_samples(tmp_path):
+    garments = ToyGarments()
+    garments.shape[5, 3] = np.nan
+    with pytest.raises(InputError, match="^samples toy005: conditions hold NaN"):
+        train_condition(tmp_path / "out", garments, CONDITIONING)
+    with pytest.raises(InputError, match=r"epoch 0, step \d: the loss is .*toy005.*finite"):
+        train_condition(tmp_path / "out", SpoiltConditions(), CONDITIONING)
+    assert not (tmp_path / "out").exists()
 
 
 class SpoiltLater(ToyGarments):
@@ -197,7 +262,7 @@ class SpoiltLater(ToyGarments):
 
 
 def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tmp_path):
-    name = SpoiltLater().names[SpoiltLater.spoilt]
+    name = SpoiltLater().names([SpoiltLater.spoilt])[0]
     with pytest.raises(InputError, match=rf"epoch 0, step \d: the loss is nan.*{name}.*finite"):
         train("model", SETTINGS, SpoiltLater())
     assert not (tmp_path / "model").exists()
@@ -207,7 +272,7 @@ def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tm
 def test_garments_that_are_not_finite_are_named_before_training(train, settings):
     garments = ToyGarments()
     garments.offsets[5, 3] = np.inf
-    with pytest.raises(InputError, match=rf"^samples {garments.names[5]}: offsets hold NaN"):
+    with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
         train("model", settings, garments)
 
 
@@ -238,6 +303,20 @@ def test_an_empty_split_is_refused(split, name):
         GarmentData(garments, batch=8, seed=0)
 
 
+@pytest.mark.parametrize("processes", [2, 3, 50])
+def test_processes_share_all_rows_in_as_many_batches_each(processes):
+    rows = np.arange(10, 50)
+    shares = [
+        list(_Batches(rows, size=8, seed=0, processes=processes, rank=rank))
+        for rank in range(processes)
+    ]
+    assert len({len(batches) for batches in shares}) == 1
+    seen = [row for batches in shares for batch in batches for row in batch]
+    assert all(len(batch) for batches in shares for batch in batches)
+    assert set(seen) == set(rows)
+    assert len(seen) == max(len(rows), processes)
+
+
 def test_every_epoch_sees_every_training_row_once_in_another_order():
     garments = ToyGarments()
     loader = GarmentData(garments, batch=8, seed=0).train_dataloader()
@@ -247,9 +326,19 @@ def test_every_epoch_sees_every_training_row_once_in_another_order():
         batches = list(loader)
         assert all((np.diff(b["topology"]) >= 0).all() for b in batches)
         orders.append([name for b in batches for name in b["names"]])
-    assert sorted(orders[0]) == sorted(np.array(garments.names)[garments.rows("train")])
+    assert sorted(orders[0]) == sorted(garments.names(garments.rows("train")))
     assert orders[0] != orders[1]
     assert orders[0] == orders[2]
+
+
+def test_kl_is_that_of_torch_summed_over_the_code_and_zero_for_the_prior():
+    mean, log_variance = torch.randn(2, 5, 8, generator=torch.Generator().manual_seed(0)).double()
+    normal = torch.distributions.Normal
+    expected = torch.distributions.kl_divergence(
+        normal(mean, (log_variance / 2).exp()), normal(0.0, 1.0)
+    )
+    torch.testing.assert_close(kl_nat(mean, log_variance), expected.sum(1), rtol=1e-10, atol=0)
+    assert (kl_nat(torch.zeros(3, 8), torch.zeros(3, 8)) == 0).all()
 
 
 def test_the_printed_schedule_of_the_kl_weight():

@@ -11,7 +11,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.fitting import BEST, arrays_digest, fit
+from drapeline.nets.fitting import BEST, arrays_digest, fit, tensors_digest
 from drapeline.nets.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,
@@ -317,10 +317,9 @@ class PosedStage(Stage):
 
     def given(self) -> dict[str, Any]:
         """The canonical network."""
-        weights = {key: value.cpu().numpy() for key, value in self.canonical.state_dict().items()}
         return {
             "canonical": plain(asdict(self.canonical.settings)),
-            "canonical_weights": arrays_digest(weights),
+            "canonical_weights": tensors_digest(self.canonical.state_dict()),
         }
 
     def about(self) -> dict[str, Any]:
@@ -351,6 +350,7 @@ def train_canonical(
     values: Mapping[str, Mapping[str, Any]],
     *,
     pointnet: bool = False,
+    code: str,
     progress: str | Path,
     trainer: Mapping[str, Any],
     threads: int,
@@ -362,10 +362,11 @@ def train_canonical(
         data: sequences of the type.
         values: settings as they stand in a config.
         pointnet: the PN++ baseline.
+        code: digest of the code; a training is taken up again by the same code alone.
     """
     cls = PointNetStage if pointnet else CanonicalStage
     stage = cls(cls.settings_of(values), data.space, data.label)
-    _fit(stage, data, folder, progress, trainer, threads)
+    _fit(stage, data, folder, code, progress, trainer, threads)
 
 
 def train_posed(
@@ -375,6 +376,7 @@ def train_posed(
     canonical: CanonicalStage,
     *,
     mgn: bool = False,
+    code: str,
     progress: str | Path,
     trainer: Mapping[str, Any],
     threads: int,
@@ -387,6 +389,7 @@ def train_posed(
         values: settings as they stand in a config.
         canonical: trained on the same data.
         mgn: the MGN* baseline.
+        code: digest of the code; a training is taken up again by the same code alone.
     """
     torch.set_num_threads(threads)
     cls = MgnStage if mgn else PosedStage
@@ -395,13 +398,14 @@ def train_posed(
     frames = stage.settings.training.frames
     found = predicted_canonicals(canonical, data, ("train", "val"), frames)
     data.wear(found, stage.settings.skinning)
-    _fit(stage, data, folder, progress, trainer, threads)
+    _fit(stage, data, folder, code, progress, trainer, threads)
 
 
 def _fit(
     stage: Stage,
     data: SequenceData,
     folder: str | Path,
+    code: str,
     progress: str | Path,
     trainer: Mapping[str, Any],
     threads: int,
@@ -427,6 +431,7 @@ def _fit(
             "sequences": data.name.tolist(),
             "data": arrays_digest(data.arrays()),
             **stage.given(),
+            "code": code,
         },
         trainer=trainer,
         threads=threads,

@@ -50,6 +50,7 @@ def run(train, folder, name, data, values, *stage, precision="32-true", **option
         data,
         values,
         *stage,
+        code="c",
         progress=folder / ".progress" / name,
         trainer={"accelerator": "cpu", "precision": precision},
         threads=1,
