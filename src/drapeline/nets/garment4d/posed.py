@@ -25,9 +25,12 @@ from drapeline.nets.garment4d.losses import (
     temporal_difference,
 )
 from drapeline.nets.garment4d.pointnet import Neighbourhoods, PointLevel, pooled
+from drapeline.nets.garment4d.points import gathered, nearest_neighbours
 from drapeline.nets.garment4d.skinning import skinned
 from drapeline.nets.precision import full_precision
 
+_PULL_PASSES = 3
+_SHARE = 0.3  # of the way to the points that an untrained iteration goes
 TRANSFORMERS = ("paper", "per_vertex", "none")
 
 
@@ -40,6 +43,9 @@ class PosedSettings:
         hidden: features of the graph convolutions.
         layers: graph convolutions per iteration, the one that makes the displacement included.
         features: per ball size, of either encoder.
+        ball_layers: of the perceptron within each ball.
+        pull_neighbours: garment points whose mean each vertex is told the way to, and a learned
+            share of which it goes in each iteration; 0, as in the paper: it learns that too.
         garment_radii_m, garment_counts: of the balls of garment points, one per level.
         body_radii_m, body_counts: of the balls of body vertices.
         body_encoder: whether the body is looked at; the ablation of figure 6.
@@ -51,6 +57,8 @@ class PosedSettings:
     hidden: int = 128
     layers: int = 4
     features: int = 32
+    ball_layers: int = 2
+    pull_neighbours: int = 0
     garment_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
     garment_counts: tuple[int, ...] = (32, 16, 8)
     body_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
@@ -85,7 +93,7 @@ class PosedWeights:
 class PosedNetwork(nn.Module):
     """Proposal-guided hierarchical features, iterative graph convolutions, temporal transformer.
 
-    Begins as the identity: an untrained network gives the proposal back.
+    Begins as the identity: untrained it gives the proposal back, but for the pull of points.
 
     Args:
         settings: sizes.
@@ -110,7 +118,7 @@ class PosedNetwork(nn.Module):
             )
         self.settings = settings
         self.adjacency = SparseMatrix(mean_of_neighbours(faces, vertex_count))
-        widths = (settings.features, settings.features)
+        widths = (settings.features,) * settings.ball_layers
         self.garment = nn.ModuleList(
             Neighbourhoods(channels, widths, radius, count, rng)
             for channels, radius, count in zip(
@@ -123,11 +131,15 @@ class PosedNetwork(nn.Module):
             if settings.body_encoder
         )
         inputs = 3 + settings.features * (len(self.garment) + len(self.body))
+        inputs += 3 if settings.pull_neighbours else 0
         fused = 0 if settings.transformer == "none" else settings.hidden
         self.graphs, self.attention = nn.ModuleList(), nn.ModuleList()
+        self.shares = nn.ParameterList()
         for iteration in range(settings.iterations):
             first = inputs + (fused if iteration else 0)
             self.graphs.append(GraphLayers(first, settings.hidden, settings.layers, rng))
+            if settings.pull_neighbours:
+                self.shares.append(nn.Parameter(torch.tensor(_SHARE)))
             if iteration and fused:
                 self.attention.append(
                     FrameAttention(fused, settings.transformer == "per_vertex", rng)
@@ -164,13 +176,30 @@ class PosedNetwork(nn.Module):
             features += [
                 ball(level, garment) for ball, level in zip(self.garment, levels, strict=True)
             ]
+            if self.settings.pull_neighbours:
+                features.append(self.pull(levels[0], garment))
             rows = torch.cat(features, dim=-1).transpose(0, 1)  # (N, B * T, inputs)
             if iteration and self.attention:
                 rows = torch.cat([rows, self.attention[iteration - 1](hidden, frames)], dim=-1)
             hidden, displacement = graph(rows, self.adjacency)
             garment = garment + displacement.transpose(0, 1)
+            if self.settings.pull_neighbours:
+                garment = garment + self.shares[iteration] * features[-1]
             out.append(garment.unflatten(0, size))
         return out
+
+    def pull(self, level: PointLevel, garment: torch.Tensor) -> torch.Tensor:
+        """Smoothed way (B * T, N, 3) from each vertex to the mean of the points nearest to it."""
+        squared, index = nearest_neighbours(
+            level.points, garment, self.settings.pull_neighbours, level.valid
+        )
+        found = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
+        near = (gathered(level.points, index) * found).sum(2)
+        count = found.sum(2)
+        way = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
+        for _ in range(_PULL_PASSES):
+            way = self.adjacency(way)
+        return way.transpose(0, 1)
 
 
 class GraphLayers(nn.Module):
