@@ -86,7 +86,7 @@ class ToyGarments:
     def batch(self, rows):
         return {
             "offsets": self.offsets[rows],
-            "base": np.broadcast_to(tube().astype(np.float32), self.offsets[rows].shape),
+            "base": np.tile(tube().astype(np.float32), (len(rows), 1, 1)),
             "mask": self.mask[rows],
             "cvar": self.cvar(rows),
             "topology": self.codes[rows],
