@@ -100,7 +100,8 @@ def moving_cases(
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
-    for moving in (one.load() for one in {one.name: one for one in reversed(files)}.values()):
+    for one in first_of_each((one.name, one) for one in files):
+        moving = one.load()
         rows = rows_of(garments, moving)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
@@ -159,8 +160,8 @@ def wrinkle_rows(
     rows = rows_by[chosen]
     lively = rows[[bend[chosen].argmax()]]
     z = encode_garments(model, garments, lively).mean
-    first_of_type = {files[k].name: k for k in reversed(range(len(files)))}
-    shown = {k: files[k].load() for k in {chosen, *first_of_type.values()}}
+    first = first_of_each((one.name, k) for k, one in enumerate(files))
+    shown = {k: files[k].load() for k in {chosen, *first}}
 
     def worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
         other = shown[which]
@@ -184,9 +185,7 @@ def wrinkle_rows(
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
     return {
         "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
-        "garment": [
-            w for k in sorted(first_of_type.values()) for w in worn(k, z, data.poses[lively])
-        ],
+        "garment": [w for k in first for w in worn(k, z, data.poses[lively])],
         "codes,\nat rest": worn(chosen, drawn, rest),
         "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
     }
