@@ -17,5 +17,6 @@ with rule_log(snakemake.log[0]):
         given.metrics,
         [Path(fits) / ERRORS for fits in given.fits],
         located=snakemake.params.located,
+        pulled=snakemake.params.pulled > 0,
     )
     write_beside_paper(snakemake.output.table, given.metrics)

@@ -342,6 +342,7 @@ rule tabulate_garment4d:
         runtime=10,
     params:
         located=lookup(dpath="garment4d/canonical/network/located", within=config),
+        pulled=lookup(dpath="garment4d/posed/network/pull_neighbours", within=config),
         code=source_hash("tabulate_garment4d"),
     script:
         "../../scripts/tabulate_garment4d.py"

@@ -77,6 +77,10 @@ _LOCATED = (
     " This is ours and not the paper's, and it holds for PN++ and for all that is built on the"
     " canonical network."
 )
+_PULLED = (
+    "In each iteration vertices are also drawn to the garment points nearest to them, by a share that"
+    " is learned; the paper's network is not told where they are."
+)
 # Hong, Pan, Cai and Liu, Garment4D: Garment Reconstruction from Point Cloud Sequences, NeurIPS
 # 2021: per type in the order of `TEMPLATE_TYPES`. Table 5 is of licensed scans.
 _PAPER_2 = {"pointnet": (33.71, 41.05, 20.80), "canonical": (30.23, 28.39, 18.16)}
@@ -105,6 +109,7 @@ def write_garment4d_page(
     registration: Iterable[str | Path] = (),
     *,
     located: bool = False,
+    pulled: bool = False,
 ) -> None:
     """Write the page of tables.
 
@@ -114,6 +119,7 @@ def write_garment4d_page(
         registration: `.tsv` in long form (garment, name, metric, value, unit) of the residuals
             of garments registered to templates, one or more.
         located: whether the networks' points say where on the body they are.
+        pulled: whether the posed network draws vertices to the nearest points.
 
     Raises:
         InputError: a table is missing or unusable.
@@ -127,7 +133,7 @@ def write_garment4d_page(
         " alike, with 95 % intervals from resampling sequences where there are three or more."
         " The smallest error of a column is green. Pose and shape of the body are given to all"
         " models, as in the released code; a table further down says what a noisy body does.</p>",
-        *([f"<p>{_LOCATED}</p>"] if located else []),
+        *(f"<p>{text}</p>" for text, given in ((_LOCATED, located), (_PULLED, pulled)) if given),
         *_stand_ins(rows),
         "<h2>Table 2: canonical garments, vertex error M1 (mm)</h2>",
         "<p>Losses and M1 know the registered garment, not the one as made.</p>",

@@ -88,6 +88,34 @@ def test_an_untrained_network_gives_the_proposal_back():
         assert torch.equal(garment, arguments[0])
 
 
+def test_points_pull_an_untrained_network_towards_where_the_garment_is():
+    proposal, levels, body, normals = inputs(points=400)
+    shifted = proposal + torch.tensor([0.0, 0.0, 0.1])
+    out = network(moving=False, pull_neighbours=4)(shifted, levels, body, normals)
+    garment = torch.from_numpy(tube()).float() * 1.2
+    errors = [(x - garment).norm(dim=-1).mean() for x in (shifted, *out)]
+    assert errors[0] > errors[1] > errors[2] > errors[3]
+
+
+def test_the_pull_is_the_smoothed_way_to_the_mean_of_the_nearest_points():
+    proposal, levels, *_ = inputs(batch=1, frames=2)
+    net = network(pull_neighbours=4)
+    garment = proposal.flatten(0, 1)
+    cloud = levels[0].points
+    near = torch.cdist(garment, cloud).argsort(dim=-1)[..., :4]
+    way = torch.stack([cloud[k][near[k]].mean(1) for k in range(2)]) - garment
+    smooth = torch.from_numpy(mean_of_neighbours(FACES, VERTICES).toarray()).float()
+    expected = smooth @ (smooth @ (smooth @ way))
+    torch.testing.assert_close(net.pull(levels[0], garment), expected, atol=1e-5, rtol=1e-4)
+
+
+def test_a_cloud_without_garment_points_pulls_nowhere():
+    proposal, levels, *_ = inputs(batch=1, frames=2)
+    empty = levels[0]._replace(valid=torch.zeros_like(levels[0].valid))
+    way = network(pull_neighbours=4).pull(empty, proposal.flatten(0, 1))
+    assert torch.equal(way, torch.zeros_like(way))
+
+
 @pytest.mark.parametrize("transformer", ["paper", "per_vertex", "none"])
 @pytest.mark.parametrize("body_encoder", [True, False])
 def test_a_batch_gives_what_its_items_give_one_by_one(transformer, body_encoder):
