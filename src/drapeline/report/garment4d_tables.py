@@ -78,8 +78,8 @@ _LOCATED = (
     " canonical network."
 )
 _PULLED = (
-    "In each iteration vertices are also drawn to the garment points nearest to them, by a share that"
-    " is learned; the paper's network is not told where they are."
+    "In each iteration vertices are also drawn to the garment points nearest to them, by a share"
+    " that is learned; the paper's network is not told where they are."
 )
 # Hong, Pan, Cai and Liu, Garment4D: Garment Reconstruction from Point Cloud Sequences, NeurIPS
 # 2021: per type in the order of `TEMPLATE_TYPES`. Table 5 is of licensed scans.
