@@ -37,6 +37,17 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
         raise InputError(
             f"static.val_share is {val} and static.test_share {test}, expected a sum below 1"
         )
+    for stage in ("canonical", "posed", "mgn"):
+        training = settings["garment4d"][stage]["training"]
+        strides = {f"garment4d.{stage}.training.stride": training["stride"]}
+        if stage != "canonical":
+            strides["garment4d.evaluation.stride"] = settings["garment4d"]["evaluation"]["stride"]
+        for key, stride in strides.items():
+            if stride > training["frames"]:
+                raise InputError(
+                    f"{key} is {stride}, expected at most garment4d.{stage}.training.frames, which"
+                    f" is {training['frames']}: no frame may lie between windows"
+                )
 
 
 def require_splits(

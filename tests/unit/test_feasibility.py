@@ -41,6 +41,15 @@ def settings(**given):
             {"static": {"val_share": 0.9, "test_share": 0.9}},
             r"static.val_share is 0.9 and static.test_share 0.9, expected a sum below 1$",
         ),
+        (
+            {"garment4d": {"mgn": {"training": {"frames": 4, "stride": 5}}}},
+            r"garment4d.mgn.training.stride is 5, expected at most garment4d.mgn.training.frames,"
+            r" which is 4: no frame may lie between windows$",
+        ),
+        (
+            {"garment4d": {"evaluation": {"stride": 11}}},
+            r"garment4d.evaluation.stride is 11, expected at most garment4d.posed.training.frames",
+        ),
     ],
 )
 def test_contradictions_are_named_with_both_values(given, message):
