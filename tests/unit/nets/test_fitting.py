@@ -1,5 +1,7 @@
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytorch_lightning as lightning
@@ -123,7 +125,8 @@ if __name__ == "__main__":
 def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
     script = tmp_path / "several.py"
     script.write_text(SEVERAL)
-    subprocess.run([sys.executable, script, tmp_path], check=True, timeout=1800)
+    toys = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    subprocess.run([sys.executable, script, tmp_path], check=True, timeout=1800, env=toys)
     names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "tensorboard"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert not (tmp_path / "progress").exists()
