@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from drapeline.dataset.clouds import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.garment4d import Reconstruction
-from drapeline.metrics.table import HIGH, LOW
 from drapeline.report import garment4d_figures as figures
 from drapeline.report.garment4d_figures import (
     HEAT_SPAN_MM,
@@ -19,14 +18,9 @@ from drapeline.report.garment4d_figures import (
     SkinnedTwice,
     animate_steps,
     cloud_parts,
-    curve,
     fitted,
-    plot_ablation,
-    plot_accuracy_curve,
     plot_explained,
-    plot_missing_curve,
     plot_modes,
-    plot_neighbour_curve,
     plot_neighbours,
     plot_results,
     plot_steps,
@@ -34,10 +28,9 @@ from drapeline.report.garment4d_figures import (
     worst_place,
 )
 from drapeline.report.gcvae_figures import front_of, type_colour
-from drapeline.report.sheets import Cell, heat_parts, save_sheet
+from drapeline.report.sheets import heat_parts
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
-from metric_rows import metric_row
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
 
@@ -78,17 +71,6 @@ def case(frames=3, *, truth=True, garment="Skirt"):
         root_height=-body[..., 2].min(axis=1),
         number=10 * np.arange(frames),
     )
-
-
-def test_heat_paints_every_face_once_from_dark_to_yellow():
-    error = HEAT_SPAN_MM * np.linspace(-0.5, 2, len(TUBE)).clip(0)
-    parts = heat_parts(TUBE, FACES, error[FACES].mean(axis=1), HEAT_SPAN_MM)
-    faces = np.concatenate([p.faces for p in parts])
-    assert sorted(map(tuple, faces.tolist())) == sorted(map(tuple, FACES.tolist()))
-    low, high = parts[0], parts[-1]
-    assert error[low.faces].mean(axis=1).max() < HEAT_SPAN_MM / 30
-    assert sum(low.colour) < 1 < 1.5 < sum(high.colour)
-    assert error[high.faces].mean(axis=1).min() > 0.97 * HEAT_SPAN_MM
 
 
 def test_cloud_has_a_ball_per_point_in_its_colour_paler_in_the_distance():
@@ -246,89 +228,3 @@ def test_explained_variance_says_how_many_components_suffice(tmp_path):
     text = (tmp_path / "e.svg").read_text()
     assert ">Skirt: 2 for 90 %<" in text
     assert ">Tshirt<" in text
-
-
-def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
-    red = np.full((40, 60, 3), (255, 0, 0), np.uint8)
-    path = tmp_path / "sheet.png"
-    save_sheet(path, [[Cell(red), None], [None, Cell(red)]])
-    plain = np.asarray(Image.open(path))
-    assert (plain == [255, 0, 0]).all(-1).sum() == 2 * 2400
-    rows = [[Cell(red, "x"), Cell(red)]]
-    save_sheet(path, rows, columns=["a\nb", "c"], labels=["one\ntwo"], heat_mm=HEAT_SPAN_MM)
-    sheet = np.asarray(Image.open(path)).astype(int)
-    red_at = np.argwhere((sheet == [255, 0, 0]).all(-1))
-    assert 2 * 2400 - 120 < len(red_at) < 2 * 2400  # one caption covers some of it
-    top, left = red_at.min(axis=0)
-    assert (sheet[:top, left:] < 100).any()
-    assert (sheet[top:, :left] < 100).any()
-    below = sheet[red_at.max(axis=0)[0] + 1 :]
-    for colour in ((68, 1, 84), (253, 231, 37)):
-        assert (np.abs(below - colour).max(-1) <= 2).sum() >= 16
-
-
-def row(variant, metric, value, garment="Skirt", **others):
-    return metric_row(variant, garment, metric, value, **others)
-
-
-@pytest.fixture
-def rows():
-    """A sweep over K and one over holes, a model of another kind, and a validation split."""
-    found = [
-        row(f"{prefix}_{number}", "vertex_error_mm" + end, value + number / 100)
-        for prefix, numbers in (("neighbours", (256, 1, 16)), ("missing", (10, 50)))
-        for number in numbers
-        for end, value in (("", 20.0), (LOW, 18.0), (HIGH, 23.0))
-    ]
-    return [
-        *found,
-        row("neighbours_4", "vertex_error_mm", 99.0, split="val"),
-        row("neighbours_8", "vertex_error_mm", 99.0, model="other"),
-        row("posed", "vertex_error_mm", 20.5),
-        row("posed", "acceleration_error_m_s2", 3.25),
-        row("no_transformer", "vertex_error_mm", 24.5),
-        row("no_transformer", "acceleration_error_m_s2", 9.75),
-        row("lbs", "vertex_error_mm", 44.5),
-    ]
-
-
-def test_curve_rises_over_numbers_of_the_test_split(rows):
-    found = curve(rows, "neighbours", "Skirt", "vertex_error_mm")
-    np.testing.assert_array_equal(found.at, [1, 16, 256])
-    np.testing.assert_allclose(found.value, [20.01, 20.16, 22.56])
-    np.testing.assert_allclose(found.high - found.low, 5)
-    assert not len(curve(rows, "neighbours", "Tshirt", "vertex_error_mm").at)
-
-
-def test_curve_begins_at_the_model_itself_unless_it_was_measured_anew(rows):
-    ends = {0.0: "posed", 10.0: "lbs"}
-    found = curve(rows, "missing", "Skirt", "vertex_error_mm", ends)
-    np.testing.assert_allclose(found.value, [20.5, 20.1, 20.5])
-    assert np.isnan(found.low[0])
-    assert not len(curve(rows, "accuracy", "Skirt", "vertex_error_mm", ends).at)
-
-
-def test_curves_name_what_they_show_or_say_that_there_is_nothing(rows, tmp_path):
-    for plot, there in (
-        (plot_neighbour_curve, True),
-        (plot_missing_curve, True),
-        (plot_accuracy_curve, False),
-    ):
-        plot(tmp_path / "c.svg", rows)
-        text = (tmp_path / "c.svg").read_text()
-        assert (">Skirt<" in text) == there
-        assert ">Tshirt<" not in text
-        assert (">Not measured.<" in text) == (plot is not plot_missing_curve)
-    plot_neighbour_curve(tmp_path / "c.svg", rows)
-    assert ">256<" in (tmp_path / "c.svg").read_text()
-
-
-def test_ablation_has_a_bar_per_measured_variant(rows, tmp_path):
-    plot_ablation(tmp_path / "a.svg", rows, "Skirt")
-    text = (tmp_path / "a.svg").read_text()
-    for number in ("20.5", "24.5", "44.5", "3.25", "9.75"):
-        assert f">{number}<" in text
-    assert "without temporal transformer" in text
-    assert "without body encoder" not in text
-    plot_ablation(tmp_path / "a.svg", rows, "Tshirt")
-    assert (tmp_path / "a.svg").read_text().count(">Not measured.<") == 2

@@ -21,7 +21,6 @@ from drapeline.report.gcvae_figures import (
     view_picture,
     walk_view,
 )
-from drapeline.report.sheets import Cell, heat_colour, save_sheet
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
 
@@ -35,14 +34,6 @@ def shown(view, **settings):
 
 def coloured(picture):
     return np.ptp(picture, axis=2) > 25
-
-
-def test_heat_goes_from_dark_blue_to_yellow_and_stays_there():
-    low, high = heat_colour(0), heat_colour(1)
-    assert low[2] > low[1]
-    assert (high[:2] > 0.8).all()
-    assert high[2] < 0.3
-    np.testing.assert_array_equal(heat_colour(10), high)
 
 
 def test_error_is_drawn_where_it_is():
@@ -119,23 +110,6 @@ def test_the_camera_stands_before_the_wearer(turn):
         view = error_views(case)[2]
         pictures.append(shown(replace(view, error_mm=marked)))
     assert np.abs(pictures[0] - pictures[1]).mean() < 3
-
-
-def test_sheet_holds_every_picture_titles_labels_and_the_bar(tmp_path):
-    red, green = (np.full((40, 30, 3), c, np.uint8) for c in ((255, 0, 0), (0, 255, 0)))
-    path = tmp_path / "sheet.png"
-    rows = [[Cell(red), Cell(green)], [Cell(red)]]
-    save_sheet(path, rows, columns=["a", "b"], labels=["one\ntwo", "x"])
-    sheet = np.asarray(Image.open(path))
-    assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 1200
-    assert (sheet == [0, 255, 0]).all(-1).sum() == 1200
-    left = np.flatnonzero((sheet == [255, 0, 0]).all(-1).any(axis=0))[0]
-    assert (sheet[:, :left] < 100).any()  # the labels
-    save_sheet(path, [[Cell(red)] * 5], heat_mm=HEAT_SPAN_MM)
-    heated = np.asarray(Image.open(path)).astype(int)
-    for end in (0, 1):
-        colour = np.round(255 * heat_colour(end))
-        assert (np.abs(heated - colour).max(-1) <= 2).sum() >= 16
 
 
 def test_views_are_written_row_by_row(tmp_path):
