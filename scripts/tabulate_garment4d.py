@@ -18,5 +18,6 @@ with rule_log(snakemake.log[0]):
         [Path(fits) / ERRORS for fits in given.fits],
         located=snakemake.params.located,
         pulled=snakemake.params.pulled > 0,
+        smoothed=snakemake.params.smoothed > 0,
     )
     write_beside_paper(snakemake.output.table, given.metrics)

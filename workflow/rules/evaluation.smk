@@ -57,7 +57,7 @@ rule evaluate_baselines:
         f"{BENCHMARKS}/evaluate_baselines.tsv"
     conda:
         "../../envs/geometry.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=4000,
         runtime=60,
@@ -83,7 +83,7 @@ rule evaluate_svae:
         f"{BENCHMARKS}/evaluate_svae/{{svae}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=4000,
         runtime=60,
@@ -106,7 +106,7 @@ rule evaluate_dynamic_baselines:
         f"{BENCHMARKS}/evaluate_dynamic_baselines.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=4000,
         runtime=60,
@@ -134,7 +134,7 @@ rule evaluate_dvae:
         f"{BENCHMARKS}/evaluate_dvae/{{version}}_{{frames}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=4000,
         runtime=60,
@@ -214,7 +214,7 @@ rule sample_garments:
         f"{BENCHMARKS}/sample_garments.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
         runtime=30,
@@ -312,7 +312,7 @@ rule plot_gcvae_walks:
         f"{BENCHMARKS}/plot_gcvae_walks.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=2000,
         runtime=30,
@@ -347,7 +347,7 @@ rule plot_gcvae_errors:
         f"{BENCHMARKS}/plot_gcvae_errors.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
         runtime=30,
@@ -377,7 +377,7 @@ rule plot_gcvae_wrinkles:
         f"{BENCHMARKS}/plot_gcvae_wrinkles.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
         runtime=30,

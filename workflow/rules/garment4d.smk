@@ -188,7 +188,7 @@ rule train_garment4d_canonical:
         f"{BENCHMARKS}/train_garment4d_canonical/{{garment}}_{{canonical}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 1
+    threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
         runtime=1440,
@@ -215,7 +215,7 @@ rule train_garment4d_posed:
         f"{BENCHMARKS}/train_garment4d_posed/{{garment}}_{{posed}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 1
+    threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
         runtime=1440,
@@ -246,7 +246,7 @@ rule evaluate_garment4d:
         f"{BENCHMARKS}/evaluate_garment4d/{{garment}}_{{models}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 1
+    threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
         runtime=240,
@@ -343,6 +343,7 @@ rule tabulate_garment4d:
     params:
         located=lookup(dpath="garment4d/canonical/network/located", within=config),
         pulled=lookup(dpath="garment4d/posed/network/pull_neighbours", within=config),
+        smoothed=lookup(dpath="garment4d/posed/network/smooth_passes", within=config),
         code=source_hash("tabulate_garment4d"),
     script:
         "../../scripts/tabulate_garment4d.py"

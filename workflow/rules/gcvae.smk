@@ -48,7 +48,7 @@ rule train_svae:
         f"{BENCHMARKS}/train_svae/{{svae}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=6000,
         runtime=1440,
@@ -103,7 +103,7 @@ rule train_dvae:
         f"{BENCHMARKS}/train_dvae/{{version}}_{{frames}}.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: 2
+    threads: NETWORK_THREADS
     resources:
         mem_mb=6000,
         runtime=1440,

@@ -20,6 +20,7 @@ from drapeline.frames import FPS
 from drapeline.mesh import edges
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
+from drapeline.simulation.collider import thinned_faces
 from drapeline.simulation.fabrics import FABRICS, cloth_parameters
 from drapeline.simulation.health import (
     HealthBounds,
@@ -52,6 +53,7 @@ class Attempt:
     """Settings of one try."""
 
     solver: Solver
+    collider_share: float
     shape_frames: int
     pose_frames: int
 
@@ -115,7 +117,7 @@ def _attempt(
     outfit: Outfit,
     settings: SimulationSettings,
 ) -> Attempt:
-    """The first attempt is as asked; later ones take finer steps and longer transitions."""
+    """The first attempt is as asked; later ones are finer, with longer transitions."""
     speed = float(np.percentile(_joint_speeds(record), 95))
     steps = steps_per_frame(settings, [len(g.vertices) for g in outfit.garments], speed)
     # Blender keeps cloth at its own distance plus the collider's: each gets half of the gap.
@@ -127,6 +129,7 @@ def _attempt(
     )
     return Attempt(
         solver,
+        1.0 if number else settings.collider_share,
         settings.shape_frames,
         settings.pose_frames * (1 + number),
     )
@@ -191,10 +194,9 @@ def _simulate(
 ) -> None:
     """Run the solver; write and measure the frames of the sequence as they come."""
     lead = attempt.shape_frames + 1 + attempt.pose_frames
-    cache = scratch / "body.pc2"
-    write_point_cache(cache, _moving_body(body, record, outfit, attempt))
+    write_point_cache(scratch / "body.pc2", _moving_body(body, record, outfit, attempt))
     with ExitStack() as stack:
-        moving = stack.enter_context(PointCache(cache))
+        moving = stack.enter_context(PointCache(scratch / "body.pc2"))
         first = moving.frames(0, 1)[0]
         base = start_position(record, attempt.pose_frames).astype(np.float32)
         pieces = [
@@ -207,15 +209,21 @@ def _simulate(
             [piece.vertices for piece in pieces],
         )
         faces = collision_faces(body, record)
+        faces = thinned_faces(first, faces[kept[faces].all(axis=1)], attempt.collider_share)
+        touched, corners = np.unique(faces, return_inverse=True)
+        write_point_cache(
+            scratch / "collider.pc2",
+            (moving.frames(f, f + 1)[0, touched] for f in range(len(moving))),
+        )
         writers = [
             stack.enter_context(point_cache_writer(folder / f"{g.name}.f32", len(g.vertices)))
             for g in outfit.garments
         ]
         cloths = simulate_cloth(
             pieces,
-            first,
-            faces[kept[faces].all(axis=1)],
-            cache,
+            first[touched],
+            corners.reshape(faces.shape),
+            scratch / "collider.pc2",
             frames=len(moving),
             solver=attempt.solver,
         )

@@ -150,6 +150,7 @@ _ABLATIONS = {
     "mgn": "MGN*",
     "no_body_encoder": "without body encoder",
     "no_transformer": "without temporal transformer",
+    "as_printed": "displacements as in the paper",
     "nearest_weights": "with K = 1",
     "posed": "Full model",
     "ours": "Our variant",

@@ -13,6 +13,8 @@ class SimulationSettings:
         shape_frames: frames in which the body goes from the garments' shape to its own.
         pose_frames: frames from the rest pose to the first pose.
         gap_m: distance between cloth and body in metres.
+        collider_share: of the body's triangles that the first try collides with; later ones
+            take all.
         attempts: tries, each finer than the last, before a sample is rejected.
     """
 
@@ -21,6 +23,7 @@ class SimulationSettings:
     shape_frames: int = 10
     pose_frames: int = 20
     gap_m: float = 0.004
+    collider_share: float = 1.0
     attempts: int = 3
 
 

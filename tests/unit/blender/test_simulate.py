@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,11 +78,13 @@ def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, sample):
 
 def test_out_of_bounds_is_tried_finer_and_then_rejected_with_its_reason(tmp_path, sample):
     folder = tmp_path / "00001"
+    sample["settings"] = replace(SHORT, collider_share=0.5)
     status = simulate_outfit(folder, bounds=HealthBounds(slip_m=-1), **sample)
     assert status["status"] == "rejected"
     assert "slip_m" in status["reason"]
-    first, second = (a["solver"]["steps"] for a in status["attempts"])
-    assert second > first
+    first, second = status["attempts"]
+    assert second["solver"]["steps"] > first["solver"]["steps"]
+    assert (first["collider_share"], second["collider_share"]) == (0.5, 1)
     assert [p.name for p in folder.iterdir()] == ["status.json"]
 
 

@@ -283,6 +283,7 @@ class Evaluation:
             "poses": self.data.poses[rows],
             "wearer": self.data.wearer(sequence),
             "stride": self.settings.stride or None,
+            "consecutive": self.data.consecutive(sequence),
         }
         return reconstruct(stage, **{**given, **changed})
 

@@ -69,6 +69,7 @@ def reconstruct(
     stride: int | None = None,
     skinning: SkinningSettings | None = None,
     labels: np.ndarray | None = None,
+    consecutive: bool = True,
 ) -> Reconstruction:
     """Both stages on a whole sequence; a frame in several windows is their mean.
 
@@ -81,6 +82,7 @@ def reconstruct(
             to end with the sequence.
         skinning: of the proposals, where not as in training.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
+        consecutive: whether no frames are missing between these; others are not smoothed.
 
     Raises:
         InputError: the sequence is shorter than a window, or the stride longer than one.
@@ -109,9 +111,20 @@ def reconstruct(
             batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
         batch = {key: value.to(stage.device) for key, value in batch.items()}
         mean.add(chosen, stage.predictions(batch, output.levels)[-1].cpu().numpy())
+    final = mean()
+    if consecutive and stage.smooth_passes:
+        final = proposal + smoothed(final - proposal, stage.smooth_passes)
     return Reconstruction(
-        _labels(outputs, windows), canonical, proposal, mean(), time.perf_counter() - started
+        _labels(outputs, windows), canonical, proposal, final, time.perf_counter() - started
     )
+
+
+def smoothed(values: np.ndarray, passes: int) -> np.ndarray:
+    """(F, ...) averaged over frames with weights (1, 2, 1) / 4, so many times; ends repeat."""
+    for _ in range(passes):
+        padded = np.concatenate([values[:1], values, values[-1:]])
+        values = (padded[:-2] + 2 * values + padded[2:]) / 4
+    return values
 
 
 class _Windows:

@@ -46,6 +46,9 @@ class PosedSettings:
         ball_layers: of the perceptron within each ball.
         pull_neighbours: garment points whose mean each vertex is told the way to, and a learned
             share of which it goes in each iteration; 0, as in the paper: it learns that too.
+        smooth_passes: of the mean (1, 2, 1) / 4 over frames, on the displacements of a whole
+            sequence once all its windows are done; 0 as in the paper. Points are new in every
+            frame, and displacements would follow their noise.
         garment_radii_m, garment_counts: of the balls of garment points, one per level.
         body_radii_m, body_counts: of the balls of body vertices.
         body_encoder: whether the body is looked at; the ablation of figure 6.
@@ -59,6 +62,7 @@ class PosedSettings:
     features: int = 32
     ball_layers: int = 2
     pull_neighbours: int = 0
+    smooth_passes: int = 0
     garment_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
     garment_counts: tuple[int, ...] = (32, 16, 8)
     body_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)

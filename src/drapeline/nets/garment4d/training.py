@@ -265,6 +265,11 @@ class PosedStage(Stage):
         """As the canonical stage has it."""
         return self.canonical.located
 
+    @property
+    def smooth_passes(self) -> int:
+        """Over the frames of a whole sequence, see `PosedSettings`."""
+        return self.settings.network.smooth_passes
+
     def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
         """The network that is trained."""
         return PosedNetwork(
@@ -332,6 +337,7 @@ class MgnStage(PosedStage):
 
     kind = "garment4d_mgn"
     NETWORK, SKINNING = MgnSettings, SkinningSettings(neighbours=1, passes=0)
+    smooth_passes = 0
 
     def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
         """The network that is trained."""

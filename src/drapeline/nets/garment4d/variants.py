@@ -7,6 +7,8 @@ POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "posed": {},
     "no_body_encoder": {"network": {"body_encoder": False}},
     "no_transformer": {"network": {"transformer": "none"}},
+    # What the default adds to the paper's posed stage; no change where the experiment adds nothing.
+    "as_printed": {"network": {"pull_neighbours": 0, "smooth_passes": 0}},
     # Weights of the nearest body vertex, as in SMPL+D.
     "nearest_weights": {"skinning": {"neighbours": 1, "passes": 0}},
 }

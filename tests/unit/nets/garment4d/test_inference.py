@@ -1,5 +1,7 @@
 """Whole toy sequences through networks whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -106,6 +108,20 @@ def test_frames_are_the_mean_of_the_windows_that_hold_them(shaken, given, stride
         held[span] += 1
     np.testing.assert_allclose(made.final, total / held[:, None, None], atol=2e-5)
     assert np.abs(made.final - made.proposal).max() > 1e-3
+
+
+def test_displacements_of_a_whole_sequence_are_smoothed_over_frames(shaken, given):
+    plain = reconstruct(shaken, **given)
+    network = replace(shaken.settings.network, smooth_passes=2)
+    shaken.settings = replace(shaken.settings, network=network)
+    away = (plain.final - plain.proposal).astype(np.float64)
+    frames = len(away)
+    mean = np.diag(np.full(frames, 2.0)) + np.eye(frames, k=1) + np.eye(frames, k=-1)
+    mean[0, 0] = mean[-1, -1] = 3
+    expected = plain.proposal + np.tensordot(mean @ mean / 16, away, axes=1)
+    np.testing.assert_allclose(reconstruct(shaken, **given).final, expected, atol=1e-6)
+    jumps = reconstruct(shaken, **given, consecutive=False)
+    np.testing.assert_array_equal(jumps.final, plain.final)
 
 
 def test_the_order_of_the_points_does_not_matter(shaken, given):
