@@ -1,10 +1,12 @@
-"""New garments: codes drawn from the prior, or from one type's part of it, decoded on bodies.
+"""New garments: codes drawn from the prior, or near those of one type, decoded on bodies.
 
 A code has to be decoded on one of two topologies, so what type of garment it is must be known
 first. It is decoded on both. Its type is the likeliest by the code, each type being a Gaussian
 with the mean of its training codes and a covariance common to all, and by the mask that it gives
 on the type's topology: the code alone tells skirts from trousers, and the mask shows what a code
-in the middle of nowhere looks like. Where a type is asked for, codes come from its Gaussian.
+in the middle of nowhere looks like. Where a type is asked for, codes come from a smoothed bootstrap
+(Silverman, "Density estimation", 6.4) of its training codes: a Gaussian as wide as the type has most
+of its mass where hems of several lengths mix, which is where no garment is.
 """
 
 import csv
@@ -33,7 +35,8 @@ from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz, whole_folder
 
 PRIOR = "prior"
-_SHRINKAGE = 0.2
+_SHRINKAGE = 0.05
+_BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
 _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
 
 
@@ -45,16 +48,19 @@ class GarmentTypes:
         share: (K,) of the training garments, 0 for a type that none of them has.
         mean: (K, Z) of the codes.
         factor: (Z, Z) lower Cholesky factor of the codes' covariance within a type.
+        codes, garment: (n, Z) and (n,) the training garments themselves, indices into `GARMENTS`.
         mask_rate: (K, V) share of the type's garments that cover a vertex.
     """
 
     share: np.ndarray
     mean: np.ndarray
     factor: np.ndarray
+    codes: np.ndarray
+    garment: np.ndarray
     mask_rate: np.ndarray
 
     def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
-        """(Z,) a code of one type.
+        """(Z,) a code of one type: near one of its garments, with the type's mean and covariance.
 
         Raises:
             InputError: no training garment is of that type.
@@ -63,7 +69,10 @@ class GarmentTypes:
         if not self.share[kind]:
             known = ", ".join(np.array(GARMENTS)[self.share > 0])
             raise InputError(f"no training garment is a {garment}, expected one of {known}")
-        return self.mean[kind] + self.factor @ rng.standard_normal(self.mean.shape[1])
+        mean = self.mean[kind]
+        near = self.codes[rng.choice(np.flatnonzero(self.garment == kind))] - mean
+        noise = self.factor @ rng.standard_normal(len(mean))
+        return mean + np.sqrt(1 - _BANDWIDTH**2) * near + _BANDWIDTH * noise
 
     def log_likelihood(self, z: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Of codes (n, Z) and of the masks (n, K, V) that they give for each type: (n, K).
@@ -100,7 +109,7 @@ def fit_types(codes: Codes, garment: np.ndarray, mask: np.ndarray) -> GarmentTyp
     for kind, covered in zip(garment, mask, strict=True):
         rate[kind] += covered
     rate /= np.maximum(count, 1)[:, None]
-    return GarmentTypes(count / count.sum(), mean, factor, rate)
+    return GarmentTypes(count / count.sum(), mean, factor, codes.mean, garment, rate)
 
 
 def train_types(codes: Codes, garments: StaticRows) -> GarmentTypes:

@@ -89,6 +89,18 @@ def test_codes_are_drawn_where_their_type_is(types):
     assert types.share[[DRESS, TROUSERS]].tolist() == [0.5, 0.5]
 
 
+def test_codes_are_drawn_near_those_of_garments():
+    """Two kinds of dresses: none is drawn between them, where their Gaussian has its mode."""
+    rng = rng_for(0, "two kinds")
+    mean = rng.normal(size=(200, 5))
+    mean[:, 0] = np.repeat([-3.0, 3.0], 100)
+    garment = np.full(200, DRESS)
+    types = fit_types(Codes(mean, np.full((200, 5), -6.0)), garment, np.ones((200, VERTICES), bool))
+    drawn = np.stack([types.draw(rng, "Dress") for _ in range(300)])
+    assert (np.abs(drawn[:, 0]) < 0.5).mean() < 0.1
+    np.testing.assert_allclose(drawn.std(0), mean.std(0), rtol=0.15)
+
+
 def test_a_type_without_garments_is_refused_and_never_found(types):
     with pytest.raises(InputError, match="no training garment is a Top, expected one of Trousers"):
         types.draw(rng_for(0, "draws"), "Top")
