@@ -4,9 +4,9 @@ A code has to be decoded on one of two topologies, so what type of garment it is
 first. It is decoded on both. Its type is the likeliest by the code, each type being a Gaussian
 with the mean of its training codes and a covariance common to all, and by the mask that it gives
 on the type's topology: the code alone tells skirts from trousers, and the mask shows what a code
-in the middle of nowhere looks like. Where a type is asked for, codes come from a smoothed bootstrap
-(Silverman, "Density estimation", 6.4) of its training codes: a Gaussian as wide as the type has most
-of its mass where hems of several lengths mix, which is where no garment is.
+in the middle of nowhere looks like. Where a type is asked for, codes come from a smoothed
+bootstrap (Silverman, "Density estimation", 6.4) of its training codes: a Gaussian as wide as the
+type has most of its mass where hems of several lengths mix, which is where no garment is.
 """
 
 import csv

@@ -37,6 +37,10 @@ from drapeline.registration.garment_space import GarmentSpace
 
 # Points per cloud in the released code.
 _POINTS = 6890
+# The map of a body in the rest pose, seen from the front, left and right halves as one.
+_CELL_M, _REACH_M, _BOTTOM_M, _TOP_M = 0.05, 0.95, -1.1, 0.5
+_COLUMNS, _ROWS = round(_REACH_M / _CELL_M), round((_TOP_M - _BOTTOM_M) / _CELL_M)
+_MAP_WIDTH = 64
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,8 @@ class CanonicalSettings:
         garment: abstractions of the garment's points, finest first.
         overall: features after each layer before the maximum over points and frames.
         head: features after each layer between that maximum and the coefficients.
-        located: whether points also say where on the known body they are, see `Wearer.located`;
-            the paper's do not.
+        located: whether points also say where on the known body they are, see `Wearer.located`,
+            and networks see maps of the body made of them; the paper's do not.
     """
 
     segmentation: tuple[Abstraction, ...] = (
@@ -178,6 +182,26 @@ def given_features(settings: CanonicalSettings) -> int:
     return 4 if settings.located else 3
 
 
+def body_map(features: torch.Tensor, values: torch.Tensor, frames: int) -> torch.Tensor:
+    """Means of values over the cells of a map of the body, which shows where sleeves and hems end.
+
+    Args:
+        features: (B * T, P, 4) of located points, see `Wearer.located`.
+        values: (B * T, P) of the same points.
+        frames: T.
+
+    Returns:
+        (B, cells) over all frames of a window, 0 in a cell without points.
+    """
+    column = (features[..., 0].abs() / _CELL_M).long().clamp(0, _COLUMNS - 1)
+    row = ((features[..., 2] - _BOTTOM_M) / _CELL_M).long().clamp(0, _ROWS - 1)
+    cell = (column * _ROWS + row).unflatten(0, (-1, frames)).flatten(1)
+    value = values.unflatten(0, (-1, frames)).flatten(1)
+    total = value.new_zeros(len(value), _COLUMNS * _ROWS)
+    count = total.scatter_add(1, cell, torch.ones_like(value))
+    return total.scatter_add(1, cell, value) / count.clamp_min(1)
+
+
 def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
     """Windows (B, T, P, 3 or 7) as B * T clouds in an order of their own, and that order."""
     rows = points.flatten(0, 1)
@@ -210,15 +234,27 @@ class Segmentation(nn.Module):
         for fine, layers in zip(reversed(widths), settings.propagation, strict=True):
             self.up.append(FeaturePropagation(coarse, fine, layers, rng))
             coarse = layers[-1]
+        # Tops are told from t-shirts by sleeves that are out of a ball's reach.
+        self.overview = None
+        if settings.located:
+            self.overview = nn.Sequential(
+                linear(_COLUMNS * _ROWS, _MAP_WIDTH, rng),
+                nn.ReLU(),
+                linear(_MAP_WIDTH, settings.segmentation[-1].outputs, rng),
+            )
         self.outputs = coarse
         self.head = nn.Sequential(
             perceptron((coarse, coarse // 2), rng), linear(coarse // 2, len(LABELS), rng)
         )
 
-    def forward(self, level: PointLevel) -> tuple[torch.Tensor, torch.Tensor]:
-        """P points of C clouds -> features (C, P, outputs) and logits (C, P, L)."""
+    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """P points of C clouds, T of a window -> features (C, P, outputs), logits (C, P, L)."""
         levels = abstracted(level, self.down, self.centres)
         coarse = levels.pop()
+        if self.overview is not None:
+            heights = body_map(level.features, level.features[..., 3], frames)
+            seen = self.overview(heights).repeat_interleave(frames, dim=0)
+            coarse = coarse._replace(features=coarse.features + seen[:, None])
         while levels:
             fine = levels.pop()
             features = self.up[len(self.up) - 1 - len(levels)](fine, coarse)
@@ -262,9 +298,16 @@ class ShapeEncoder(nn.Module):
             for width, level in zip(self.widths, settings.garment, strict=False)
         )
         self.overall = perceptron((3 + self.widths[-1], *settings.overall), rng)
-        self.direct = nn.ModuleList()
+        self.direct, self.overview = nn.ModuleList(), None
         width = settings.overall[-1]
         if settings.located:
+            self.overview = nn.Sequential(
+                linear(2 * _COLUMNS * _ROWS, 2 * _MAP_WIDTH, rng),
+                nn.ReLU(),
+                linear(2 * _MAP_WIDTH, _MAP_WIDTH, rng),
+                nn.ReLU(),
+            )
+            width += _MAP_WIDTH
             # Places on the body tell lengths and widths best where nothing has averaged them yet.
             # Points of all labels: bare skin tells where cloth ends.
             sizes = (1 + given_features(settings), *[settings.overall[0] // 2] * 2)
@@ -298,6 +341,10 @@ class ShapeEncoder(nn.Module):
                 rows = layer(rows).relu()
             window = torch.cat([window, rows.amax(1)], dim=-1)
         window = window.unflatten(0, (-1, frames)).amax(1)
+        if self.overview is not None:
+            sure, features = everything[..., 0], everything[..., 1:]
+            maps = [body_map(features, values, frames) for values in (features[..., 3], sure)]
+            window = torch.cat([window, self.overview(torch.cat(maps, dim=-1))], dim=-1)
         return self.coefficients(self.head(self.seen(window))), levels
 
 
@@ -351,7 +398,7 @@ class CanonicalNetwork(_ShapeNetwork):
             labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
         """
         level, order = as_level(points)  # B * T clouds
-        features, logits = self.segmentation(level)
+        features, logits = self.segmentation(level, points.shape[1])
         if labels is None:
             chosen, sure = logits.argmax(-1) == self.label, logits.softmax(-1)[..., self.label]
         else:

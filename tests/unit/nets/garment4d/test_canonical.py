@@ -14,6 +14,7 @@ from drapeline.nets.garment4d.canonical import (
     CanonicalSettings,
     CanonicalWeights,
     PointNetRegressor,
+    body_map,
     canonical_loss,
     first_of,
     hashed_order,
@@ -309,6 +310,34 @@ def test_scaled_settings_keep_the_number_of_points_per_ball():
     assert small.segmentation[0].widths == ((8, 8, 16), (16, 16, 32))
     assert small.propagation[-1] == (64, 32)
     assert replace(small, head=(3,)).head == (3,)
+
+
+def test_a_map_of_the_body_is_the_mean_over_cells_of_five_centimetres_and_both_halves():
+    place = torch.rand(6, 40, 4, generator=rng(7)) * torch.tensor([2.4, 1.0, 1.8, 1.0]) - 1.2
+    values = torch.rand(6, 40, generator=rng(8))
+    found = body_map(place, values, 3)
+    cells: dict[tuple[int, int, int], list[float]] = {}
+    for cloud in range(6):
+        for (x, _, z, _), value in zip(place[cloud].tolist(), values[cloud].tolist(), strict=True):
+            column = min(int(abs(x) / 0.05), 18)
+            row = min(max(int((z + 1.1) // 0.05), 0), 31)
+            cells.setdefault((cloud // 3, column, row), []).append(value)
+    expected = torch.zeros(2, 19, 32)
+    for cell, within in cells.items():
+        expected[cell] = sum(within) / len(within)
+    torch.testing.assert_close(found, expected.flatten(1))
+
+
+def test_a_sleeve_decides_about_points_out_of_its_reach(space):
+    """All labels of a cloud may change with the height of points on an arm, in any frame."""
+    network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng()).eval()
+    points, _, _, _ = windows(space, 1)
+    place = torch.cat([points, torch.zeros_like(points[..., :1])], -1)
+    place[:, 0, 0] = torch.tensor([0.6, 0.0, 0.4, 0.0])
+    raised = place.clone()
+    raised[:, 0, 0, 3] = 2.0
+    first, second = (network(torch.cat([points, x], -1)).logits[0, -1] for x in (place, raised))
+    assert ((first - second).abs().amax(-1) > 1e-6).all()
 
 
 @pytest.mark.parametrize("kind", ["canonical", "pointnet"])
