@@ -74,8 +74,8 @@ _SCALE = {
 _LOCATED = (
     "Points come with where on the body they are: their place had it rested with the body vertex"
     " nearest to them, and their height over it. Besides the paper's encoder of garment points, all"
-    " of them, with their probability of being the garment's, go through a perceptron into alpha, and"
-    " labels and alpha know maps of the body with the mean height of the points on each part of it."
+    " of them, with their probability of being the garment's, go through a perceptron into alpha;"
+    " and labels and alpha know maps of the body with the mean height of the points on each part."
     " This is ours and not the paper's, and it holds for PN++ and for all that is built on the"
     " canonical network."
 )
