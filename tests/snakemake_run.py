@@ -5,12 +5,13 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+PROFILE = "workflow/profiles/ci"
 
 
 def snakemake(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run `snakemake --cores all` in the project's folder; output is captured."""
+    """Run `snakemake` in the project's folder, as in continuous integration; output is captured."""
     return subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "all", "--rerun-incomplete", *arguments],
+        [sys.executable, "-m", "snakemake", "--workflow-profile", PROFILE, *arguments],
         cwd=ROOT,
         capture_output=True,
         text=True,
