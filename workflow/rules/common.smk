@@ -82,7 +82,7 @@ TEMPLATE_WEARERS = [
 ]
 RECONSTRUCT = config["garment4d"]["reconstruct"]
 # Networks of several kinds are trained side by side; more threads each would only slow all down.
-NETWORK_THREADS = min(max((workflow.cores or 8) // 2, 1), 8)
+NETWORK_THREADS = min(max((workflow.resource_settings.cores or 8) // 2, 1), 8)
 EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
 
 
