@@ -33,6 +33,7 @@ from drapeline.storage import (
 SOURCES = ("simulated", "skinned")
 _PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")
 _KEPT_BYTES = 512 << 20  # of bodies, of located points, and of weights, each
+_VALIDATED = 3  # windows of a sequence, where all of them have one truth
 _KEPT_WEARERS = 512  # of some hundred kilobytes each
 
 
@@ -392,6 +393,12 @@ class _Kept:
         return tuple(x[frames] for x in self._found[sequence])
 
 
+def _evenly(windows: np.ndarray) -> np.ndarray:
+    """At most `_VALIDATED` of the windows (W, 2) of one sequence, evenly spread."""
+    count = min(_VALIDATED, len(windows))
+    return windows[np.linspace(0, len(windows) - 1, count).round().astype(int)]
+
+
 def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
     """First frames of windows; the last one is shifted back to end with the sequence, not padded.
 
@@ -424,7 +431,9 @@ class Windows:
     Args:
         data: sequences.
         frames: T.
-        stride: from one training window to the next; validation windows do not overlap.
+        stride: from one training window to the next; validation windows do not overlap, and there
+            are a few of each sequence if only the canonical garment is looked for, lest the longest
+            sequences decide alone.
         sources: of the sequences.
         posed: whether batches are for the posed stage.
         located: whether points also say where on the body they are.
@@ -451,6 +460,8 @@ class Windows:
                 data.kind,
                 len(val),
             )
+        if not posed and len(val):
+            val = np.concatenate([_evenly(val[val[:, 0] == s]) for s in np.unique(val[:, 0])])
         self._windows = np.concatenate([train, val])
         self._rows = {
             "train": np.arange(len(train)),

@@ -166,7 +166,7 @@ class Stage(Trained):
         return loss
 
     def validation_step(self, batch: Batch, _: int) -> None:
-        """The same on validation windows; the error is what the best weights are chosen by."""
+        """The same on validation windows; the best weights are those of the least total."""
         terms, error = self.losses(batch)
         self.log_means("val", {**terms, self.ERROR: error}, len(batch["names"]))
 
@@ -431,7 +431,7 @@ def _fit(
         folder,
         progress=progress,
         epochs=training.epochs,
-        monitor=f"val_{stage.ERROR}",
+        monitor="val_total",
         settings={
             **plain(asdict(stage.settings)),
             "sequences": data.name.tolist(),

@@ -189,6 +189,18 @@ def test_training_sees_train_and_val_windows_only(data):
     assert seen["val"] == set(data.of_split("val").tolist())
 
 
+@pytest.mark.parametrize(("posed", "most"), [(False, 3), (True, 4)])
+def test_long_sequences_do_not_decide_alone_on_canonical_garments(data, posed, most):
+    windows = Windows(data, frames=2, stride=2, posed=posed)
+    rows = windows.batch(windows.rows("val"))
+    count = np.bincount(rows["sequence"])
+    longest = int(data.count[data.of_split("val")].max())
+    assert longest == 7  # four windows of two frames
+    assert count.max() == most
+    of_longest = np.sort(rows["start"][rows["sequence"] == count.argmax()])
+    assert (of_longest[0], of_longest[-1]) == (0, longest - 2)
+
+
 def test_validation_falls_back_on_other_sources(tmp_path, toy_body, caplog):
     sequences = [one for one in toy_sequences(toy_body) if one.name != "00007"]
     collect_garment4d(tmp_path / "data", KIND, sequences, skirt_faces(), 3)
