@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     views = {}
-    for sample in load_samples(snakemake.input.samples)[: snakemake.params.shown]:
-        caption = f"{sample.name} {sample.garment}" + " (asked)" * sample.asked
+    samples = load_samples(snakemake.input.samples)[: snakemake.params.shown]
+    mixed = len({sample.asked for sample in samples}) > 1
+    for sample in samples:
+        caption = f"{sample.name} {sample.garment}" + " (asked)" * (mixed and sample.asked)
         views[caption] = walk_view(sample.mesh, wearer_mesh(bodies, sample.cvar), sample.garment)
     plot_samples(snakemake.output[0], views)
