@@ -20,7 +20,7 @@ report: .venv/ready
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
 
 test: .venv/ready
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 lint: .venv/ready
 	$(BIN)/ruff check .
