@@ -1,4 +1,4 @@
-"""Rule `sample_garments`: new garments from the prior, as OBJ and glTF files."""
+"""Rule `sample_garments`: garments from the prior or near those of a type, as OBJ and glTF."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -4,6 +4,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.frames import GENDERS
@@ -24,7 +25,9 @@ def baked_bodies() -> dict[str, BodyModel]:
     code = b"".join(p.read_bytes() for p in sorted(Path(bake.__file__).parent.glob("bake*.py")))
     folder = Path.home() / ".cache" / "drapeline" / hashlib.sha256(code).hexdigest()[:12]
     paths = {gender: folder / f"{gender}.npz" for gender in GENDERS}
-    if not all(path.is_file() for path in paths.values()):
-        for gender, body in bake.bake_bodies(seed=0, samples=200).items():
-            save_body(paths[gender], body)
+    folder.mkdir(parents=True, exist_ok=True)
+    with FileLock(folder / "baking.lock"):  # one worker bakes, the others wait
+        if not all(path.is_file() for path in paths.values()):
+            for gender, body in bake.bake_bodies(seed=0, samples=200).items():
+                save_body(paths[gender], body)
     return {gender: load_body(path) for gender, path in paths.items()}

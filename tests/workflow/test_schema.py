@@ -50,6 +50,24 @@ def test_every_outfit_can_be_asked_for():
     assert set(kinds["items"]["enum"]) == set(kinds["default"]) == set(KINDS)
 
 
+@pytest.mark.parametrize("path", ["simulation/settings", "garment4d/posed/network"])
+def test_the_paper_size_takes_back_what_the_default_adds(path):
+    """The printed values are the schema's defaults."""
+
+    def found(tree):
+        for key in path.split("/"):
+            tree = tree.get(key, {})
+        return tree
+
+    default, paper = (
+        found(yaml.safe_load((ROOT / name).read_text()))
+        for name in ("config.yaml", "workflow/config/paper.yaml")
+    )
+    printed = found(checked_settings({}, SCHEMA, ""))
+    assert {**printed, **default} != printed
+    assert {**printed, **default, **paper} == printed
+
+
 def test_the_paper_size_trains_with_the_printed_loss():
     """Laid over config.yaml, which has other weights, as Snakemake does it."""
     default, paper = (

@@ -82,7 +82,9 @@ TEMPLATE_WEARERS = [
 ]
 RECONSTRUCT = config["garment4d"]["reconstruct"]
 # Networks of several kinds are trained side by side; more threads each would only slow all down.
-NETWORK_THREADS = min(max((workflow.resource_settings.cores or 8) // 2, 1), 8)
+# A cluster's job has its own machine to count cores on, and must find the threads it asked for.
+_CORES = None if workflow.remote_exec else workflow.resource_settings.cores
+NETWORK_THREADS = min(max((_CORES or 8) // 2, 1), 8)
 EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
 
 

@@ -1,4 +1,4 @@
-from drapeline.nets.garment4d.variants import POSED_VARIANTS
+from drapeline.nets.garment4d.variants import posed_variants
 
 G4D = f"{RESULTS}/garment4d"
 TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in TEMPLATE_TYPES}
@@ -6,6 +6,7 @@ TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
     *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
 ]
+POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
 # Which trained models of the posed stage each evaluation holds.
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
 RECONSTRUCTED = f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"

@@ -71,7 +71,8 @@ def simulate_outfit(
 
     Writes `{Garment}.f32` (frames, V, 3; root-relative metres, sequence frames only) and
     `health.npz` if accepted, and `status.json` in any case. An attempt out of bounds is repeated
-    with finer steps and slower transitions, up to `settings.attempts`.
+    with finer steps, slower transitions and the whole body to collide with, up to
+    `settings.attempts`.
 
     Args:
         output_dir: folder to make.

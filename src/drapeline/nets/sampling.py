@@ -60,7 +60,7 @@ class GarmentTypes:
     mask_rate: np.ndarray
 
     def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
-        """(Z,) a code of one type: near one of its garments, with the type's mean and covariance.
+        """(Z,) a code near one of a type's garments; the mean of such codes is the type's.
 
         Raises:
             InputError: no training garment is of that type.

@@ -81,11 +81,12 @@ _LOCATED = (
 )
 _PULLED = (
     "In each iteration vertices are also drawn to the garment points nearest to them, by a share"
-    " that is learned; the paper's network is not told where they are."
+    " that is learned; the paper's network is not told where they are. Displacements as in the"
+    " paper, where there is such a row, are trained without."
 )
 _SMOOTHED = (
     "Displacements of a whole sequence are averaged over neighbouring frames in the end, which the"
-    " paper does not do; those of MGN* are not."
+    " paper does not do; those of MGN*, and those as in the paper, are not."
 )
 # Hong, Pan, Cai and Liu, Garment4D: Garment Reconstruction from Point Cloud Sequences, NeurIPS
 # 2021: per type in the order of `TEMPLATE_TYPES`. Table 5 is of licensed scans.

@@ -16,7 +16,8 @@ def thinned_faces(vertices: np.ndarray, faces: np.ndarray, share: float) -> np.n
         share: of the triangles that is kept, up to 1.
 
     Returns:
-        (F', 3) int of `vertices`, no triangle with a corner twice.
+        (F', 3) int of `vertices`, no triangle with a corner twice; all of `faces` where the surface
+        cannot be coarsened, as where its boundary touches itself.
     """
     if share >= 1:
         return faces
@@ -25,6 +26,8 @@ def thinned_faces(vertices: np.ndarray, faces: np.ndarray, share: float) -> np.n
     coarse, triangles, *_ = igl.qslim(
         np.ascontiguousarray(vertices[used], dtype=np.float64), packed, round(share * len(faces))
     )
+    if not len(triangles):
+        return faces
     corner = used[KDTree(vertices[used]).query(coarse)[1]][triangles]
     distinct = (corner != np.roll(corner, 1, axis=1)).all(axis=1)
     return corner[distinct].astype(faces.dtype)

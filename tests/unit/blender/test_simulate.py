@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from drapeline.blender import simulate
+from drapeline.blender.cloth import simulate_cloth
 from drapeline.blender.simulate import simulate_outfit
 from drapeline.bodies.sequence import make_body_sequence
 from drapeline.dataset.point_cache import PointCache
@@ -61,10 +62,25 @@ def sample(toy_body):
     }
 
 
-def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, sample):
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, sample, share, monkeypatch):
+    seen = []
+
+    def spied(pieces, vertices, faces, cache, **options):
+        with PointCache(cache) as moving:
+            np.testing.assert_array_equal(moving.frames(0, 1)[0], vertices)
+        seen.append((len(vertices), len(faces), faces.max()))
+        return simulate_cloth(pieces, vertices, faces, cache, **options)
+
+    monkeypatch.setattr(simulate, "simulate_cloth", spied)
+    sample["settings"] = replace(SHORT, collider_share=share)
     folder = tmp_path / "00001"
     status = simulate_outfit(folder, bounds=LOOSE, **sample)
     assert status["status"] == "accepted", status["reason"]
+    ((vertices, faces, last),) = seen
+    assert last == vertices - 1
+    # Hands, head and feet are out of reach.
+    assert 0.7 < faces / (share * len(sample["body"].faces)) < 0.9
     assert json.loads((folder / "status.json").read_text()) == status
     with PointCache(folder / "Skirt.f32", 8 * 36) as cache:
         frames = cache.frames()

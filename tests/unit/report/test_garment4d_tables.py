@@ -131,11 +131,17 @@ def test_noisy_bodies_have_tables_of_their_own_and_unknown_accelerations_a_dash(
 def test_what_is_not_the_papers_is_said_where_it_holds(metrics, tmp_path):
     texts = []
     for ours in (False, True):
-        write_garment4d_page(tmp_path / "page.html", metrics, located=ours, pulled=ours)
+        write_garment4d_page(
+            tmp_path / "page.html", metrics, located=ours, pulled=ours, smoothed=ours
+        )
         texts.append((tmp_path / "page.html").read_text())
         assert "No Trousers of the test split is simulated" in texts[-1]
         assert "No Skirt" not in texts[-1]
-    for words in ("where on the body they are: ", "drawn to the garment points"):
+    for words in (
+        "where on the body they are: ",
+        "drawn to the garment points",
+        "over neighbouring",
+    ):
         assert [words in text for text in texts] == [False, True]
 
 

@@ -36,3 +36,16 @@ def test_an_open_edge_stays_open(ball):
 
 def test_the_whole_body_is_kept_as_it_is(ball):
     assert thinned_faces(ball.vertices, ball.faces, 1.0) is ball.faces
+
+
+def test_a_boundary_that_touches_itself_is_kept_as_it_is(ball):
+    """Two caps that share one vertex: no manifold, so nothing may contract there."""
+    top = int(ball.vertices[:, 2].argmax())
+    vertices = np.concatenate([ball.vertices, -ball.vertices + 2 * ball.vertices[top]])
+    cap = ball.faces[ball.triangles_center[:, 2] > 0.5]
+    other = cap[:, ::-1] + len(ball.vertices)
+    other[other == top + len(ball.vertices)] = top
+    faces = np.concatenate([cap, other])
+    found = thinned_faces(vertices, faces, 0.5)
+    assert len(found)
+    assert np.isin(found, faces).all()

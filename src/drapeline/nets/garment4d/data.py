@@ -33,7 +33,7 @@ from drapeline.storage import (
 SOURCES = ("simulated", "skinned")
 _PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")
 _KEPT_BYTES = 512 << 20  # of bodies, of located points, and of weights, each
-_VALIDATED = 3  # windows of a sequence, where all of them have one truth
+_VALIDATED = 3  # windows per sequence of the canonical stage: all have one true garment
 _KEPT_WEARERS = 512  # of some hundred kilobytes each
 
 
@@ -451,17 +451,15 @@ class Windows:
     ) -> None:
         self.data, self.frames, self.posed, self.located = data, frames, posed, located
         train = data.windows("train", frames, stride, sources)
-        val = data.windows("val", frames, frames, sources)
+        val = self._validated(sources)
         if not len(val):
-            val = data.windows("val", frames, frames)
+            val = self._validated(SOURCES)
             LOGGER.warning(
                 "no %s %s in the validation split: the network is selected on %d windows of others",
                 " or ".join(sources),
                 data.kind,
                 len(val),
             )
-        if not posed and len(val):
-            val = np.concatenate([_evenly(val[val[:, 0] == s]) for s in np.unique(val[:, 0])])
         self._windows = np.concatenate([train, val])
         self._rows = {
             "train": np.arange(len(train)),
@@ -470,6 +468,12 @@ class Windows:
 
     def __len__(self) -> int:
         return len(self._windows)
+
+    def _validated(self, sources: Sequence[str]) -> np.ndarray:
+        val = self.data.windows("val", self.frames, self.frames, sources)
+        if self.posed or not len(val):
+            return val
+        return np.concatenate([_evenly(val[val[:, 0] == s]) for s in np.unique(val[:, 0])])
 
     def rows(self, split: str) -> np.ndarray:
         """Rows of "train" or "val"."""

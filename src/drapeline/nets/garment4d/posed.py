@@ -46,9 +46,9 @@ class PosedSettings:
         ball_layers: of the perceptron within each ball.
         pull_neighbours: garment points whose mean each vertex is told the way to, and a learned
             share of which it goes in each iteration; 0, as in the paper: it learns that too.
-        smooth_passes: of the mean (1, 2, 1) / 4 over frames, on the displacements of a whole
-            sequence once all its windows are done; 0 as in the paper. Points are new in every
-            frame, and displacements would follow their noise.
+        smooth_passes: how often displacements of a whole sequence are averaged over frames with
+            weights (1, 2, 1) / 4, once all its windows are done; 0 as in the paper. Points are new
+            in every frame, and displacements would follow their noise.
         garment_radii_m, garment_counts: of the balls of garment points, one per level.
         body_radii_m, body_counts: of the balls of body vertices.
         body_encoder: whether the body is looked at; the ablation of figure 6.
