@@ -214,7 +214,7 @@ rule sample_garments:
         f"{BENCHMARKS}/sample_garments.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: NETWORK_THREADS
+    threads: 1
     resources:
         mem_mb=3000,
         runtime=30,
@@ -312,7 +312,7 @@ rule plot_gcvae_walks:
         f"{BENCHMARKS}/plot_gcvae_walks.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: NETWORK_THREADS
+    threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
@@ -347,7 +347,7 @@ rule plot_gcvae_errors:
         f"{BENCHMARKS}/plot_gcvae_errors.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: NETWORK_THREADS
+    threads: 1
     resources:
         mem_mb=3000,
         runtime=30,
@@ -377,7 +377,7 @@ rule plot_gcvae_wrinkles:
         f"{BENCHMARKS}/plot_gcvae_wrinkles.tsv"
     conda:
         "../../envs/train.yaml"
-    threads: NETWORK_THREADS
+    threads: 1
     resources:
         mem_mb=3000,
         runtime=30,
