@@ -187,19 +187,20 @@ def body_map(features: torch.Tensor, values: torch.Tensor, frames: int) -> torch
 
     Args:
         features: (B * T, P, 4) of located points, see `Wearer.located`.
-        values: (B * T, P) of the same points.
+        values: (B * T, P, C) of the same points.
         frames: T.
 
     Returns:
-        (B, cells) over all frames of a window, 0 in a cell without points.
+        (B, C * cells) over all frames of a window, 0 in a cell without points.
     """
     column = (features[..., 0].abs() / _CELL_M).long().clamp(0, _COLUMNS - 1)
     row = ((features[..., 2] - _BOTTOM_M) / _CELL_M).long().clamp(0, _ROWS - 1)
     cell = (column * _ROWS + row).unflatten(0, (-1, frames)).flatten(1)
-    value = values.unflatten(0, (-1, frames)).flatten(1)
-    total = value.new_zeros(len(value), _COLUMNS * _ROWS)
-    count = total.scatter_add(1, cell, torch.ones_like(value))
-    return total.scatter_add(1, cell, value) / count.clamp_min(1)
+    value = values.unflatten(0, (-1, frames)).flatten(1, 2).mT  # (B, C, T * P)
+    empty = value.new_zeros(*value.shape[:2], _COLUMNS * _ROWS)
+    count = empty[:, 0].scatter_add(1, cell, torch.ones_like(value[:, 0]))
+    total = empty.scatter_add(2, cell[:, None].expand_as(value), value)
+    return (total / count.clamp_min(1)[:, None]).flatten(1)
 
 
 def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
@@ -252,7 +253,7 @@ class Segmentation(nn.Module):
         levels = abstracted(level, self.down, self.centres)
         coarse = levels.pop()
         if self.overview is not None:
-            heights = body_map(level.features, level.features[..., 3], frames)
+            heights = body_map(level.features, level.features[..., 3:], frames)
             seen = self.overview(heights).repeat_interleave(frames, dim=0)
             coarse = coarse._replace(features=coarse.features + seen[:, None])
         while levels:
@@ -342,9 +343,8 @@ class ShapeEncoder(nn.Module):
             window = torch.cat([window, rows.amax(1)], dim=-1)
         window = window.unflatten(0, (-1, frames)).amax(1)
         if self.overview is not None:
-            sure, features = everything[..., 0], everything[..., 1:]
-            maps = [body_map(features, values, frames) for values in (features[..., 3], sure)]
-            window = torch.cat([window, self.overview(torch.cat(maps, dim=-1))], dim=-1)
+            seen = body_map(everything[..., 1:], everything[..., [-1, 0]], frames)
+            window = torch.cat([window, self.overview(seen)], dim=-1)
         return self.coefficients(self.head(self.seen(window))), levels
 
 

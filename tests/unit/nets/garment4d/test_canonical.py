@@ -314,17 +314,17 @@ def test_scaled_settings_keep_the_number_of_points_per_ball():
 
 def test_a_map_of_the_body_is_the_mean_over_cells_of_five_centimetres_and_both_halves():
     place = torch.rand(6, 40, 4, generator=rng(7)) * torch.tensor([2.4, 1.0, 1.8, 1.0]) - 1.2
-    values = torch.rand(6, 40, generator=rng(8))
+    values = torch.rand(6, 40, 2, generator=rng(8))
     found = body_map(place, values, 3)
-    cells: dict[tuple[int, int, int], list[float]] = {}
+    cells: dict[tuple[int, int, int], list[list[float]]] = {}
     for cloud in range(6):
         for (x, _, z, _), value in zip(place[cloud].tolist(), values[cloud].tolist(), strict=True):
             column = min(int(abs(x) / 0.05), 18)
             row = min(max(int((z + 1.1) // 0.05), 0), 31)
             cells.setdefault((cloud // 3, column, row), []).append(value)
-    expected = torch.zeros(2, 19, 32)
-    for cell, within in cells.items():
-        expected[cell] = sum(within) / len(within)
+    expected = torch.zeros(2, 2, 19, 32)
+    for (window, column, row), within in cells.items():
+        expected[window, :, column, row] = torch.tensor(within).mean(0)
     torch.testing.assert_close(found, expected.flatten(1))
 
 
