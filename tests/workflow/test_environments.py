@@ -1,10 +1,14 @@
-"""envs/*.yaml name the versions of requirements.lock."""
+"""envs/*.yaml name the versions of requirements.lock, and all that their rules import."""
 
+import ast
 import re
+import sys
 from pathlib import Path
 
 import pytest
 import yaml
+
+from drapeline.source_digest import imported_files
 
 ROOT = Path(__file__).parents[2]
 PINS = dict(
@@ -29,3 +33,56 @@ def test_the_lock_pins_every_dependency_of_the_package():
     block = text.split("dependencies = [", 1)[1].split("\n]", 1)[0]
     for name in re.findall(r'"([A-Za-z0-9_.-]+)[><=]', block):
         assert name.lower() in PINS, f"{name} is not in requirements.lock"
+
+
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "array_api_compat": "array-api-compat",
+    "igl": "libigl",
+    "mathutils": "bpy",
+    "pytorch_lightning": "pytorch-lightning",
+    "skimage": "scikit-image",
+    "sklearn": "scikit-learn",
+    "warp": "warp-lang",
+    "yaml": "pyyaml",
+}
+
+
+def script_environments():
+    """Script of every rule and the environment that its rule names."""
+    for file in sorted((ROOT / "workflow/rules").glob("*.smk")):
+        for rule in re.split(r"^(?:checkpoint|rule) ", file.read_text(), flags=re.MULTILINE)[1:]:
+            script = re.search(r'"../../scripts/(\w+)\.py"', rule)
+            environment = re.search(r'"../../envs/(\w+)\.yaml"', rule)
+            if script:
+                yield script.group(1), environment and environment.group(1)
+
+
+def third_party(path):
+    """Distributions that a file imports, but for what only type checkers see."""
+    tree = ast.parse(path.read_text())
+    typing = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)]
+    unseen = {id(inner) for node in typing for inner in ast.walk(node)}
+    for node in ast.walk(tree):
+        if id(node) in unseen:
+            continue
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module]
+        else:
+            continue
+        for name in names:
+            top = name.split(".")[0]
+            if top not in sys.stdlib_module_names | {"drapeline", "snakemake"}:
+                yield DISTRIBUTIONS.get(top, top)
+
+
+@pytest.mark.parametrize(("script", "environment"), sorted(set(script_environments())))
+def test_a_rules_environment_holds_what_its_script_imports(script, environment):
+    file = ROOT / f"scripts/{script}.py"
+    dependencies = yaml.safe_load((ROOT / f"envs/{environment}.yaml").read_text())["dependencies"]
+    pins = {pin.lower().split("==")[0] for pin in dependencies[-1]["pip"]}
+    files = [file, *(f for f in imported_files(file, ROOT / "src") if f.suffix == ".py")]
+    needed = {name for path in files for name in third_party(path)}
+    assert needed <= pins, f"envs/{environment}.yaml lacks {', '.join(sorted(needed - pins))}"

@@ -1,7 +1,6 @@
-"""How each joint's part moves from the rest pose to another, as arrays for what is not torch."""
+"""How each joint's part moves from the rest pose to another."""
 
 import numpy as np
-import torch
 
 from drapeline.bodies.model import BodyModel, axis_angle_to_matrix, joint_transforms, shaped
 from drapeline.frames import REST_POSE
@@ -19,10 +18,10 @@ def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.nd
         (N, 24, 3, 4) float64 rotation and translation in metres.
     """
     _, joints = shaped(body, shape)
-    places = torch.from_numpy((joints - joints[0]).astype(np.float64))
+    places = (joints - joints[0]).astype(np.float64)
     both = np.concatenate([REST_POSE[None], np.asarray(poses, dtype=np.float64)])
-    rotations = axis_angle_to_matrix(torch.from_numpy(both).unflatten(-1, (24, 3)))
-    motions = joint_transforms(places, rotations)[0].numpy()
+    rotations = axis_angle_to_matrix(both.reshape(-1, 24, 3))
+    motions, _ = joint_transforms(places, rotations)
     rest, posed = motions[0], motions[1:]
     turn = posed[..., :3] @ rest[..., :3].swapaxes(-1, -2)
     shift = posed[..., 3] - (turn @ rest[..., 3:])[..., 0]

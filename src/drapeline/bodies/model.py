@@ -2,13 +2,20 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import torch
+from array_api_compat import array_namespace, device
 
 from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
 from drapeline.storage import save_npz
+
+if TYPE_CHECKING:
+    import torch
+
+# Kinematics take either; most jobs only need arrays, and torch takes two seconds to import.
+Array = TypeVar("Array", np.ndarray, "torch.Tensor")
 
 
 @dataclass(frozen=True)
@@ -91,21 +98,24 @@ def shaped(body: BodyModel, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return vertices, body.J_regressor @ vertices
 
 
-def axis_angle_to_matrix(axis_angle: torch.Tensor) -> torch.Tensor:
+def axis_angle_to_matrix(axis_angle: Array) -> Array:
     """(..., 3) rad -> (..., 3, 3); smooth through zero."""
-    angle = torch.sqrt((axis_angle**2).sum(-1, keepdim=True) + 1e-24)
+    xp = array_namespace(axis_angle)
+    angle = xp.sqrt(xp.sum(axis_angle**2, axis=-1, keepdims=True) + 1e-24)
     axis = axis_angle / angle
-    x, y, z = axis.unbind(-1)
-    zero = torch.zeros_like(x)
-    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
+    x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
+    zero = xp.zeros_like(x)
+    cross = xp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    cross = xp.reshape(cross, (*x.shape, 3, 3))
     angle = angle[..., None]
-    identity = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
-    return identity + torch.sin(angle) * cross + (1 - torch.cos(angle)) * (cross @ cross)
+    return _identity(axis_angle) + xp.sin(angle) * cross + (1 - xp.cos(angle)) * (cross @ cross)
 
 
-def joint_transforms(
-    joints: torch.Tensor, rotations: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor]:
+def _identity(like: Array) -> Array:
+    return array_namespace(like).eye(3, dtype=like.dtype, device=device(like))
+
+
+def joint_transforms(joints: Array, rotations: Array) -> tuple[Array, Array]:
     """Forward kinematics.
 
     Args:
@@ -116,44 +126,47 @@ def joint_transforms(
         (N, 24, 3, 4) motion of each joint's frame from rest to pose, which leaves the root
         joint in its place, and (N, 24, 3) posed joints.
     """
-    world, places = [rotations[:, 0]], [joints[0].expand(len(rotations), 3)]
+    xp = array_namespace(joints, rotations)
+    world = [rotations[:, 0]]
+    places = [xp.broadcast_to(joints[0], (len(rotations), 3))]
     for joint in range(1, 24):
         parent = int(PARENTS[joint])
         bone = joints[joint] - joints[parent]
         places.append(places[parent] + world[parent] @ bone)
         world.append(world[parent] @ rotations[:, joint])
-    turn, place = torch.stack(world, 1), torch.stack(places, 1)  # (N, 24, 3, 3), (N, 24, 3)
+    turn, place = xp.stack(world, axis=1), xp.stack(places, axis=1)  # (N, 24, 3, 3), (N, 24, 3)
     shift = place - (turn @ joints[..., None])[..., 0]
-    return torch.cat([turn, shift[..., None]], -1), place
+    return xp.concat([turn, shift[..., None]], axis=-1), place
 
 
-def blend(vertices: torch.Tensor, transforms: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+def blend(vertices: Array, transforms: Array, weights: Array) -> Array:
     """Linear blend skinning in coordinate planes: one matrix product, then three multiply-adds.
 
     Args:
         vertices: (3, V) or (N, 3, V) coordinate planes of the rest body.
         transforms: (N, 24, 3, 4).
-        weights: (24, V), contiguous.
+        weights: (24, V).
 
     Returns:
         (N, 3, V) planes of the posed body.
     """
-    blended = transforms.permute(0, 2, 3, 1).reshape(-1, 24) @ weights
-    blended = blended.unflatten(0, (-1, 3, 4))  # (N, 3, 4, V)
+    xp = array_namespace(vertices, transforms, weights)
+    blended = xp.reshape(xp.permute_dims(transforms, (0, 2, 3, 1)), (-1, 24)) @ weights
+    blended = xp.reshape(blended, (-1, 3, 4, weights.shape[1]))
     out = blended[:, :, 3]
     for axis in range(3):
-        out = torch.addcmul(out, blended[:, :, axis], vertices[..., axis, :].unsqueeze(-2))
+        out = out + blended[:, :, axis] * vertices[..., axis, None, :]
     return out
 
 
 def skin(
-    vertices: torch.Tensor,
-    joints: torch.Tensor,
-    weights: torch.Tensor,
-    poses: torch.Tensor,
-    posedirs: torch.Tensor | None = None,
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Pose a body; differentiable in every argument.
+    vertices: Array,
+    joints: Array,
+    weights: Array,
+    poses: Array,
+    posedirs: Array | None = None,
+) -> tuple[Array, Array]:
+    """Pose a body; differentiable in every argument where those are torch's.
 
     Args:
         vertices: (V, 3) shaped rest body.
@@ -165,14 +178,15 @@ def skin(
     Returns:
         Vertices (N, V, 3) and joints (N, 24, 3), the root joint where it is at rest.
     """
-    rotations = axis_angle_to_matrix(poses.unflatten(-1, (24, 3)))
+    xp = array_namespace(vertices, poses)
+    rotations = axis_angle_to_matrix(xp.reshape(poses, (-1, 24, 3)))
     transforms, places = joint_transforms(joints, rotations)
     planes = vertices.T
     if posedirs is not None:
-        planes = (
-            planes + (_pose_feature(rotations) @ posedirs.flatten(0, 1).T).unflatten(1, (-1, 3)).mT
-        )  # (N, 3, V)
-    return blend(planes, transforms, weights.T.contiguous()).mT, places
+        moved = _pose_feature(rotations) @ xp.reshape(posedirs, (-1, posedirs.shape[-1])).T
+        planes = planes + xp.reshape(moved, (len(moved), -1, 3)).swapaxes(1, 2)  # (N, 3, V)
+    posed = blend(planes, transforms, weights.T)
+    return posed.swapaxes(1, 2), places
 
 
 def posed_vertices(
@@ -195,38 +209,33 @@ def posed_vertices(
         Vertices (N, V, 3) and joints (N, 24, 3), float32.
     """
     vertices, joints = shaped(body, shape)
-    planes = torch.from_numpy(np.ascontiguousarray((vertices - joints[0]).T))
-    rest_joints = torch.from_numpy(joints - joints[0])
-    weights = torch.from_numpy(np.ascontiguousarray(body.weights.T))
+    planes = np.ascontiguousarray((vertices - joints[0]).T)
     directions = _pose_directions(body)
-    pose = torch.tensor(np.asarray(poses), dtype=torch.float32).reshape(-1, 24, 3)
-    out = np.zeros((len(pose), len(vertices), 3), dtype=np.float32)
-    with torch.no_grad():
-        rotations = axis_angle_to_matrix(pose)
-        transforms, places = joint_transforms(rest_joints, rotations)
-        if trans is not None:
-            shift = torch.tensor(np.asarray(trans), dtype=torch.float32)[:, None]
-            transforms[..., 3] += shift
-            places = places + shift
-        for start in range(0, len(pose), chunk):
-            part = slice(start, start + chunk)
-            points = planes
-            if directions is not None:
-                feature = _pose_feature(rotations[part])
-                points = planes + (feature @ directions).unflatten(1, (3, -1))
-            torch.from_numpy(out[part]).mT.copy_(blend(points, transforms[part], weights))
-    return out, places.numpy()
+    rotations = axis_angle_to_matrix(np.asarray(poses, dtype=np.float32).reshape(-1, 24, 3))
+    transforms, places = joint_transforms(joints - joints[0], rotations)
+    if trans is not None:
+        shift = np.asarray(trans, dtype=np.float32)[:, None]
+        transforms[..., 3] += shift
+        places = places + shift
+    out = np.zeros((len(rotations), len(vertices), 3), dtype=np.float32)
+    for start in range(0, len(rotations), chunk):
+        part = slice(start, start + chunk)
+        points = planes
+        if directions is not None:
+            moved = _pose_feature(rotations[part]) @ directions
+            points = planes + moved.reshape(len(moved), 3, -1)
+        out[part] = blend(points, transforms[part], body.weights.T).swapaxes(1, 2)
+    return out, places
 
 
-def _pose_feature(rotations: torch.Tensor) -> torch.Tensor:
+def _pose_feature(rotations: Array) -> Array:
     """(N, 24, 3, 3) -> (N, 207): how far every joint but the root is from rest."""
-    identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
-    return (rotations[:, 1:] - identity).flatten(1)
+    turned = rotations[:, 1:] - _identity(rotations)
+    return array_namespace(rotations).reshape(turned, (len(rotations), -1))
 
 
-def _pose_directions(body: BodyModel) -> torch.Tensor | None:
+def _pose_directions(body: BodyModel) -> np.ndarray | None:
     """(207, 3 * V) pose blend shapes in coordinate planes; None where all are zero."""
     if not np.any(body.posedirs):
         return None
-    planes = np.ascontiguousarray(body.posedirs.transpose(2, 1, 0))
-    return torch.from_numpy(planes).flatten(1)
+    return np.ascontiguousarray(body.posedirs.transpose(2, 1, 0)).reshape(207, -1)
