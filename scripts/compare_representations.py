@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from drapeline.metrics.table import write_metrics
 from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.fitting import BEST
 from drapeline.nets.representations import compare_representations
+from drapeline.nets.trained import BEST
 from drapeline.outfits.kinds import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
 from drapeline.registration.garment_space import load_space

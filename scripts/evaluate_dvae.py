@@ -9,8 +9,8 @@ from drapeline.metrics.motion import load_moving
 from drapeline.metrics.table import write_metrics
 from drapeline.nets.checkpoints import load_vae
 from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import dynamic_vae_summary
+from drapeline.nets.trained import BEST
 from drapeline.registration.topology import load_topology
 from drapeline.rule_log import rule_log
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from drapeline.metrics.table import write_metrics
 from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import encode_garments, save_codes, static_vae_summary
+from drapeline.nets.trained import BEST
 from drapeline.registration.static_data import StaticData
 from drapeline.rule_log import rule_log
 

@@ -9,8 +9,8 @@ from drapeline.metrics.motion import shown_moving
 from drapeline.nets.cases import moving_cases, static_cases
 from drapeline.nets.checkpoints import load_vae
 from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import load_codes
+from drapeline.nets.trained import BEST
 from drapeline.registration.static_data import StaticData
 from drapeline.registration.topology import load_topology
 from drapeline.report.gcvae_figures import ERROR_COLUMNS, error_views, plot_views

@@ -8,9 +8,9 @@ import numpy as np
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import load_codes
 from drapeline.nets.sampling import train_types, wearer_mesh
+from drapeline.nets.trained import BEST
 from drapeline.nets.walks import paper_walks
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.static_data import StaticData

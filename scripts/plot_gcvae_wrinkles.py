@@ -9,7 +9,7 @@ from drapeline.metrics.motion import shown_moving
 from drapeline.nets.cases import wrinkle_rows
 from drapeline.nets.checkpoints import load_vae
 from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.fitting import BEST
+from drapeline.nets.trained import BEST
 from drapeline.registration.topology import load_topology
 from drapeline.report.gcvae_figures import plot_views, worn_view
 from drapeline.rule_log import rule_log

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.fitting import BEST
 from drapeline.nets.represent import load_codes
 from drapeline.nets.sampling import (
     draw_requests,
@@ -14,6 +13,7 @@ from drapeline.nets.sampling import (
     save_samples,
     train_types,
 )
+from drapeline.nets.trained import BEST
 from drapeline.registration.static_data import StaticData
 from drapeline.rule_log import rule_log
 

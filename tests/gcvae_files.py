@@ -118,8 +118,7 @@ def shaken(model: GarmentVae) -> GarmentVae:
 def save_model(folder: Path, model: GarmentVae | None = None) -> GarmentVae:
     """What a training leaves: the best checkpoint, here of an untrained network."""
     model = model or shaken(StaticVae(SETTINGS, toy_domain()))
-    checkpoint = {"state_dict": model.state_dict()}
-    model.on_save_checkpoint(checkpoint)
+    checkpoint = {"state_dict": model.state_dict(), "drapeline": model.about()}
     folder.mkdir(parents=True)
     torch.save(checkpoint, folder / "best.ckpt")
     return model

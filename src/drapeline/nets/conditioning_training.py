@@ -83,14 +83,14 @@ class ConditioningTraining(Trained):
             rng=torch.Generator().manual_seed(int(rng.integers(2**62))),
         )
 
-    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+    def training_step(self, batch: Batch) -> torch.Tensor:
         """L1 of the reconstruction."""
         loss = self.autoencoder.loss(batch["cvar"])
         self.stop_if_unfinite(loss, {"reconstruction": loss}, batch["names"])
         self.log_means("train", {"loss": loss}, len(batch["cvar"]))
         return loss
 
-    def validation_step(self, batch: Batch, _: int) -> None:
+    def validation_step(self, batch: Batch) -> None:
         """The same on validation rows."""
         loss = self.autoencoder.loss(batch["cvar"])
         self.log_means("val", {"loss": loss}, len(batch["cvar"]))

@@ -11,9 +11,9 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.reader import Sequence as Sample
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.fitting import BEST
 from drapeline.nets.gcvae_data import Batch, as_tensors
 from drapeline.nets.gcvae_training import GarmentVae
+from drapeline.nets.trained import BEST
 from drapeline.outfits.fit import rest_body, signed_tightness
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import Version, dynamic_offsets, load_sample_garment

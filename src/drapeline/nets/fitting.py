@@ -8,7 +8,7 @@ import shutil
 import sys
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,14 @@ import pytorch_lightning as lightning
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
 from pytorch_lightning.loggers import TensorBoardLogger
+from torch.utils.data import DataLoader
 
+from drapeline.nets.gcvae_data import Batch, GarmentData
+from drapeline.nets.trained import BEST, LAST, Position, Trained
 from drapeline.rule_log import LOGGER
 from drapeline.storage import whole_file, whole_folder, write_json
 
-LAST, BEST, HISTORY, SETTINGS = "last.ckpt", "best.ckpt", "history.tsv", "settings.json"
+HISTORY, SETTINGS = "history.tsv", "settings.json"
 CURVES = "tensorboard"
 
 
@@ -67,9 +70,73 @@ class History(lightning.Callback):
         self.rows = list(state["rows"])
 
 
+class _Loop(lightning.LightningModule):
+    """What Lightning trains: a network that knows nothing of it, and the batches for it.
+
+    In checkpoints are the network's weights alone.
+    """
+
+    def __init__(self, trained: Trained, data: GarmentData) -> None:
+        super().__init__()
+        self.trained, self.data = trained, data
+
+    def state_dict(self, *args: Any, **kwargs: Any) -> Any:
+        """The network's."""
+        return self.trained.state_dict(*args, **kwargs)
+
+    def load_state_dict(self, *args: Any, **kwargs: Any) -> Any:
+        """Into the network."""
+        return self.trained.load_state_dict(*args, **kwargs)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Put in all that is needed to build the network again."""
+        checkpoint["drapeline"] = self.trained.about()
+
+    def train_dataloader(self) -> DataLoader:
+        """This process's share of the training batches."""
+        return self._loader("train")
+
+    def val_dataloader(self) -> DataLoader:
+        """This process's share of the validation batches."""
+        return self._loader("val")
+
+    def _loader(self, split: str) -> DataLoader:
+        among = self.trainer
+        return self.data.loader(split, processes=among.world_size, rank=among.global_rank)
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """The network's own."""
+        return self.trained.optimizer()
+
+    def on_train_batch_start(self, *_: Any) -> None:
+        """Set the learning rate from the step alone."""
+        training = self.trained.settings.training
+        share = self.global_step / self.trainer.estimated_stepping_batches
+        rate = learning_rate(training.learning_rate, training.schedule, share)
+        for group in self.optimizers().param_groups:
+            group["lr"] = rate
+
+    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+        """Loss of one batch."""
+        return self._step(self.trained.training_step, batch)
+
+    def validation_step(self, batch: Batch, _: int) -> None:
+        """What one batch of the validation rows comes to."""
+        self._step(self.trained.validation_step, batch)
+
+    def _step(self, step: Callable[[Batch], Any], batch: Batch) -> Any:
+        trained = self.trained
+        trained.position = Position(self.current_epoch, self.global_step, self.global_rank)
+        out = step(batch)
+        while trained.logged:
+            values, count = trained.logged.pop()
+            self.log_dict(values, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
+        return out
+
+
 def fit(
-    module: lightning.LightningModule,
-    data: lightning.LightningDataModule,
+    module: Trained,
+    data: GarmentData,
     folder: str | Path,
     *,
     progress: str | Path,
@@ -109,7 +176,8 @@ def fit(
         # The progress folder is meant to hold files; the other is Lightning's own business.
         warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
-        engine.fit(module, datamodule=data, ckpt_path=last if resumed else None, weights_only=True)
+        loop = _Loop(module, data)
+        engine.fit(loop, ckpt_path=last if resumed else None, weights_only=True)
     if engine.is_global_zero:
         with whole_folder(folder) as scratch:
             for name in (LAST, BEST, HISTORY, SETTINGS):

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-import pytorch_lightning as lightning
 import torch
 from torch.utils.data import DataLoader, Dataset, Sampler
 
@@ -102,7 +101,7 @@ class _Batches(Sampler):
         yield from (part.tolist() for part in parts)
 
 
-class GarmentData(lightning.LightningDataModule):
+class GarmentData:
     """Training and validation batches; the test rows are for evaluation and are not read here.
 
     Args:
@@ -115,7 +114,6 @@ class GarmentData(lightning.LightningDataModule):
     """
 
     def __init__(self, garments: Garments, *, batch: int, seed: int) -> None:
-        super().__init__()
         self.garments, self.batch, self.seed = garments, batch, seed
         for split in ("train", "val"):
             if len(garments.rows(split)) == 0:
@@ -124,17 +122,16 @@ class GarmentData(lightning.LightningDataModule):
                     " ask for more samples or for a larger share"
                 )
 
-    def train_dataloader(self) -> DataLoader:
-        """Shuffled batches of the training split."""
-        return self._loader("train", self.seed)
+    def loader(self, split: str, *, processes: int = 1, rank: int = 0) -> DataLoader:
+        """Shuffled batches of the training split, or those of another split in order.
 
-    def val_dataloader(self) -> DataLoader:
-        """The validation split in order."""
-        return self._loader("val", None)
-
-    def _loader(self, split: str, seed: int | None) -> DataLoader:
-        among = (self.trainer.world_size, self.trainer.global_rank) if self.trainer else (1, 0)
-        sampler = _Batches(self.garments.rows(split), self.batch, seed, *among)
+        Args:
+            split: whose rows.
+            processes: that train together, each on its share of the batches.
+            rank: which of them this is.
+        """
+        seed = self.seed if split == "train" else None
+        sampler = _Batches(self.garments.rows(split), self.batch, seed, processes, rank)
         return DataLoader(_Rows(self.garments), sampler=sampler, batch_size=None)
 
 

@@ -1,4 +1,4 @@
-"""Lightning modules: the static and the dynamic garment VAE, their losses and their schedules."""
+"""The static and the dynamic garment VAE, their losses and their schedules."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from drapeline.nets.gcvae_loss import (
     offset_sums,
 )
 from drapeline.nets.mesh_normals import FaceNormals
-from drapeline.nets.trained import Trained, Training, plain
+from drapeline.nets.trained import Position, Trained, Training, plain
 from drapeline.registration.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
@@ -239,16 +239,20 @@ class GarmentVae(Trained):
 
     # ---- training
 
-    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+    def training_step(self, batch: Batch) -> torch.Tensor:
         """Loss of equation 3 for one batch."""
         parts = self.parts(batch)
         cvar, counts = conditions_of(parts)
         code = self.encode_parts(parts)
         z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
         out = self.decode_parts(z, cvar, counts)
-        terms = self.garment_terms(parts, out, self.global_step % len(self.normals["body"].edges))
+        at = self.position or Position()
+        terms = self.garment_terms(parts, out, at.step % len(self.normals["body"].edges))
         terms |= self.code_terms(code, cvar)
-        scale = {"offsets": 1.0, "kl": self.settings.loss.kl_weight(self.share_done())}
+        scale = {
+            "offsets": 1.0,
+            "kl": self.settings.loss.kl_weight(at.epoch / self.settings.training.epochs),
+        }
         loss = sum(
             (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
             for key, term in terms.items()
@@ -288,7 +292,7 @@ class GarmentVae(Trained):
                 sums["mask"] = sums["mask"] + mask_sums(x[:, 3], part.mask, weights.mask_form)
         return {key: total / count.clamp_min(1) for key, (total, count) in sums.items()}
 
-    def validation_step(self, batch: Batch, _: int) -> None:
+    def validation_step(self, batch: Batch) -> None:
         """L_o + 0.1 KL, by which the best weights are chosen, and metrics; all at the mean code."""
         parts = self.parts(batch)
         cvar, counts = conditions_of(parts)
@@ -322,13 +326,9 @@ class GarmentVae(Trained):
 
     def _noise(self, like: torch.Tensor) -> torch.Tensor:
         """Standard normal numbers of seed, step and rank alone, so that a resume draws the same."""
-        names = ("noise", self.global_step, self.global_rank)
-        rng = rng_for(self.settings.training.seed, *names)
+        at = self.position or Position()
+        rng = rng_for(self.settings.training.seed, "noise", at.step, at.rank)
         return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
-
-    def share_done(self) -> float:
-        """Share of all epochs that is done."""
-        return self.current_epoch / self.settings.training.epochs
 
     def about(self) -> dict[str, Any]:
         """All that is needed to build the network again, as plain values and tensors."""

@@ -114,14 +114,14 @@ class LinearVae(StaticVae):
         """The exact posterior of the linear path; it does not change, so training looks it up."""
         means, log_variances = [], []
         for name, part in parts.items():
-            if self._trainer is not None and all(n in self._codes for n in part.names):
+            if self.position is not None and all(n in self._codes for n in part.names):
                 pairs = [self._codes[n] for n in part.names]
                 mean, log_variance = (torch.stack(half) for half in zip(*pairs, strict=True))
             else:
                 mean, log_variance = self.linear.posterior(
                     self._fields(name, part), part.mask, self._conditions(part.cvar)
                 )
-                if self._trainer is not None:
+                if self.position is not None:
                     self._codes |= zip(
                         part.names, zip(mean, log_variance, strict=True), strict=True
                     )

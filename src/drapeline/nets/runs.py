@@ -7,11 +7,11 @@ from typing import Any
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.conditioning_training import load_conditioning
 from drapeline.nets.domain import Domain
-from drapeline.nets.fitting import BEST, fit, tensors_digest
+from drapeline.nets.fitting import fit, tensors_digest
 from drapeline.nets.gcvae_data import GarmentData, Garments
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
 from drapeline.nets.linear_vae import LinearVae
-from drapeline.nets.trained import plain
+from drapeline.nets.trained import BEST, plain
 
 MODELS: dict[str, type[GarmentVae]] = {
     "gcvae": StaticVae,

@@ -1,16 +1,20 @@
-"""What the Lightning modules of all networks share: learning rate, logs, a stop at NaN."""
+"""What all networks share that are trained: optimiser, logs, a stop at NaN.
+
+Lightning trains them, see `fitting`, but they know nothing of it: it takes seconds to import, and
+whoever only uses a trained network need not wait for it.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-import pytorch_lightning as lightning
 import torch
 
 from drapeline.errors import InputError
-from drapeline.nets.fitting import learning_rate
 from drapeline.nets.gcvae_data import Batch
+
+LAST, BEST = "last.ckpt", "best.ckpt"  # of a training's folder
 
 
 @dataclass(frozen=True)
@@ -36,28 +40,54 @@ class _Settings(Protocol):
     training: Training
 
 
-class Trained(lightning.LightningModule, ABC):
-    """A module whose `settings.training` is a `Training`."""
+class Position(NamedTuple):
+    """Where a training is: its epoch, its step over all epochs, and the process among several."""
+
+    epoch: int = 0
+    step: int = 0
+    rank: int = 0
+
+
+class Logged(NamedTuple):
+    """Means over a batch of `count` rows."""
+
+    values: dict[str, torch.Tensor]
+    count: int
+
+
+class Trained(torch.nn.Module, ABC):
+    """A module whose `settings.training` is a `Training`.
+
+    Attributes:
+        position: None when it is not being trained.
+        logged: by the steps, taken away by who trains.
+    """
 
     settings: _Settings
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.position: Position | None = None
+        self.logged: list[Logged] = []
+
+    @property
+    def device(self) -> torch.device:
+        """Where its weights are."""
+        return next(self.parameters()).device
+
+    @abstractmethod
+    def training_step(self, batch: Batch) -> torch.Tensor:
+        """Loss of one batch."""
+
+    @abstractmethod
+    def validation_step(self, batch: Batch) -> None:
+        """Log what one batch of the validation rows comes to."""
 
     @abstractmethod
     def about(self) -> dict[str, Any]:
         """All that is needed to build the module again, as plain values and tensors."""
 
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Put in all that is needed to build the module again."""
-        checkpoint["drapeline"] = self.about()
-
-    def on_train_batch_start(self, batch: Batch, index: int) -> None:
-        """Set the learning rate from the step alone."""
-        training = self.settings.training
-        share = self.global_step / self.trainer.estimated_stepping_batches
-        rate = learning_rate(training.learning_rate, training.schedule, share)
-        for group in self.optimizers().param_groups:
-            group["lr"] = rate
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
+    def optimizer(self) -> torch.optim.Optimizer:
         """Adam, as printed in the papers."""
         trained = [p for p in self.parameters() if p.requires_grad]
         return torch.optim.Adam(trained, lr=self.settings.training.learning_rate)
@@ -65,7 +95,7 @@ class Trained(lightning.LightningModule, ABC):
     def log_means(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
         """Log means over an epoch of values of a batch of `count` rows, as `{stage}_{name}`."""
         named = {f"{stage}_{key}": value.detach() for key, value in values.items()}
-        self.log_dict(named, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
+        self.logged.append(Logged(named, count))
 
     def stop_if_unfinite(
         self, loss: torch.Tensor, terms: Mapping[str, torch.Tensor], names: Sequence[str]
@@ -78,8 +108,9 @@ class Trained(lightning.LightningModule, ABC):
         if torch.isfinite(loss):
             return
         values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
+        at = self.position or Position()
         raise InputError(
-            f"training stopped in epoch {self.current_epoch}, step {self.global_step}: the loss"
+            f"training stopped in epoch {at.epoch}, step {at.step}: the loss"
             f" is {float(loss.detach())} ({values}) for samples {', '.join(names)};"
             " expected a finite loss"
         )

@@ -2,39 +2,42 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
-import pytorch_lightning as lightning
 import torch
 
 from drapeline.nets import fitting
 from drapeline.nets.fitting import arrays_digest, begin, fit
+from drapeline.nets.trained import Trained, Training
 from drapeline.storage import read_json
 
 
-class Line(lightning.LightningModule):
+class Line(Trained):
     """One number that goes to zero."""
 
     def __init__(self):
         super().__init__()
+        self.settings = SimpleNamespace(training=Training(learning_rate=1.0 / 6))
         self.x = torch.nn.Parameter(torch.tensor(3.0))
 
-    def training_step(self, *_):
+    def training_step(self, batch):
         return self.x**2
 
-    def validation_step(self, *_):
+    def validation_step(self, batch):
         # Best in the second epoch, to tell best from last.
-        self.log("val_x", abs(self.x.detach() - 1.0))
+        self.log_means("val", {"x": abs(self.x - 1.0)}, 1)
 
-    def configure_optimizers(self):
-        return torch.optim.SGD(self.parameters(), lr=1.0 / 6)
+    def optimizer(self):
+        return torch.optim.SGD(self.parameters(), lr=0.0)
+
+    def about(self):
+        return {}
 
 
-class One(lightning.LightningDataModule):
-    def train_dataloader(self):
+class One:
+    def loader(self, split, *, processes, rank):
         return torch.utils.data.DataLoader([0.0])
-
-    val_dataloader = train_dataloader
 
 
 def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):

@@ -319,7 +319,7 @@ def test_processes_share_all_rows_in_as_many_batches_each(processes):
 
 def test_every_epoch_sees_every_training_row_once_in_another_order():
     garments = ToyGarments()
-    loader = GarmentData(garments, batch=8, seed=0).train_dataloader()
+    loader = GarmentData(garments, batch=8, seed=0).loader("train")
     orders = []
     for epoch in (0, 1, 0):
         loader.sampler.set_epoch(epoch)

@@ -11,7 +11,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.fitting import BEST, arrays_digest, fit, tensors_digest
+from drapeline.nets.fitting import arrays_digest, fit, tensors_digest
 from drapeline.nets.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,
@@ -34,7 +34,7 @@ from drapeline.nets.garment4d.posed import (
 )
 from drapeline.nets.garment4d.wearers import SkinningSettings
 from drapeline.nets.gcvae_data import Batch, GarmentData
-from drapeline.nets.trained import Trained, Training, plain
+from drapeline.nets.trained import BEST, Trained, Training, plain
 from drapeline.registration.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
 
@@ -157,7 +157,7 @@ class Stage(Trained):
 
     # ---- training
 
-    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+    def training_step(self, batch: Batch) -> torch.Tensor:
         """Loss of one batch."""
         terms, error = self.losses(batch)
         loss = terms["total"]
@@ -165,7 +165,7 @@ class Stage(Trained):
         self.log_means("train", {**terms, self.ERROR: error}, len(batch["names"]))
         return loss
 
-    def validation_step(self, batch: Batch, _: int) -> None:
+    def validation_step(self, batch: Batch) -> None:
         """The same on validation windows; the best weights are those of the least total."""
         terms, error = self.losses(batch)
         self.log_means("val", {**terms, self.ERROR: error}, len(batch["names"]))

@@ -203,20 +203,28 @@ class Killed(Exception):
 def killed(monkeypatch, train, *args):
     """Stop a training after its first epoch."""
 
-    def stop(stage):
-        if stage.current_epoch == 1:
+    step = Stage.training_step
+
+    def stop(stage, batch):
+        if stage.position.epoch == 1:
             raise Killed
+        return step(stage, batch)
 
     with monkeypatch.context() as patched, pytest.raises(Killed):
-        patched.setattr(Stage, "on_train_epoch_start", stop)
+        patched.setattr(Stage, "training_step", stop)
         run(train, *args)
 
 
 def begun(folder, name, monkeypatch, train, *args):
     """The epoch that a training of this name goes on from, 0 if it starts anew."""
-    found = []
+    found, step = [], Stage.training_step
+
+    def noted(stage, batch):
+        found.append(stage.position.epoch)
+        return step(stage, batch)
+
     with monkeypatch.context() as patched:
-        patched.setattr(Stage, "on_train_start", lambda stage: found.append(stage.current_epoch))
+        patched.setattr(Stage, "training_step", noted)
         run(train, folder, name, *args)
     return found[0]
 
