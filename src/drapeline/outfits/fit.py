@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import igl
 import numpy as np
 import scipy.sparse as sp
 from scipy.ndimage import gaussian_filter, maximum_filter
@@ -10,6 +9,7 @@ from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import REST_POSE
+from drapeline.outfits.solid import Solid
 
 RESIZE_PASSES = 40  # Laplacian passes over the displacements at edges of ...
 RESIZE_EDGE_M = 0.01  # ... this length; finer meshes take more for the same reach
@@ -60,28 +60,14 @@ def resized(
     return vertices + displacement
 
 
-def outside_distance(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray):
-    """Signed distance (P,) to a closed mesh, negative inside, and the unit way out (P, 3)."""
-    distance, _, nearest, normal = igl.signed_distance(
-        np.ascontiguousarray(points, dtype=np.float64),
-        np.ascontiguousarray(vertices, dtype=np.float64),
-        np.ascontiguousarray(faces, dtype=np.int64),
-        igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL,
-    )
-    away = (points - nearest) * np.sign(distance)[:, None]
-    length = np.linalg.norm(away, axis=1, keepdims=True)
-    return distance, np.where(length > 1e-5, away / np.maximum(length, 1e-12), normal)
-
-
 def left_body(
     vertices: np.ndarray,
     average: sp.csr_matrix,
-    body: np.ndarray,
-    faces: np.ndarray,
+    body: Solid,
     gap_m: float,
     keep: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Garment (V, 3) with every vertex at least `gap_m` outside the body (B, 3).
+    """Garment (V, 3) with every vertex at least `gap_m` outside the body.
 
     Pushes are spread over the neighbourhood so that the body does not emboss the cloth.
 
@@ -91,7 +77,7 @@ def left_body(
     """
     points = vertices.copy()
     for round_ in range(8):
-        distance, out = outside_distance(points, body, faces)
+        distance, out = body.outside(points)
         lack = np.maximum(gap_m - distance, 0)
         if lack.max() <= 1e-6:
             break

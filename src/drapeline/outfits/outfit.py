@@ -34,6 +34,7 @@ from drapeline.outfits.ranges import (
     uniform,
 )
 from drapeline.outfits.relax import averaging_matrix
+from drapeline.outfits.solid import Solid
 from drapeline.outfits.templates import Templates
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz, write_json
@@ -256,6 +257,7 @@ def make_outfit(
     """
     mean_body = rest_body(body, np.zeros(10))
     target = rest_body(body, tightness_shape(shape, tightness, gender))
+    solid = Solid(target, body.faces)
     axis_y = float(templates.form.torso.centre[0, 1])
     garments: list[Garment] = []
     for name, about in numbers:
@@ -268,7 +270,7 @@ def make_outfit(
         edge_m = mean_edge_m(Mesh(points, garment.faces))
         passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
         points = resized(points, average, mean_body, target, passes)
-        points = left_body(points, average, target, body.faces, max(BODY_GAP_M, 0.3 * edge_m), keep)
+        points = left_body(points, average, solid, max(BODY_GAP_M, 0.3 * edge_m), keep)
         for inner in garments:
             points = laid_over(points, average, inner.vertices.astype(float), axis_y, LAYER_GAP_M)
         garments.append(replace(garment, vertices=points.astype(np.float32)))

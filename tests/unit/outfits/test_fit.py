@@ -7,12 +7,12 @@ import trimesh
 from drapeline.outfits.fit import (
     laid_over,
     left_body,
-    outside_distance,
     resized,
     signed_tightness,
     tightness_shape,
 )
 from drapeline.outfits.relax import averaging_matrix
+from drapeline.outfits.solid import Solid
 
 
 def tube(radius, *, low=-0.5, high=0.5, around=40, rows=30):
@@ -38,6 +38,11 @@ def ball():
     return np.array(mesh.vertices), np.array(mesh.faces)
 
 
+@pytest.fixture(scope="module")
+def solid(ball):
+    return Solid(*ball)
+
+
 @pytest.mark.parametrize(("gender", "sign"), [("female", -1.0), ("male", 1.0)])
 def test_the_first_tightness_term_carries_the_sign_of_the_gender(gender, sign):
     np.testing.assert_array_equal(signed_tightness([0.4, -1.2], gender), [sign * 0.4, -1.2])
@@ -48,27 +53,19 @@ def test_the_first_tightness_term_carries_the_sign_of_the_gender(gender, sign):
     assert shape[0] == 0  # the wearer's own shape is left alone
 
 
-def test_distance_to_a_ball(ball):
-    points = np.array([[0.5, 0, 0], [0, 0, 0.31], [0.1, 0, 0]])
-    distance, out = outside_distance(points, *ball)
-    np.testing.assert_allclose(distance, [0.2, 0.01, -0.2], atol=2e-3)
-    np.testing.assert_allclose(out[0], [1, 0, 0], atol=0.05)
-    np.testing.assert_allclose(out[2], [1, 0, 0], atol=0.1)
-
-
-def test_cloth_leaves_a_ball_by_the_gap_and_elsewhere_stays(ball):
+def test_cloth_leaves_a_ball_by_the_gap_and_elsewhere_stays(solid):
     points, faces = tube(0.29)
     average = averaging_matrix(faces, len(points))
-    moved = left_body(points, average, *ball, 0.005)
-    distance, _ = outside_distance(moved, *ball)
+    moved = left_body(points, average, solid, 0.005)
+    distance, _ = solid.outside(moved)
     assert distance.min() >= 0.005 - 1e-5
     far = np.abs(points[:, 2]) > 0.4
     np.testing.assert_array_equal(moved[far], points[far])
 
 
-def test_cloth_outside_is_left_alone(ball):
+def test_cloth_outside_is_left_alone(solid):
     points, faces = tube(0.4)
-    moved = left_body(points, averaging_matrix(faces, len(points)), *ball, 0.005)
+    moved = left_body(points, averaging_matrix(faces, len(points)), solid, 0.005)
     np.testing.assert_array_equal(moved, points)
 
 
