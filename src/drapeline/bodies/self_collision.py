@@ -217,6 +217,11 @@ def _crossings(
     if not counts.sum():
         return np.zeros((0, 3))
     i, j = np.repeat(np.arange(len(edge)), counts), np.concatenate(close).astype(np.int64)
+    for axis in range(3):  # balls are wide: most pairs have boxes that do not even meet
+        along, across = ends[:, :, axis], corners[:, :, axis]
+        meet = along.min(axis=1)[i] <= across.max(axis=1)[j]
+        meet &= along.max(axis=1)[i] >= across.min(axis=1)[j]
+        i, j = i[meet], j[meet]
     share = [edge[i, a] == face[j, b] for a in range(2) for b in range(3)]
     apart = ~np.logical_or.reduce(share)
     return segment_triangle_crossings(ends[i[apart]], corners[j[apart]])

@@ -63,10 +63,10 @@ def render_gallery(
         frames = np.unique(np.linspace(0, len(sequence) - 1, moving_frames).astype(int)).tolist()
         middle = frames[len(frames) // 2]
         camera = _cameras(sequence, parts, frames, still_size)[middle]
-        _save_still(still, _shot(sequence, parts, middle, camera, samples=24))
+        _save_still(still, _shot(sequence, parts, middle, camera))
         cameras = _cameras(sequence, parts, frames, moving_size)
         pictures = [
-            _shot(sequence, parts, frame, cameras[frame], samples=8)
+            _shot(sequence, parts, frame, cameras[frame], samples=6)
             for frame in progress(frames, label="gallery")
         ]
         save_moving(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
@@ -89,7 +89,7 @@ def _shot(
     frame: int,
     camera: Camera,
     *,
-    samples: int,
+    samples: int = 16,
 ) -> np.ndarray:
     painted = [
         Painted(
