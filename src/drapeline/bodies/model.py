@@ -1,6 +1,7 @@
 """SMPL-format bodies: the model, and posing it by linear blend skinning."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,11 @@ class BodyModel:
     ft: np.ndarray | None
     segmentation: np.ndarray
     name: str
+
+    @cached_property
+    def has_posedirs(self) -> bool:
+        """Whether any pose blend shape differs from zero; looking at all takes milliseconds."""
+        return bool(np.any(self.posedirs))
 
 
 def load_body(path: str | Path) -> BodyModel:
@@ -226,7 +232,7 @@ def _pose_feature(rotations: torch.Tensor) -> torch.Tensor:
 
 def _pose_directions(body: BodyModel) -> torch.Tensor | None:
     """(207, 3 * V) pose blend shapes in coordinate planes; None where all are zero."""
-    if not np.any(body.posedirs):
+    if not body.has_posedirs:
         return None
     planes = np.ascontiguousarray(body.posedirs.transpose(2, 1, 0))
     return torch.from_numpy(planes).flatten(1)

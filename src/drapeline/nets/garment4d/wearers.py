@@ -71,7 +71,7 @@ class BodySurface:
         """Vertices (F, M, 3) in metres and unit normals (F, M, 3) for poses (F, 72) in rad."""
         body, used = self._body, self._used
         vertices, joints = shaped(body, shape)
-        directions = body.posedirs[used] if np.any(body.posedirs) else None
+        directions = body.posedirs[used] if body.has_posedirs else None
         with torch.no_grad():
             posed, _ = skin(
                 torch.from_numpy(vertices[used] - joints[0]),
