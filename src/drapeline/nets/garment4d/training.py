@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -24,6 +25,7 @@ from drapeline.nets.garment4d.canonical import (
 from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
 from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
+from drapeline.nets.garment4d.points import Recall
 from drapeline.nets.garment4d.posed import (
     MgnNetwork,
     MgnSettings,
@@ -39,7 +41,7 @@ from drapeline.registration.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
 
 _BATCH = 4  # windows that a frozen network sees at once
-_KEPT_BYTES = 1 << 30  # of what it said about windows of training
+_KEPT_BYTES = 1 << 30  # of what it said, or what was searched, about windows of training
 
 
 @dataclass(frozen=True)
@@ -201,11 +203,19 @@ class CanonicalStage(Stage):
 
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
-        self.network = CanonicalNetwork(settings.network, space, label, self.weight_rng())
+        self.network = self.build()
+        self._recall = Recall(_KEPT_BYTES)
+
+    def build(self) -> torch.nn.Module:
+        """The network that is trained."""
+        network, rng = self.settings.network, self.weight_rng()
+        return CanonicalNetwork(network, self.space, self.label, rng)
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
-        output = self.estimated(batch)
+        # Neither the points nor their true labels are others in the next epoch.
+        with self._recall.of(windows_of(batch)) if self.training else nullcontext():
+            output = self.estimated(batch)
         terms = canonical_loss(
             output,
             batch["labels"],
@@ -231,13 +241,18 @@ class PointNetStage(CanonicalStage):
 
     kind = "garment4d_pointnet"
 
-    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
-        super().__init__(settings, space, label)
-        self.network = PointNetRegressor(settings.network, space, self.weight_rng())
+    def build(self) -> torch.nn.Module:
+        """The network that is trained."""
+        return PointNetRegressor(self.settings.network, self.space, self.weight_rng())
 
     def estimated(self, batch: Batch) -> CanonicalOutput:
         """Of a batch."""
         return self.network(batch["points"])
+
+
+def windows_of(batch: Batch) -> list[tuple[int, int]]:
+    """Sequence and first frame of each window of a batch."""
+    return list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
 
 
 class PosedStage(Stage):
@@ -287,7 +302,7 @@ class PosedStage(Stage):
 
     def kept_levels(self, batch: Batch) -> list[PointLevel]:
         """The same levels of points, of windows seen before from memory."""
-        keys = list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
+        keys = windows_of(batch)
         new = [row for row, key in enumerate(keys) if key not in self._kept]
         found = {key: self._kept[key] for key in keys if key in self._kept}
         if new:

@@ -14,7 +14,8 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from drapeline.bodies.kinematics import rest_to_pose
-from drapeline.bodies.model import BodyModel, posed_vertices, shaped, skin
+from drapeline.bodies.model import BodyModel, posed_vertices, shaped
+from drapeline.bodies.skinning import skin
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import vertex_normals
 from drapeline.nets.garment4d.points import farthest_points

@@ -91,6 +91,13 @@ def test_the_canonical_stage_learns_shapes_of_skirts_it_has_not_seen(canonical, 
     assert losses[-1] < 0.6 * losses[0]
 
 
+def test_searches_of_earlier_epochs_change_nothing(folder, canonical, data, monkeypatch):
+    monkeypatch.setattr("drapeline.nets.garment4d.training._KEPT_BYTES", 0)
+    searched = run(train_canonical, folder, "searched", data, CANONICAL)
+    for name in ("train_total", "val_total"):
+        np.testing.assert_allclose(column(searched, name), column(canonical, name), rtol=1e-5)
+
+
 def test_the_posed_stage_learns_the_sway_that_skinning_lacks(posed, data):
     stage = load_stage(posed, PosedStage)
     data.wear(stage.predicted_canonicals(data, ("val",)), stage.settings.skinning)
