@@ -54,26 +54,29 @@ def _ball(
     """One thread per centre; stops when its list is full."""
     cloud, centre = wp.tid()
     place = centres[cloud, centre]
-    width = chosen.shape[2]
-    found = int(0)  # noqa: RUF046, UP018
-    nearest = int(0)  # noqa: RUF046, UP018
-    least = float(wp.inf)
-    for i in range(points.shape[1]):
-        if valid[cloud, i]:
-            away = wp.length_sq(points[cloud, i] - place)
-            if away <= squared_radius:
-                chosen[cloud, centre, found] = wp.int64(i)
-                found += 1
-                if found == width:
+    row = points[cloud]
+    allowed = valid[cloud]
+    found = chosen[cloud, centre]
+    width = found.shape[0]
+    count = int(0)  # noqa: RUF046, UP018
+    for i in range(row.shape[0]):
+        if wp.length_sq(row[i] - place) <= squared_radius:  # noqa: SIM102  (`and` asks for both)
+            if allowed[i]:
+                found[count] = wp.int64(i)
+                count += 1
+                if count == width:
                     return
-            elif away < least:
-                least = away
-                nearest = i
-    if found == 0:
-        chosen[cloud, centre, 0] = wp.int64(nearest)
-        found = 1
-    for slot in range(found, width):
-        chosen[cloud, centre, slot] = chosen[cloud, centre, 0]
+    if count == 0:
+        least = float(wp.inf)
+        for i in range(row.shape[0]):
+            away = wp.length_sq(row[i] - place)
+            if away < least:  # noqa: SIM102
+                if allowed[i]:
+                    least = away
+                    found[0] = wp.int64(i)
+        count = 1
+    for slot in range(count, width):
+        found[slot] = found[0]
 
 
 @wp.kernel
@@ -87,20 +90,24 @@ def _nearest(
     """One thread per query keeps a sorted list; `squared` comes in as infinity."""
     cloud, query = wp.tid()
     place = queries[cloud, query]
-    last = chosen.shape[2] - 1
+    row = points[cloud]
+    allowed = valid[cloud]
+    least = squared[cloud, query]
+    found = chosen[cloud, query]
+    last = found.shape[0] - 1
     most = float(wp.inf)
-    for i in range(points.shape[1]):
-        if valid[cloud, i]:
-            away = wp.length_sq(points[cloud, i] - place)
-            if away < most:
+    for i in range(row.shape[0]):
+        away = wp.length_sq(row[i] - place)
+        if away < most:  # noqa: SIM102
+            if allowed[i]:
                 slot = last
-                while slot > 0 and squared[cloud, query, slot - 1] > away:
-                    squared[cloud, query, slot] = squared[cloud, query, slot - 1]
-                    chosen[cloud, query, slot] = chosen[cloud, query, slot - 1]
+                while slot > 0 and least[slot - 1] > away:
+                    least[slot] = least[slot - 1]
+                    found[slot] = found[slot - 1]
                     slot -= 1
-                squared[cloud, query, slot] = away
-                chosen[cloud, query, slot] = wp.int64(i)
-                most = squared[cloud, query, last]
+                least[slot] = away
+                found[slot] = wp.int64(i)
+                most = least[last]
 
 
 class Recall:
