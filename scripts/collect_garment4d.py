@@ -2,8 +2,11 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
 from drapeline.nets.garment4d.data import collect_garment4d
 from drapeline.nets.garment4d.sequences import simulated_sequences, skinned_sequences
+from drapeline.nets.garment4d.wearers import Wearers
 from drapeline.registration.garment_template import load_template
 from drapeline.registration.template_tables import load_tables
 from drapeline.rule_log import rule_log
@@ -12,7 +15,8 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    given, garment = snakemake.input, snakemake.wildcards.garment
+    given, params, garment = snakemake.input, snakemake.params, snakemake.wildcards.garment
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS if params.located}
     tables = load_tables(given.fits, garment)
     frames = collect_garment4d(
         snakemake.output[0],
@@ -22,6 +26,7 @@ with rule_log(snakemake.log[0]) as log:
             *skinned_sequences(garment, given.skinned, given.shards, tables),
         ],
         load_template(given.template).faces,
-        snakemake.params.components,
+        params.components,
+        Wearers(bodies, 1) if params.located else None,
     )
     log.info("%d frames", frames)

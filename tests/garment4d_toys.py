@@ -10,6 +10,7 @@ from drapeline.dataset.clouds import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh, triangulate
 from drapeline.nets.garment4d.data import GarmentSequence, collect_garment4d
+from drapeline.nets.garment4d.wearers import Wearers
 from drapeline.outfits.fit import rest_body
 from drapeline.registration.dynamic import moved
 from drapeline.registration.interpolated_skinning import interpolated_weights
@@ -81,7 +82,7 @@ def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
 def save_toy_data(folder: Path, body: BodyModel) -> list[GarmentSequence]:
     """What the rule `collect_garment4d` leaves."""
     sequences = toy_sequences(body)
-    collect_garment4d(folder, KIND, sequences, skirt_faces(), 3)
+    collect_garment4d(folder, KIND, sequences, skirt_faces(), 3, Wearers(toy_bodies(body), 1))
     return sequences
 
 

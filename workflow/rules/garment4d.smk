@@ -156,6 +156,7 @@ rule skin_static:
 rule collect_garment4d:
     input:
         unpack(garment_sequences),
+        **WHOLE_BODIES,
         template=f"{G4D}/{{garment}}/template.npz",
         fits=TEMPLATE_FITS,
     output:
@@ -172,6 +173,7 @@ rule collect_garment4d:
         runtime=240,
     params:
         components=lookup(dpath="garment4d/components", within=config),
+        located=lookup(dpath="garment4d/canonical/network/located", within=config),
         code=source_hash("collect_garment4d"),
     script:
         "../../scripts/collect_garment4d.py"

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel, axis_angle_to_matrix, joint_transforms, shaped
+from drapeline.bodies.model import BodyModel, shaped
+from drapeline.bodies.skinning import axis_angle_to_matrix, joint_transforms
 from drapeline.frames import REST_POSE
 
 

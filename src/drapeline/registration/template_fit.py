@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import minimize
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import cKDTree
 
 from drapeline.errors import InputError
@@ -220,14 +220,11 @@ def _rims_matched(
     for guide, line in zip(guides, target.guides, strict=True):
         weight[guide] = _HELD
         move[guide] = _stretched(rest[guide], target.vertices[line]) - rest[guide]
-    system = laplacian + sp.diags(weight)
-    return rest + _solved(system, weight[:, None] * move)
+    return rest + _factor(laplacian + sp.diags(weight)).solve(weight[:, None] * move)
 
 
-def _solved(system: sp.spmatrix, right: np.ndarray) -> np.ndarray:
-    return splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(
-        right
-    )
+def _factor(system: sp.spmatrix) -> SuperLU:
+    return splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
 
 def _along(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
@@ -280,14 +277,14 @@ def _drawn(
     weight = np.ones(len(places))
     weight[held] = _HELD
     tree = cKDTree(np.hstack([target.vertices, _TURN_M * target.normals]))
+    factors = {s: _factor(sp.diags(weight) + s * laplacian) for s in dict.fromkeys(_STIFFNESS)}
     for stiffness in _STIFFNESS:
         own = vertex_normals(places, triangles)
         _, near = tree.query(np.hstack([places, _TURN_M * own]))
         normals = target.normals[near]
         gap = ((target.vertices[near] - places) * normals).sum(axis=1, keepdims=True)
         gap[held] = 0
-        system = sp.diags(weight) + stiffness * laplacian
-        places = places + _solved(system, weight[:, None] * gap * normals)
+        places = places + factors[stiffness].solve(weight[:, None] * gap * normals)
     return places
 
 
@@ -391,7 +388,8 @@ def _chamfer(
 ) -> float:
     """Mean squared distances of two sets of points, both ways; the gradient is added in place."""
     there, near = tree.query(places)
-    back, own = cKDTree(places).query(points)
+    # A tree that is asked once is not worth balancing.
+    back, own = cKDTree(places, balanced_tree=False, compact_nodes=False).query(points)
     gradient += (2 * weight / len(places)) * (places - points[near])
     _add(gradient, own, (2 * weight / len(points)) * (places[own] - points))
     return float((there**2).mean() + (back**2).mean())

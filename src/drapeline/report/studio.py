@@ -88,9 +88,8 @@ def _lit(
     # The lamp is a disc seen 12 degrees wide: its rim gives the shadows their soft edge.
     to_lamp = _around(light, 1.0 - 0.0055 * u, 6.2831853 * v)
     lamp = wp.max(0.0, wp.dot(normal, to_lamp))
-    if lamp > 0.0:
-        blocked = wp.mesh_query_ray(mesh, rounded + 2.0e-3 * normal, to_lamp, 10.0)
-        if blocked.result:
+    if lamp > 0.0:  # noqa: SIM102  (Warp would cast the ray for any lamp)
+        if wp.mesh_query_ray_anyhit(mesh, rounded + 2.0e-3 * normal, to_lamp, 10.0):
             lamp = 0.0
     up = _around(normal, wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
     fill = _sky(up)
@@ -119,8 +118,7 @@ def _floor_shade(mesh: wp.uint64, view: _View, place: wp.vec3, u: float, v: floa
         return 0.0
     shade = 0.0
     to_lamp = _around(view.light, 1.0 - 0.0055 * u, 6.2831853 * v)
-    blocked = wp.mesh_query_ray(mesh, place, to_lamp, 10.0)
-    if blocked.result:
+    if wp.mesh_query_ray_anyhit(mesh, place, to_lamp, 10.0):
         shade += 0.38
     up = _around(wp.vec3(0.0, 0.0, 1.0), wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
     near = wp.mesh_query_ray(mesh, place, up, 0.6)

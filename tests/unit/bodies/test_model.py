@@ -1,5 +1,7 @@
 """Posing by linear blend skinning."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,14 +10,8 @@ import smplx
 import torch
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import (
-    axis_angle_to_matrix,
-    load_body,
-    posed_vertices,
-    save_body,
-    shaped,
-    skin,
-)
+from drapeline.bodies.model import load_body, posed_vertices, save_body, shaped
+from drapeline.bodies.skinning import axis_angle_to_matrix, skin
 from drapeline.bodies.smpl_files import convert_to_pickle
 from drapeline.frames import PARENTS, REST_POSE
 
@@ -68,6 +64,16 @@ def test_posing_equals_its_slow_twin(blended_body, poses):
     fast, _ = posed_vertices(blended_body, shape, poses, trans, chunk=2)
     slow = [slow_posed(blended_body, shape, p, t) for p, t in zip(poses, trans, strict=True)]
     np.testing.assert_allclose(fast, slow, atol=2e-5)
+
+
+def test_a_body_without_pose_blend_shapes_is_told_apart(toy_body, blended_body):
+    assert not toy_body.has_posedirs
+    assert blended_body.has_posedirs
+
+
+def test_what_poses_no_body_does_not_wait_for_torch():
+    code = "import sys, drapeline.registration.template_tables; assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_batch_equals_single_frames(blended_body, poses):

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from drapeline.dataset.clouds import LABELS
 from drapeline.errors import InputError
 from drapeline.mesh import Mesh
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearer, Wearers, proposals
-from drapeline.nets.gcvae_data import Batch
 from drapeline.registration.garment_space import fit_space, load_space
 from drapeline.rule_log import LOGGER, progress
 from drapeline.storage import (
@@ -32,7 +32,7 @@ from drapeline.storage import (
 
 SOURCES = ("simulated", "skinned")
 _PER_SEQUENCE = ("name", "source", "split", "start", "count", "shape", "gender", "canonical")
-_KEPT_BYTES = 512 << 20  # of bodies, of located points, and of weights, each
+_KEPT_BYTES = 512 << 20  # of bodies, and of weights, each
 _VALIDATED = 3  # windows per sequence of the canonical stage: all have one true garment
 _KEPT_WEARERS = 512  # of some hundred kilobytes each
 
@@ -77,6 +77,7 @@ def collect_garment4d(
     sequences: Sequence[GarmentSequence],
     faces: np.ndarray,
     components: int,
+    wearers: Wearers | None = None,
 ) -> int:
     """Write all sequences of one type as arrays, and the shape space of those for training.
 
@@ -86,6 +87,7 @@ def collect_garment4d(
         sequences: any number of any splits.
         faces: (F, 3) of the type's template.
         components: D of the space; fewer where there are few garments.
+        wearers: the bodies, to say where on them points are; None if no network asks for it.
 
     Returns:
         Number of frames written.
@@ -101,14 +103,17 @@ def collect_garment4d(
     canonical = np.stack([one.canonical for one in sequences]).astype(np.float32)
     trained = np.array([one.split == "train" for one in sequences])
     space = fit_space(canonical[trained], components, faces)
+    kinds = [
+        ("points", np.float32, first.points.shape[1:]),
+        ("labels", np.uint8, first.labels.shape[1:]),
+        ("garment", np.float32, first.canonical.shape),
+        # Five jobs read what takes longer to find than to train on once.
+        *([("located", np.float32, (first.points.shape[1], 4))] if wearers else []),
+    ]
     with whole_folder(output) as scratch:
         arrays = {
             name: new_array(scratch / f"{name}.npy", dtype, (total, *shape))
-            for name, dtype, shape in (
-                ("points", np.float32, first.points.shape[1:]),
-                ("labels", np.uint8, first.labels.shape[1:]),
-                ("garment", np.float32, first.canonical.shape),
-            )
+            for name, dtype, shape in kinds
         }
         starts = np.cumsum(counts) - counts
         for one, start in progress(
@@ -117,6 +122,8 @@ def collect_garment4d(
             posed = one.garment()
             _refuse_unfinite(output, one, posed)
             values = {"points": one.points, "labels": one.labels, "garment": posed}
+            if wearers:
+                values["located"] = _located(one, wearers)
             for name, value in values.items():
                 arrays[name][start : start + len(one.poses)] = value
         for array in arrays.values():
@@ -168,6 +175,12 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
                     f"{output}: sequence {one.name} has {key} of {found} rows, expected"
                     f" {wanted} as in sequence {first.name}"
                 )
+
+
+def _located(one: GarmentSequence, wearers: Wearers) -> np.ndarray:
+    """(T, P, 4) what `Wearer.located` adds to points; with the body as it will be read again."""
+    shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
+    return wearers.of(one.gender, shape).located(one.points, poses)[..., 3:]
 
 
 def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
@@ -229,7 +242,6 @@ class SequenceData:
         self.worn, self.skinning = canonical, skinning
         weights_bytes = 4 * 24 * canonical.shape[1]
         self._weights = lru_cache(max(_KEPT_BYTES // weights_bytes, 1))(self._weights_of)
-        self._located = _Kept(self._located_of, _KEPT_BYTES)
         self._shown = _Kept(self._shown_of, _KEPT_BYTES)
         self._wearer = lru_cache(_KEPT_WEARERS)(self._wearer_of)
 
@@ -303,17 +315,18 @@ class SequenceData:
     def clouds(self, sequence: int, *, located: bool, frames: slice = slice(None)) -> np.ndarray:
         """(F, P, 3) points of frames of a sequence, or (F, P, 7) as `Wearer.located` has them."""
         rows = self.rows(sequence)
+        points = self.points[rows][frames]
         if not located:
-            return self.points[rows][frames]
-        (found,) = self._located(int(sequence), rows, frames)
-        return found
+            return points
+        return np.concatenate([points, self._located[rows][frames]], axis=-1)
 
-    def _located_of(self, sequence: int, rows: slice) -> tuple[np.ndarray, ...]:
-        return (self.wearer(sequence).located(self.points[rows], self.poses[rows]),)
+    @cached_property
+    def _located(self) -> np.ndarray:
+        return mapped(self._folder / "located.npy")
 
     def batch(
         self, windows: np.ndarray, frames: int, *, posed: bool, located: bool = False
-    ) -> Batch:
+    ) -> dict[str, Any]:
         """Arrays of windows.
 
         Args:
@@ -483,7 +496,7 @@ class Windows:
         """(n,) zeros: all windows are of one type."""
         return np.zeros(len(rows), dtype=np.int64)
 
-    def batch(self, rows: np.ndarray) -> Batch:
+    def batch(self, rows: np.ndarray) -> dict[str, Any]:
         """See `SequenceData.batch`."""
         return self.data.batch(
             self._windows[rows], self.frames, posed=self.posed, located=self.located

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.clouds import with_holes, with_wrong_labels
@@ -14,10 +15,12 @@ from drapeline.mesh import Mesh
 from drapeline.metrics import garment4d as metrics
 from drapeline.metrics.garment4d import Measured
 from drapeline.metrics.table import ALL, MetricRow
+from drapeline.nets.fitting import tensors_digest
 from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.inference import (
+    Estimate,
     Reconstruction,
-    estimate_canonical,
+    estimate,
     pictured,
     reconstruct,
     refine,
@@ -29,6 +32,8 @@ from drapeline.nets.garment4d.wearers import Wearer
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import whole_folder
+
+_KEPT_BYTES = 1 << 30  # of what canonical networks said about sequences
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,8 @@ class Evaluation:
     def __init__(self, data: SequenceData, split: str, settings: EvaluationSettings) -> None:
         self.data, self.split, self.settings = data, split, settings
         self._measured: dict[str, list[Measured]] = {}
+        self._estimates: dict[tuple, Estimate] = {}
+        self._room = _KEPT_BYTES
         simulated = data.of_split(split, ("simulated",))
         self.sequences = data.of_split(split)
         # What is only skinned has no true folds; it is better than nothing to measure at all.
@@ -109,11 +116,11 @@ class Evaluation:
             self._canonical("pca", sequence, data.space.vertices(data.coefficients[sequence]))
             self._canonical("truth", sequence, data.canonical[sequence], true=False)
             for variant, stage in stages.items():
-                clouds = data.clouds(sequence, located=stage.located)
-                found, labels = estimate_canonical(stage, clouds)
-                self._canonical(variant, sequence, found)
-                if labels is not None:
-                    right = metrics.segmentation_accuracy(labels, data.labels[data.rows(sequence)])
+                found = self._estimated(stage, sequence)
+                self._canonical(variant, sequence, found.canonical)
+                if found.labels is not None:
+                    true = data.labels[data.rows(sequence)]
+                    right = metrics.segmentation_accuracy(found.labels, true)
                     self.add(variant, sequence, {"segmentation_accuracy": right})
 
     def _canonical(
@@ -241,27 +248,29 @@ class Evaluation:
         comes before and after it, and MGN*.
         """
         for sequence in progress(self.sequences, total=len(self.sequences), label="noisy bodies"):
-            poses, wearer = self._noisy_body(sequence)
             for variant, stage in canonical.items():
                 if stage.located:
-                    clouds = wearer.located(self.data.points[self.data.rows(sequence)], poses)
-                    found, _ = estimate_canonical(stage, clouds)
-                    self._canonical(f"{variant}_noisy_body", sequence, found)
+                    found = self._estimated(stage, sequence, noisy=True)
+                    self._canonical(f"{variant}_noisy_body", sequence, found.canonical)
         for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
-            poses, wearer = self._noisy_body(sequence)
-            made = self._reconstructed(posed["posed"], sequence, poses=poses, wearer=wearer)
+            poses, wearer = self._body(sequence, noisy=True)
+            made = self._reconstructed(posed["posed"], sequence, noisy=True)
             ours = self._refined(sequence, made, poses, wearer, refining, habits)
             self._errors("noisy_body", sequence, made.final)
             self._errors("lbs_noisy_body", sequence, made.proposal)
             self._errors("ours_noisy_body", sequence, ours)
             if "mgn" in posed:
-                made = self._reconstructed(posed["mgn"], sequence, poses=poses, wearer=wearer)
+                made = self._reconstructed(posed["mgn"], sequence, noisy=True)
                 self._errors("mgn_noisy_body", sequence, made.final)
 
-    def _noisy_body(self, sequence: int) -> tuple[np.ndarray, Wearer]:
+    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, Wearer]:
+        """Poses (F, 72) and wearer of a sequence as networks are given them."""
         data, settings = self.data, self.settings
+        poses = data.poses[data.rows(sequence)]
+        if not noisy:
+            return poses, data.wearer(sequence)
         rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
-        poses = data.poses[data.rows(sequence)] + rng.normal(0, settings.noise_pose_rad, 72)
+        poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
         shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
         return poses, data.wearers.of(int(data.gender[sequence]), shape)
 
@@ -276,16 +285,59 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(true)
         self.add(variant, sequence, measures)
 
-    def _reconstructed(self, stage: PosedStage, sequence: int, **changed: object) -> Reconstruction:
+    def _estimated(
+        self,
+        stage: CanonicalStage,
+        sequence: int,
+        *,
+        noisy: bool = False,
+        frames: int | None = None,
+        stride: int | None = None,
+    ) -> Estimate:
+        """What a canonical network says about a sequence; see `estimate`.
+
+        Stages of a sequence in motion hold the same network, so it is kept for the next of them.
+        """
+        frames = frames or stage.settings.training.frames
+        key = (tensors_digest(stage.state_dict()), int(sequence), noisy, frames, stride or frames)
+        if key in self._estimates:
+            return self._estimates[key]
+        points, body = self.data.points[self.data.rows(sequence)], self._body(sequence, noisy=noisy)
+        found = estimate(stage, points, *body, frames=frames, stride=stride)
+        size = sum(x.nbytes for one in found.outputs for x in _tensors(one))
+        if sequence in self.moving and size <= self._room:
+            self._estimates[key] = found
+            self._room -= size
+        return found
+
+    def _reconstructed(
+        self, stage: PosedStage, sequence: int, *, noisy: bool = False, **changed: object
+    ) -> Reconstruction:
         rows = self.data.rows(sequence)
+        poses, wearer = self._body(sequence, noisy=noisy)
+        stride = self.settings.stride or None
+        if not {"points", "labels"} & set(changed):
+            frames = stage.settings.training.frames
+            changed["estimated"] = self._estimated(
+                stage.canonical, sequence, noisy=noisy, frames=frames, stride=stride
+            )
         given = {
             "points": self.data.points[rows],
-            "poses": self.data.poses[rows],
-            "wearer": self.data.wearer(sequence),
-            "stride": self.settings.stride or None,
+            "poses": poses,
+            "wearer": wearer,
+            "stride": stride,
             "consecutive": self.data.consecutive(sequence),
         }
         return reconstruct(stage, **{**given, **changed})
+
+
+def _tensors(values: object) -> Iterator[torch.Tensor]:
+    """All tensors in nested tuples and lists."""
+    if isinstance(values, torch.Tensor):
+        yield values
+    elif isinstance(values, tuple | list):
+        for value in values:
+            yield from _tensors(value)
 
 
 def evaluate(

@@ -13,6 +13,7 @@ from scipy.ndimage import convolve1d
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.metrics import garment4d as metrics
+from drapeline.nets.garment4d.canonical import CanonicalOutput
 from drapeline.nets.garment4d.data import SequenceData, window_starts
 from drapeline.nets.garment4d.refine import Habits, RefineSettings, habits_of, refined
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
@@ -40,24 +41,55 @@ class Reconstruction(NamedTuple):
     seconds: float
 
 
+class Estimate(NamedTuple):
+    """What a canonical network says about a sequence.
+
+    Attributes:
+        labels: (F, P) uint8 of the points, or None from a network that does not tell.
+        canonical: (N, 3) metres, T of the mean alpha' of all windows.
+        outputs: of one batch of windows after the other.
+        seconds: for everything.
+    """
+
+    labels: np.ndarray | None
+    canonical: np.ndarray
+    outputs: list[CanonicalOutput]
+    seconds: float
+
+
 @torch.inference_mode()
-def estimate_canonical(
-    stage: CanonicalStage, points: np.ndarray, labels: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """The canonical garment of a whole sequence: T of the mean alpha' of its windows.
+def estimate(
+    stage: CanonicalStage,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    *,
+    frames: int | None = None,
+    stride: int | None = None,
+    labels: np.ndarray | None = None,
+) -> Estimate:
+    """The canonical garment of a whole sequence.
 
     Args:
         stage: trained.
-        points: (F, P, 3) clouds, metres, root frame; (F, P, 7) for a `located` stage.
+        points: (F, P, 3) clouds, metres, root frame.
+        poses: (F, 72) rad of the wearer; a stage that is not `located` does not look at it.
+        wearer: the body.
+        frames: T of a window; that of the stage's training if None.
+        stride: from one window to the next, at most T; T if None.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
 
-    Returns:
-        (N, 3) metres, and the labels (F, P) uint8 that the network gives, or None.
+    Raises:
+        InputError: the sequence is shorter than a window, or the stride longer than one.
     """
-    windows = _Windows(len(points), stage.settings.training.frames)
-    outputs = list(_outputs(stage, windows, points, labels))
+    started = time.perf_counter()
+    windows = _Windows(len(points), frames or stage.settings.training.frames, stride)
+    seen = wearer.located(points, poses) if stage.located else points
+    outputs = list(_outputs(stage, windows, seen, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    return stage.network.vertices(alpha[None])[0].cpu().numpy(), _labels(outputs, windows)
+    canonical = stage.network.vertices(alpha[None])[0].cpu().numpy()
+    found = _labels(outputs, windows)
+    return Estimate(found, canonical, outputs, time.perf_counter() - started)
 
 
 @torch.inference_mode()
@@ -71,6 +103,7 @@ def reconstruct(
     skinning: SkinningSettings | None = None,
     labels: np.ndarray | None = None,
     consecutive: bool = True,
+    estimated: Estimate | None = None,
 ) -> Reconstruction:
     """Both stages on a whole sequence; a frame in several windows is their mean.
 
@@ -84,17 +117,25 @@ def reconstruct(
         skinning: of the proposals, where not as in training.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
         consecutive: whether no frames are missing between these; others are not smoothed.
+        estimated: what its canonical network said about all this, where that is known.
 
     Raises:
         InputError: the sequence is shorter than a window, or the stride longer than one.
     """
+    frames_of_window, faces = stage.settings.training.frames, stage.space.faces
+    if estimated is None:
+        estimated = estimate(
+            stage.canonical,
+            points,
+            poses,
+            wearer,
+            frames=frames_of_window,
+            stride=stride,
+            labels=labels,
+        )
     started = time.perf_counter()
-    training, faces = stage.settings.training, stage.space.faces
-    windows = _Windows(len(points), training.frames, stride)
-    seen = wearer.located(points, poses) if stage.located else points
-    outputs = list(_outputs(stage.canonical, windows, seen, labels))
-    alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    canonical = stage.canonical.network.vertices(alpha[None])[0].cpu().numpy()
+    windows = _Windows(len(points), frames_of_window, stride)
+    canonical = estimated.canonical
     weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)
     transforms = wearer.transforms(poses)
     proposal = proposals(canonical[None], weights[None], transforms[None])[0]
@@ -106,7 +147,7 @@ def reconstruct(
         "transforms": transforms,
     }
     mean = windows.mean(canonical.shape)
-    for chosen, output in zip(windows.parts(), outputs, strict=True):
+    for chosen, output in zip(windows.parts(), estimated.outputs, strict=True):
         batch = {key: torch.from_numpy(windows.of(chosen, x)) for key, x in frames.items()}
         for key, value in (("worn", canonical), ("weights", weights)):
             batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
@@ -115,9 +156,8 @@ def reconstruct(
     final = mean()
     if consecutive and stage.smooth_passes:
         final = proposal + smoothed(final - proposal, stage.smooth_passes)
-    return Reconstruction(
-        _labels(outputs, windows), canonical, proposal, final, time.perf_counter() - started
-    )
+    seconds = estimated.seconds + time.perf_counter() - started
+    return Reconstruction(estimated.labels, canonical, proposal, final, seconds)
 
 
 def smoothed(values: np.ndarray, passes: int) -> np.ndarray:

@@ -6,6 +6,12 @@ cloud may be padded: points that are not `valid` are never chosen, except in a c
 valid point, whose indices mean nothing.
 """
 
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from typing import Any
+
 import torch
 import warp as wp
 
@@ -48,26 +54,29 @@ def _ball(
     """One thread per centre; stops when its list is full."""
     cloud, centre = wp.tid()
     place = centres[cloud, centre]
-    width = chosen.shape[2]
-    found = int(0)  # noqa: RUF046, UP018
-    nearest = int(0)  # noqa: RUF046, UP018
-    least = float(wp.inf)
-    for i in range(points.shape[1]):
-        if valid[cloud, i]:
-            away = wp.length_sq(points[cloud, i] - place)
-            if away <= squared_radius:
-                chosen[cloud, centre, found] = wp.int64(i)
-                found += 1
-                if found == width:
+    row = points[cloud]
+    allowed = valid[cloud]
+    found = chosen[cloud, centre]
+    width = found.shape[0]
+    count = int(0)  # noqa: RUF046, UP018
+    for i in range(row.shape[0]):
+        if wp.length_sq(row[i] - place) <= squared_radius:  # noqa: SIM102  (`and` asks for both)
+            if allowed[i]:
+                found[count] = wp.int64(i)
+                count += 1
+                if count == width:
                     return
-            elif away < least:
-                least = away
-                nearest = i
-    if found == 0:
-        chosen[cloud, centre, 0] = wp.int64(nearest)
-        found = 1
-    for slot in range(found, width):
-        chosen[cloud, centre, slot] = chosen[cloud, centre, 0]
+    if count == 0:
+        least = float(wp.inf)
+        for i in range(row.shape[0]):
+            away = wp.length_sq(row[i] - place)
+            if away < least:  # noqa: SIM102
+                if allowed[i]:
+                    least = away
+                    found[0] = wp.int64(i)
+        count = 1
+    for slot in range(count, width):
+        found[slot] = found[0]
 
 
 @wp.kernel
@@ -81,20 +90,101 @@ def _nearest(
     """One thread per query keeps a sorted list; `squared` comes in as infinity."""
     cloud, query = wp.tid()
     place = queries[cloud, query]
-    last = chosen.shape[2] - 1
+    row = points[cloud]
+    allowed = valid[cloud]
+    least = squared[cloud, query]
+    found = chosen[cloud, query]
+    last = found.shape[0] - 1
     most = float(wp.inf)
-    for i in range(points.shape[1]):
-        if valid[cloud, i]:
-            away = wp.length_sq(points[cloud, i] - place)
-            if away < most:
+    for i in range(row.shape[0]):
+        away = wp.length_sq(row[i] - place)
+        if away < most:  # noqa: SIM102
+            if allowed[i]:
                 slot = last
-                while slot > 0 and squared[cloud, query, slot - 1] > away:
-                    squared[cloud, query, slot] = squared[cloud, query, slot - 1]
-                    chosen[cloud, query, slot] = chosen[cloud, query, slot - 1]
+                while slot > 0 and least[slot - 1] > away:
+                    least[slot] = least[slot - 1]
+                    found[slot] = found[slot - 1]
                     slot -= 1
-                squared[cloud, query, slot] = away
-                chosen[cloud, query, slot] = wp.int64(i)
-                most = squared[cloud, query, last]
+                least[slot] = away
+                found[slot] = wp.int64(i)
+                most = least[last]
+
+
+class Recall:
+    """Answers to searches in clouds that come again, as in every epoch of a training.
+
+    Args:
+        room: bytes; answers about windows that there is no room for are found anew.
+    """
+
+    def __init__(self, room: int) -> None:
+        self._room = room
+        self._known: dict[Hashable, list[tuple[torch.Tensor, ...]]] = {}
+
+    @contextmanager
+    def of(self, windows: Sequence[Hashable]) -> Iterator[None]:
+        """Within, searches are about the clouds of these windows, as many of each.
+
+        For a window they must be the same ones, in the same order, whenever it comes.
+        """
+        known = [self._known.get(window) for window in windows]
+        told = None if None in known else [_joined(parts) for parts in zip(*known, strict=True)]
+        asked = _Answers(told)
+        token = _ANSWERS.set(asked)
+        try:
+            yield
+        finally:
+            _ANSWERS.reset(token)
+        if told is None:
+            self._learn(windows, asked.given)
+
+    def _learn(
+        self, windows: Sequence[Hashable], answers: Sequence[tuple[torch.Tensor, ...]]
+    ) -> None:
+        small = [tuple(_shortened(x) for x in answer) for answer in answers]
+        for row, window in enumerate(windows):
+            own = [tuple(x.chunk(len(windows))[row].clone() for x in one) for one in small]
+            size = sum(x.nbytes for one in own for x in one)
+            if window not in self._known and size <= self._room:
+                self._known[window] = own
+                self._room -= size
+
+
+class _Answers:
+    """What a few searches, one after the other, are answered."""
+
+    def __init__(self, told: Sequence[tuple[torch.Tensor, ...]] | None) -> None:
+        self.given: list[tuple[torch.Tensor, ...]] = []
+        self._told = told
+
+    def next(self, search: Callable[[], tuple[torch.Tensor, ...]]) -> tuple[torch.Tensor, ...]:
+        answer = search() if self._told is None else self._told[len(self.given)]
+        self.given.append(answer)
+        return answer
+
+
+_ANSWERS: ContextVar[_Answers | None] = ContextVar("answers", default=None)
+
+
+def _joined(parts: Sequence[tuple[torch.Tensor, ...]]) -> tuple[torch.Tensor, ...]:
+    """One answer about several windows."""
+    whole = (torch.cat(x) for x in zip(*parts, strict=True))
+    return tuple(x if x.is_floating_point() else x.long() for x in whole)
+
+
+def _shortened(x: torch.Tensor) -> torch.Tensor:
+    return x if x.is_floating_point() else x.to(torch.int32)
+
+
+def _recalled(search: Callable[..., tuple[torch.Tensor, ...]]) -> Callable[..., Any]:
+    """A search that is answered from memory where a `Recall` knows the clouds."""
+
+    @wraps(search)
+    def run(*args: Any) -> tuple[torch.Tensor, ...]:
+        answers = _ANSWERS.get()
+        return search(*args) if answers is None else answers.next(lambda: search(*args))
+
+    return run
 
 
 @torch.no_grad()
@@ -115,12 +205,20 @@ def farthest_points(
     Returns:
         (B, count) int64.
     """
+    (chosen,) = _farthest_points(points, count, valid)
+    return chosen
+
+
+@_recalled
+def _farthest_points(
+    points: torch.Tensor, count: int, valid: torch.Tensor | None
+) -> tuple[torch.Tensor]:
     valid = _valid(points, valid)
     chosen = points.new_zeros((len(points), count), dtype=torch.int64)
     chosen[:, 0] = valid.to(torch.uint8).argmax(1)
     distance = points.new_full(valid.shape, torch.inf, dtype=torch.float32)
     _launch(_farthest, _vectors(points), distance.masked_fill_(~valid, -1), chosen)
-    return chosen
+    return (chosen,)
 
 
 @torch.no_grad()
@@ -146,10 +244,22 @@ def ball_neighbours(
     Returns:
         (B, Q, count) int64.
     """
+    (chosen,) = _ball_neighbours(points, centres, radius, count, valid)
+    return chosen
+
+
+@_recalled
+def _ball_neighbours(
+    points: torch.Tensor,
+    centres: torch.Tensor,
+    radius: float,
+    count: int,
+    valid: torch.Tensor | None,
+) -> tuple[torch.Tensor]:
     chosen = points.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
     cloud, valid = _vectors(points), _valid(points, valid)
     _launch(_ball, cloud, valid, _vectors(centres), radius**2, chosen)
-    return chosen
+    return (chosen,)
 
 
 @torch.no_grad()
@@ -168,6 +278,13 @@ def nearest_neighbours(
         Squared distances (B, Q, k) float32, infinite where a cloud has fewer than k valid points,
         and indices (B, Q, k) int64, 0 there.
     """
+    return _nearest_neighbours(points, queries, k, valid)
+
+
+@_recalled
+def _nearest_neighbours(
+    points: torch.Tensor, queries: torch.Tensor, k: int, valid: torch.Tensor | None
+) -> tuple[torch.Tensor, torch.Tensor]:
     chosen = points.new_zeros((*queries.shape[:2], k), dtype=torch.int64)
     squared = points.new_full(chosen.shape, torch.inf, dtype=torch.float32)
     cloud, valid = _vectors(points), _valid(points, valid)

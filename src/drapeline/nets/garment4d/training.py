@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -24,6 +25,7 @@ from drapeline.nets.garment4d.canonical import (
 from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
 from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
+from drapeline.nets.garment4d.points import Recall
 from drapeline.nets.garment4d.posed import (
     MgnNetwork,
     MgnSettings,
@@ -39,7 +41,7 @@ from drapeline.registration.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
 
 _BATCH = 4  # windows that a frozen network sees at once
-_KEPT_BYTES = 1 << 30  # of what it said about windows of training
+_KEPT_BYTES = 1 << 30  # of what it said, or what was searched, about windows of training
 
 
 @dataclass(frozen=True)
@@ -201,11 +203,19 @@ class CanonicalStage(Stage):
 
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
-        self.network = CanonicalNetwork(settings.network, space, label, self.weight_rng())
+        self.network = self.build()
+        self._recall = Recall(_KEPT_BYTES)
+
+    def build(self) -> torch.nn.Module:
+        """The network that is trained."""
+        network, rng = self.settings.network, self.weight_rng()
+        return CanonicalNetwork(network, self.space, self.label, rng)
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
-        output = self.estimated(batch)
+        # Neither the points nor their true labels are others in the next epoch.
+        with self._recall.of(windows_of(batch)) if self.training else nullcontext():
+            output = self.estimated(batch)
         terms = canonical_loss(
             output,
             batch["labels"],
@@ -231,13 +241,18 @@ class PointNetStage(CanonicalStage):
 
     kind = "garment4d_pointnet"
 
-    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
-        super().__init__(settings, space, label)
-        self.network = PointNetRegressor(settings.network, space, self.weight_rng())
+    def build(self) -> torch.nn.Module:
+        """The network that is trained."""
+        return PointNetRegressor(self.settings.network, self.space, self.weight_rng())
 
     def estimated(self, batch: Batch) -> CanonicalOutput:
         """Of a batch."""
         return self.network(batch["points"])
+
+
+def windows_of(batch: Batch) -> list[tuple[int, int]]:
+    """Sequence and first frame of each window of a batch."""
+    return list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
 
 
 class PosedStage(Stage):
@@ -287,21 +302,50 @@ class PosedStage(Stage):
 
     def kept_levels(self, batch: Batch) -> list[PointLevel]:
         """The same levels of points, of windows seen before from memory."""
-        keys = list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
+        keys = windows_of(batch)
         new = [row for row, key in enumerate(keys) if key not in self._kept]
         found = {key: self._kept[key] for key in keys if key in self._kept}
         if new:
-            frames = batch["points"].shape[1]
             levels = self.levels(batch["points"][new]).levels
-            for place, row in enumerate(new):
-                clouds = slice(place * frames, (place + 1) * frames)
-                found[keys[row]] = [PointLevel(*(x[clouds] for x in level)) for level in levels]
-            size = sum(x.nbytes for level in levels for x in level)
-            if size <= self._room:
-                self._kept |= found
-                self._room -= size
+            found |= self.keep([keys[row] for row in new], levels)
         windows = zip(*(found[key] for key in keys), strict=True)  # level by level
         return [PointLevel(*(torch.cat(x) for x in zip(*level, strict=True))) for level in windows]
+
+    def keep(
+        self, keys: Sequence[tuple[int, int]], levels: Sequence[PointLevel]
+    ) -> dict[tuple[int, int], list[PointLevel]]:
+        """Levels of windows, by sequence and first frame; remembered while there is room."""
+        frames = len(levels[0].points) // len(keys)
+        parts = [slice(row * frames, (row + 1) * frames) for row in range(len(keys))]
+        found = {
+            key: [PointLevel(*(x[clouds] for x in level)) for level in levels]
+            for key, clouds in zip(keys, parts, strict=True)
+        }
+        size = sum(x.nbytes for level in levels for x in level)
+        if size <= self._room:
+            self._kept |= found
+            self._room -= size
+        return found
+
+    def predicted_canonicals(self, data: SequenceData, splits: Sequence[str]) -> np.ndarray:
+        """T(alpha') of the sequences of some splits, (S, N, 3) float32; others have the mean.
+
+        Alpha' is the mean over a sequence's windows. What the canonical network says of their
+        points is kept for training, whose windows are the same unless they overlap.
+        """
+        frames = self.settings.training.frames
+        alpha = np.zeros_like(data.coefficients, dtype=np.float32)
+        for sequence in np.flatnonzero(np.isin(data.split, splits)).tolist():
+            points = data.clouds(sequence, located=self.located)
+            starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
+            found = []
+            for part in np.array_split(starts, -(-len(starts) // _BATCH)):
+                windows = np.stack([points[start : start + frames] for start in part])
+                output = self.levels(torch.from_numpy(windows).to(self.canonical.device))
+                self.keep([(sequence, start) for start in part.tolist()], output.levels)
+                found.append(output.coefficients)
+            alpha[sequence] = torch.cat(found).mean(0).cpu().numpy()
+        return data.space.vertices(alpha)
 
     def predictions(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
         """Posed garments (B, T, N, 3) in metres, one for each iteration, the last one the best."""
@@ -401,9 +445,7 @@ def train_posed(
     cls = MgnStage if mgn else PosedStage
     # Without gradients nothing in it depends on the mode; Lightning warns of modules that evaluate.
     stage = cls(cls.settings_of(values), canonical.train())
-    frames = stage.settings.training.frames
-    found = predicted_canonicals(canonical, data, ("train", "val"), frames)
-    data.wear(found, stage.settings.skinning)
+    data.wear(stage.predicted_canonicals(data, ("train", "val")), stage.settings.skinning)
     _fit(stage, data, folder, code, progress, trainer, threads)
 
 
@@ -442,33 +484,6 @@ def _fit(
         trainer=trainer,
         threads=threads,
     )
-
-
-@torch.no_grad()
-def predicted_canonicals(
-    stage: CanonicalStage, data: SequenceData, splits: Sequence[str], frames: int
-) -> np.ndarray:
-    """T(alpha') of the sequences of some splits, (S, N, 3) float32; others have the mean garment.
-
-    Alpha' is the mean over a sequence's windows.
-
-    Args:
-        stage: trained.
-        data: sequences.
-        splits: to predict.
-        frames: T of a window.
-    """
-    alpha = np.zeros_like(data.coefficients, dtype=np.float32)
-    for sequence in np.flatnonzero(np.isin(data.split, splits)):
-        points = data.clouds(sequence, located=stage.located)
-        starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
-        windows = np.stack([points[start : start + frames] for start in starts])
-        found = [
-            stage.network(part.to(stage.device)).coefficients
-            for part in torch.from_numpy(windows).split(_BATCH)
-        ]
-        alpha[sequence] = torch.cat(found).mean(0).cpu().numpy()
-    return data.space.vertices(alpha)
 
 
 _KINDS: dict[str, type[Stage]] = {

@@ -14,7 +14,8 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from drapeline.bodies.kinematics import rest_to_pose
-from drapeline.bodies.model import BodyModel, posed_vertices, shaped, skin
+from drapeline.bodies.model import BodyModel, posed_vertices, shaped
+from drapeline.bodies.skinning import skin
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import vertex_normals
 from drapeline.nets.garment4d.points import farthest_points
@@ -71,16 +72,14 @@ class BodySurface:
         """Vertices (F, M, 3) in metres and unit normals (F, M, 3) for poses (F, 72) in rad."""
         body, used = self._body, self._used
         vertices, joints = shaped(body, shape)
-        directions = body.posedirs[used] if np.any(body.posedirs) else None
-        with torch.no_grad():
-            posed, _ = skin(
-                torch.from_numpy(vertices[used] - joints[0]),
-                torch.from_numpy(joints - joints[0]),
-                torch.from_numpy(body.weights[used]),
-                torch.from_numpy(np.asarray(poses, dtype=np.float32)),
-                None if directions is None else torch.from_numpy(directions),
-            )
-        around = posed.numpy()
+        directions = body.posedirs[used] if body.has_posedirs else None
+        around, _ = skin(
+            vertices[used] - joints[0],
+            joints - joints[0],
+            body.weights[used],
+            np.asarray(poses, dtype=np.float32),
+            directions,
+        )
         a, b, c = (around[:, self._corners[:, corner]] for corner in range(3))
         area = np.cross(b - a, c - a)  # (F, K, 3)
         flat = self._around @ area.transpose(1, 0, 2).reshape(area.shape[1], -1)

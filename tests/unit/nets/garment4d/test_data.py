@@ -137,34 +137,50 @@ def test_proposals_are_the_skinned_garments_that_are_worn(collected, data):
 def test_what_does_not_fit_into_memory_is_computed_of_the_frames_asked_for(
     data, rooms, monkeypatch
 ):
-    rows, part = [data.rows(sequence) for sequence in (4, 5)], slice(2, 5)
-    whole = [
-        data.wearer(s).located(data.points[r], data.poses[r])
-        for s, r in zip((4, 5), rows, strict=True)
-    ]
-    monkeypatch.setattr("drapeline.nets.garment4d.data._KEPT_BYTES", int(rooms * whole[0].nbytes))
+    rows = [data.rows(sequence) for sequence in (4, 5)]
+    whole = [data.wearer(s).shown(data.poses[r]) for s, r in zip((4, 5), rows, strict=True)]
+    frames = len(whole[0][0])
+    size = sum(x.nbytes for x in whole[0]) + frames * 24 * 16 * 4  # transforms too
+    monkeypatch.setattr("drapeline.nets.garment4d.data._KEPT_BYTES", int(rooms * size))
     data.wear(data.canonical, SKINNING)
+    wearers = {sequence: data.wearer(sequence) for sequence in (4, 5)}
+    assert all(len(wearer.rest) == 2 for wearer in wearers.values())  # made beforehand
     asked = []
-    located = Wearer.located
+    shown = Wearer.shown
 
-    def counted(wearer, points, poses):
-        asked.append(len(points))
-        return located(wearer, points, poses)
+    def counted(wearer, poses):
+        asked.append(len(poses))
+        return shown(wearer, poses)
 
-    monkeypatch.setattr(Wearer, "located", counted)
+    monkeypatch.setattr(Wearer, "shown", counted)
     for sequence, expected in ((4, whole[0]), (5, whole[1]), (4, whole[0]), (5, whole[1])):
-        found = data.clouds(sequence, located=True, frames=part)
-        np.testing.assert_allclose(found, expected[part], atol=1e-5)
-    kept, once = len(whole[0]), 3
+        found = data.batch(np.array([[sequence, 2]]), 3, posed=True)
+        for key, values in zip(("body", "body_normals"), expected, strict=True):
+            np.testing.assert_allclose(found[key][0], values[2:5], atol=1e-6)
+    once = 3
     assert (
         asked
         == {
             0: [once] * 4,
-            1.5: [once, kept, once, once],
-            100: [once, kept, once, kept],
+            1.5: [once, frames, once, once],
+            100: [once, frames, once, frames],
         }[rooms]
     )
-    np.testing.assert_allclose(data.clouds(5, located=True), whole[1], atol=1e-5)
+
+
+def test_points_are_located_once_with_the_body_that_is_read_again(data, toy_body, tmp_path):
+    for sequence in (0, 5):
+        rows = data.rows(sequence)
+        expected = data.wearer(sequence).located(data.points[rows], data.poses[rows])
+        np.testing.assert_array_equal(data.clouds(sequence, located=True), expected)
+        part = data.clouds(sequence, located=True, frames=slice(1, 3))
+        np.testing.assert_array_equal(part, expected[1:3])
+    sequences = toy_sequences(toy_body)
+    collect_garment4d(tmp_path / "data", KIND, sequences, skirt_faces(), 3)
+    plain = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 10))
+    assert plain.clouds(0, located=False).shape[-1] == 3
+    with pytest.raises(InputError, match=r"located\.npy"):
+        plain.clouds(0, located=True)
 
 
 def test_predicted_canonicals_change_proposals_but_not_the_truth(data):

@@ -14,7 +14,7 @@ from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.evaluation import Evaluation, EvaluationSettings, evaluate
 from drapeline.nets.garment4d.inference import (
-    estimate_canonical,
+    estimate,
     reconstruct,
     refine,
     training_habits,
@@ -85,11 +85,20 @@ def test_the_canonical_garment_has_the_mean_coefficients_of_all_windows(identity
         # Seven frames in windows of three: the last one is shifted back.
         parts = [network(points[None, start : start + 3]).coefficients for start in (0, 3, 4)]
         expected = network.vertices(torch.cat(parts).mean(0, keepdim=True))[0].numpy()
-    found, labels = estimate_canonical(identity.canonical, given["points"])
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    found = estimate(identity.canonical, **given)
+    np.testing.assert_allclose(found.canonical, expected, atol=1e-6)
     made = reconstruct(identity, **given)
     np.testing.assert_allclose(made.canonical, expected, atol=1e-6)
-    np.testing.assert_array_equal(made.labels, labels)
+    np.testing.assert_array_equal(made.labels, found.labels)
+
+
+def test_what_the_canonical_network_said_need_not_be_asked_again(shaken, given):
+    found = estimate(shaken.canonical, **given, stride=2)
+    made = reconstruct(shaken, **given, stride=2, estimated=found)
+    expected = reconstruct(shaken, **given, stride=2)
+    for key in ("labels", "canonical", "proposal", "final"):
+        np.testing.assert_array_equal(getattr(made, key), getattr(expected, key))
+    assert made.seconds > found.seconds
 
 
 @pytest.mark.parametrize(("stride", "starts"), [(None, (0, 3, 4)), (1, (0, 1, 2, 3, 4))])

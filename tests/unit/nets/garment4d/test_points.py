@@ -6,6 +6,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from drapeline.nets.garment4d.points import (
+    Recall,
     ball_neighbours,
     farthest_points,
     gathered,
@@ -163,3 +164,43 @@ def test_gathered_rows_are_those_of_the_same_cloud():
     index = torch.tensor([[[4, 0], [1, 1]], [[2, 3], [0, 4]]])
     expected = torch.stack([rows[b][index[b]] for b in range(2)])
     assert torch.equal(gathered(rows, index), expected)
+
+
+def all_searches(points, valid):
+    chosen = farthest_points(points, 12, valid)
+    ball = ball_neighbours(points, gathered(points, chosen), 0.5, 4, valid)
+    return [chosen, ball, *nearest_neighbours(points, gathered(points, chosen), 3, valid)]
+
+
+def test_what_was_searched_before_is_recalled_window_by_window(monkeypatch):
+    points, valid = clouds(6, 80), flags(6, 80)  # three windows of two clouds
+    expected = all_searches(points, valid)
+    recall = Recall(1 << 20)
+    for window in "ab":
+        part = slice(0, 2) if window == "a" else slice(2, 4)
+        with recall.of([window]):
+            all_searches(points[part], valid[part])
+    with recall.of("bc"):  # of which one is new
+        found = all_searches(points[2:], valid[2:])
+    for x, y in zip(found, expected, strict=True):
+        assert torch.equal(x, y[2:])
+    monkeypatch.setattr("drapeline.nets.garment4d.points._launch", None)
+    with recall.of("cab"):
+        found = all_searches(torch.zeros(6, 80, 3), valid)
+    for x, y in zip(found, expected, strict=True):
+        assert torch.equal(x, y[[4, 5, 0, 1, 2, 3]])
+        assert x.dtype == y.dtype
+    with pytest.raises(TypeError), recall.of("d"):
+        all_searches(points[:2], valid[:2])
+    with pytest.raises(TypeError):  # outside of it nothing is recalled
+        all_searches(points, valid)
+
+
+def test_what_there_is_no_room_for_is_searched_again():
+    points, valid = clouds(2, 80), flags(2, 80)
+    recall = Recall(100)
+    for cloud in (points, -points):
+        with recall.of(["a"]):
+            found = all_searches(cloud, valid)
+        for x, y in zip(found, all_searches(cloud, valid), strict=True):
+            assert torch.equal(x, y)

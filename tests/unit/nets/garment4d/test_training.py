@@ -18,7 +18,6 @@ from drapeline.nets.garment4d.training import (
     PosedStage,
     Stage,
     load_stage,
-    predicted_canonicals,
     train_canonical,
     train_posed,
 )
@@ -92,9 +91,16 @@ def test_the_canonical_stage_learns_shapes_of_skirts_it_has_not_seen(canonical, 
     assert losses[-1] < 0.6 * losses[0]
 
 
+def test_searches_of_earlier_epochs_change_nothing(folder, canonical, data, monkeypatch):
+    monkeypatch.setattr("drapeline.nets.garment4d.training._KEPT_BYTES", 0)
+    searched = run(train_canonical, folder, "searched", data, CANONICAL)
+    for name in ("train_total", "val_total"):
+        np.testing.assert_allclose(column(searched, name), column(canonical, name), rtol=1e-5)
+
+
 def test_the_posed_stage_learns_the_sway_that_skinning_lacks(posed, data):
     stage = load_stage(posed, PosedStage)
-    data.wear(predicted_canonicals(stage.canonical, data, ("val",), 3), stage.settings.skinning)
+    data.wear(stage.predicted_canonicals(data, ("val",)), stage.settings.skinning)
     batch = batch_of(data, stage, "val")
     assert set(data.source[batch["sequence"]]) == {"simulated", "skinned"}
     errors = column(posed, "val_vertex_error_mm")
@@ -165,6 +171,26 @@ def test_levels_from_memory_are_those_of_the_network(posed, data, monkeypatch):
     stage.kept_levels(batch)
     stage.kept_levels(batch)
     assert asked == [1, count, count]
+
+
+def test_windows_that_canonical_garments_were_predicted_from_are_not_asked_for_again(
+    folder, data, posed, monkeypatch
+):
+    stage = load_stage(posed, PosedStage)
+    found = stage.predicted_canonicals(data, ("val",))
+    validated = data.of_split("val")
+    np.testing.assert_array_equal(found[data.split == "test"], data.space.mean[None])
+    batch = as_tensors(data.batch(data.windows("val", 3, 3), 3, posed=False))
+    with torch.no_grad():
+        for sequence in validated:
+            part = {k: v[batch["sequence"] == sequence] for k, v in batch.items() if k == "points"}
+            alpha = stage.levels(part["points"]).coefficients.mean(0).numpy()
+            np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-5)
+    expected = stage.levels(batch["points"]).levels
+    monkeypatch.setattr(stage, "levels", None)
+    for one, true in zip(stage.kept_levels(batch), expected, strict=True):
+        for x, y in zip(one, true, strict=True):
+            torch.testing.assert_close(x, y)
 
 
 def test_baselines_are_trained_and_loaded(folder, data, canonical):
