@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.training import CanonicalStage, load_stage, train_posed
+from drapeline.nets.garment4d.runs import train_posed
+from drapeline.nets.garment4d.training import CanonicalStage, load_stage
 from drapeline.nets.garment4d.variants import POSED_VARIANTS
 from drapeline.nets.garment4d.wearers import Wearers
 from drapeline.nets.trained import fastest_device

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytorch_lightning as lightning
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
@@ -184,29 +183,6 @@ def fit(
                 shutil.copyfile(under_way / name, scratch / name)
             shutil.copytree(under_way / CURVES, scratch / CURVES)
         shutil.rmtree(progress)
-
-
-_DIGESTED_BYTES = 64 << 20  # of an array; a tenth of a second
-
-
-def arrays_digest(arrays: Mapping[str, np.ndarray]) -> str:
-    """Of names, shapes and contents, for the `settings` that a training is taken up again with.
-
-    Of an array larger than 64 MiB every so many rows count alone: what makes other data, such as a
-    seed or one more sample, changes rows everywhere.
-    """
-    digest = hashlib.sha256()
-    for name, array in sorted(arrays.items()):
-        digest.update(f"{name} {array.shape} {array.dtype}".encode())
-        every = -(-array.nbytes // _DIGESTED_BYTES) if array.ndim else 1
-        part = array[::every] if every > 1 else array
-        digest.update(np.ascontiguousarray(part).tobytes())
-    return digest.hexdigest()[:12]
-
-
-def tensors_digest(tensors: Mapping[str, torch.Tensor]) -> str:
-    """The same of tensors, such as the weights of a network."""
-    return arrays_digest({name: tensor.cpu().numpy() for name, tensor in tensors.items()})
 
 
 def begin(under_way: Path, settings: Mapping[str, Any]) -> None:

@@ -6,8 +6,9 @@ from typing import Any
 
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.conditioning_training import load_conditioning
+from drapeline.nets.digests import tensors_digest
 from drapeline.nets.domain import Domain
-from drapeline.nets.fitting import fit, tensors_digest
+from drapeline.nets.fitting import fit
 from drapeline.nets.gcvae_data import GarmentData, Garments
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
 from drapeline.nets.linear_vae import LinearVae

@@ -4,11 +4,9 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import torch
 
-from drapeline.nets import fitting
-from drapeline.nets.fitting import arrays_digest, begin, fit
+from drapeline.nets.fitting import begin, fit
 from drapeline.nets.trained import Trained, Training
 from drapeline.storage import read_json
 
@@ -63,28 +61,6 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
     assert [row.split("\t")[0] for row in rows] == ["epoch", *"012345"]
     # The same curves, for TensorBoard.
     assert list((tmp_path / "out" / "tensorboard").glob("events.out.tfevents.*"))
-
-
-def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
-    array = np.arange(12, dtype=np.int32).reshape(4, 3)
-    others = [
-        {"b": array},
-        {"a": array.reshape(3, 4)},
-        {"a": array.astype(np.uint32)},
-        {"a": array + np.eye(4, 3, dtype=np.int32)},
-        {"a": array, "b": array},
-    ]
-    found = {arrays_digest(arrays) for arrays in ({"a": array}, *others)}
-    assert len(found) == 1 + len(others)
-    assert arrays_digest({"b": array, "a": array}) == arrays_digest({"a": array, "b": array})
-    strided = np.stack([array, array])[:, ::2]
-    assert arrays_digest({"a": strided}) == arrays_digest({"a": strided.copy()})
-    # A large array: every second row.
-    monkeypatch.setattr(fitting, "_DIGESTED_BYTES", array.nbytes // 2)
-    for row, same in ((1, True), (2, False)):
-        changed = array.copy()
-        changed[row] += 1
-        assert (arrays_digest({"a": changed}) == arrays_digest({"a": array})) is same
 
 
 def test_a_training_clears_away_those_of_other_settings_and_keeps_its_own(tmp_path):

@@ -15,7 +15,7 @@ from drapeline.mesh import Mesh
 from drapeline.metrics import garment4d as metrics
 from drapeline.metrics.garment4d import Measured
 from drapeline.metrics.table import ALL, MetricRow
-from drapeline.nets.fitting import tensors_digest
+from drapeline.nets.digests import tensors_digest
 from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.inference import (
     Estimate,

@@ -1,4 +1,4 @@
-"""Trainings of Garment4D: the canonical stage, the posed stage, and a baseline of each."""
+"""Stages of Garment4D as they are trained: canonical and posed, and a baseline of each."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
-from drapeline.nets.fitting import arrays_digest, fit, tensors_digest
+from drapeline.nets.digests import tensors_digest
 from drapeline.nets.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,
@@ -22,7 +22,7 @@ from drapeline.nets.garment4d.canonical import (
     PointNetRegressor,
     canonical_loss,
 )
-from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
+from drapeline.nets.garment4d.data import SOURCES, SequenceData, window_starts
 from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
 from drapeline.nets.garment4d.points import Recall
@@ -35,7 +35,7 @@ from drapeline.nets.garment4d.posed import (
     posed_loss,
 )
 from drapeline.nets.garment4d.wearers import SkinningSettings
-from drapeline.nets.gcvae_data import Batch, GarmentData
+from drapeline.nets.gcvae_data import Batch
 from drapeline.nets.trained import BEST, Trained, Training, plain
 from drapeline.registration.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
@@ -392,98 +392,6 @@ class MgnStage(PosedStage):
     def predictions(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
         """Posed garments (B, T, N, 3) in metres."""
         return [self.network(batch["worn"], levels, batch["weights"], batch["transforms"])]
-
-
-def train_canonical(
-    folder: str | Path,
-    data: SequenceData,
-    values: Mapping[str, Mapping[str, Any]],
-    *,
-    pointnet: bool = False,
-    code: str,
-    progress: str | Path,
-    trainer: Mapping[str, Any],
-    threads: int,
-) -> None:
-    """Train the canonical stage, or its baseline, and leave a folder as `fit` does.
-
-    Args:
-        folder, progress, trainer, threads: see `fit`.
-        data: sequences of the type.
-        values: settings as they stand in a config.
-        pointnet: the PN++ baseline.
-        code: digest of the code; a training is taken up again by the same code alone.
-    """
-    cls = PointNetStage if pointnet else CanonicalStage
-    stage = cls(cls.settings_of(values), data.space, data.label)
-    _fit(stage, data, folder, code, progress, trainer, threads)
-
-
-def train_posed(
-    folder: str | Path,
-    data: SequenceData,
-    values: Mapping[str, Mapping[str, Any]],
-    canonical: CanonicalStage,
-    *,
-    mgn: bool = False,
-    code: str,
-    progress: str | Path,
-    trainer: Mapping[str, Any],
-    threads: int,
-) -> None:
-    """Train the posed stage, or its baseline, on proposals from predicted canonical garments.
-
-    Args:
-        folder, progress, trainer, threads: see `fit`.
-        data: sequences of the type; its proposals are changed.
-        values: settings as they stand in a config.
-        canonical: trained on the same data.
-        mgn: the MGN* baseline.
-        code: digest of the code; a training is taken up again by the same code alone.
-    """
-    torch.set_num_threads(threads)
-    cls = MgnStage if mgn else PosedStage
-    # Without gradients nothing in it depends on the mode; Lightning warns of modules that evaluate.
-    stage = cls(cls.settings_of(values), canonical.train())
-    data.wear(stage.predicted_canonicals(data, ("train", "val")), stage.settings.skinning)
-    _fit(stage, data, folder, code, progress, trainer, threads)
-
-
-def _fit(
-    stage: Stage,
-    data: SequenceData,
-    folder: str | Path,
-    code: str,
-    progress: str | Path,
-    trainer: Mapping[str, Any],
-    threads: int,
-) -> None:
-    training = stage.settings.training
-    windows = Windows(
-        data,
-        frames=training.frames,
-        stride=training.stride,
-        sources=training.sources,
-        posed=stage.POSED,
-        located=stage.located,
-    )
-    fit(
-        stage,
-        GarmentData(windows, batch=training.batch, seed=training.seed),
-        folder,
-        progress=progress,
-        epochs=training.epochs,
-        monitor="val_total",
-        settings={
-            **plain(asdict(stage.settings)),
-            "sequences": data.name.tolist(),
-            "data": arrays_digest(data.arrays()),
-            **stage.given(),
-            "code": code,
-        },
-        trainer=trainer,
-        threads=threads,
-    )
 
 
 _KINDS: dict[str, type[Stage]] = {

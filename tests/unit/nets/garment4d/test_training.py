@@ -11,6 +11,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.garment4d.data import SequenceData, Windows
+from drapeline.nets.garment4d.runs import train_canonical, train_posed
 from drapeline.nets.garment4d.training import (
     CanonicalStage,
     MgnStage,
@@ -18,8 +19,6 @@ from drapeline.nets.garment4d.training import (
     PosedStage,
     Stage,
     load_stage,
-    train_canonical,
-    train_posed,
 )
 from drapeline.nets.garment4d.wearers import Wearers
 from drapeline.nets.gcvae_data import as_tensors
