@@ -223,17 +223,18 @@ class _Nodes:
     def laid(self, rest: np.ndarray, surface: Surface, outward) -> np.ndarray:
         """Rest vertices (V, 3) after all steps."""
         places = rest
-        tiny = 1e-9 * np.identity(self._base.shape[1])
+        diagonal = np.arange(self._base.shape[1])
         for stiffness in self._settings.stiffness:
+            smooth = stiffness * self._smooth
+            smooth[diagonal, diagonal] += 1e-9
             for _ in range(self._settings.rounds):
                 normals = outward(places)[self._points]
                 goal, inside = surface.closest(places[self._points], normals)
                 data = self._data[inside]
-                system = (data.T @ data).toarray() / max(len(self._points), 1)
+                system = (data.T @ data / len(self._points)).toarray(order="F")
+                system += smooth
                 pull = data.T @ (goal - rest[self._points])[inside] / len(self._points)
-                factor = cho_factor(
-                    system + stiffness * self._smooth + tiny, check_finite=False, overwrite_a=True
-                )
+                factor = cho_factor(system, check_finite=False, overwrite_a=True)
                 places = rest + self._base @ cho_solve(factor, pull, check_finite=False)
         return places
 
@@ -243,8 +244,10 @@ def _spread(points: np.ndarray, count: int) -> np.ndarray:
     if len(points) <= count:
         return np.arange(len(points))
     chosen = np.zeros(count, dtype=np.int64)
-    distance = ((points - points[0]) ** 2).sum(1)
+    distance = np.full(len(points), np.inf)
+    planes = np.ascontiguousarray(points.T)
     for index in range(1, count):
+        x, y, z = planes - planes[:, chosen[index - 1], None]
+        np.minimum(distance, x * x + y * y + z * z, out=distance)
         chosen[index] = distance.argmax()
-        np.minimum(distance, ((points - points[chosen[index]]) ** 2).sum(1), out=distance)
     return chosen
