@@ -55,6 +55,7 @@ rule animate_body:
         f"{BENCHMARKS}/animate_body/{{sample}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=2000,

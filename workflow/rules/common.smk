@@ -85,6 +85,9 @@ RECONSTRUCT = config["garment4d"]["reconstruct"]
 # A cluster's job has its own machine to count cores on, and must find the threads it asked for.
 _CORES = None if workflow.remote_exec else workflow.resource_settings.cores
 NETWORK_THREADS = min(max((_CORES or 8) // 2, 1), 8)
+# All the rest waits for samples, and Garment4D's is the longest chain after them; what is left over
+# fills the cores at the end.
+SAMPLES_FIRST, LONG_CHAIN = 2, 1
 EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
 
 

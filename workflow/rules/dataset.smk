@@ -13,6 +13,7 @@ rule write_sample:
         f"{BENCHMARKS}/write_sample/{{sample}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=1500,

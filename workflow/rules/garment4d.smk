@@ -70,6 +70,7 @@ rule fit_static_templates:
         f"{BENCHMARKS}/fit_static_templates/{{shard}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1000,
@@ -140,6 +141,7 @@ rule skin_static:
         f"{BENCHMARKS}/skin_static/{{shard}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=2000,
@@ -167,6 +169,7 @@ rule collect_garment4d:
         f"{BENCHMARKS}/collect_garment4d/{{garment}}_{{protocol}}.tsv"
     conda:
         "../../envs/train.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=4000,
@@ -191,6 +194,7 @@ rule train_garment4d_canonical:
         f"{BENCHMARKS}/train_garment4d_canonical/{{garment}}_{{canonical}}.tsv"
     conda:
         "../../envs/train.yaml"
+    priority: LONG_CHAIN
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
@@ -218,6 +222,7 @@ rule train_garment4d_posed:
         f"{BENCHMARKS}/train_garment4d_posed/{{garment}}_{{posed}}.tsv"
     conda:
         "../../envs/train.yaml"
+    priority: LONG_CHAIN
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
@@ -249,6 +254,7 @@ rule evaluate_garment4d:
         f"{BENCHMARKS}/evaluate_garment4d/{{garment}}_{{models}}.tsv"
     conda:
         "../../envs/train.yaml"
+    priority: LONG_CHAIN
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,

@@ -34,6 +34,7 @@ rule make_outfit:
         f"{BENCHMARKS}/make_outfit/{{sample}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=2000,

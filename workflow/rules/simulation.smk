@@ -12,6 +12,7 @@ rule simulate_outfit:
         f"{BENCHMARKS}/simulate_outfit/{{sample}}.tsv"
     conda:
         "../../envs/blender.yaml"
+    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=3000,

@@ -14,6 +14,7 @@ rule static_outfits:
         f"{BENCHMARKS}/static_outfits/{{shard}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=2000,
