@@ -11,6 +11,7 @@ from drapeline.nets.checkpoints import load_vae
 from drapeline.nets.dynamic_data import dynamic_garments
 from drapeline.nets.represent import dynamic_vae_summary
 from drapeline.nets.trained import BEST
+from drapeline.nets.variants import dynamic_conditions
 from drapeline.registration.topology import load_topology
 from drapeline.rule_log import rule_log
 
@@ -19,16 +20,17 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given = snakemake.input
-    version, frames = snakemake.wildcards.version, snakemake.wildcards.frames
+    variant = snakemake.wildcards.dvae
+    _, frames = dynamic_conditions(variant)
     rows = dynamic_vae_summary(
         load_vae(Path(given.model) / BEST),
-        dynamic_garments(given.data, given.static, int(frames)),
+        dynamic_garments(given.data, given.static, frames),
         {
             split: load_moving(given.samples, given.registrations, split)
             for split in snakemake.params.splits
         },
         {gender: load_body(given[gender]) for gender in GENDERS},
         load_topology(given.topology),
-        f"dvae_{version}_{frames}",
+        variant,
     )
     write_metrics(snakemake.output[0], rows)

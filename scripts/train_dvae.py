@@ -8,7 +8,7 @@ from drapeline.nets.domains import dynamic_domain
 from drapeline.nets.dynamic_data import dynamic_garments
 from drapeline.nets.gcvae_training import VaeSettings
 from drapeline.nets.runs import train_vae
-from drapeline.nets.variants import DVAE_VARIANTS, laid_over
+from drapeline.nets.variants import DVAE_VARIANTS, dynamic_conditions, laid_over
 from drapeline.registration.hierarchy import load_hierarchy
 from drapeline.registration.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    garments = dynamic_garments(
-        snakemake.input.data, snakemake.input.svae, int(snakemake.wildcards.frames)
-    )
-    variant = f"dvae_{snakemake.wildcards.version}_{snakemake.wildcards.frames}"
+    variant = snakemake.wildcards.dvae
+    _, frames = dynamic_conditions(variant)
+    garments = dynamic_garments(snakemake.input.data, snakemake.input.svae, frames)
     train_vae(
         snakemake.output[0],
         garments,

@@ -15,6 +15,7 @@ from drapeline.metrics.table import find_value, read_metrics
 from drapeline.nets.domain import STATIC_CVAR
 from drapeline.nets.dynamic_data import collect_dynamic
 from drapeline.nets.gcvae_training import DynamicVae, StaticVae
+from drapeline.nets.linear_vae import LinearDynamicVae
 from drapeline.nets.represent import Codes, save_codes
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
@@ -100,13 +101,33 @@ def test_evaluate_dvae_measures_held_out_frames(run_rule, files, tmp_path):
         input=files,
         output=[tmp_path / "dvae.tsv"],
         params={"splits": ["val", "test"]},
-        wildcards={"version": "unposed", "frames": "4"},
+        wildcards={"dvae": "dvae_unposed_4"},
     )
     rows = read_metrics(tmp_path / "dvae.tsv")
     assert {(r.model, r.variant, r.split) for r in rows} == {("dvae", "dvae_unposed_4", "test")}
     error = find_value(rows, "dvae_unposed_4", "test", "all", "surface_error_mm")
     assert error.n == 6  # every second of six frames, of two garments
     assert find_value(rows, "dvae_unposed_4", "test", "Skirt", "kl_nat") is not None
+
+
+def test_ours_is_measured_as_decoded_and_settled(run_rule, files, toy_body, tmp_path):
+    training = replace(SETTINGS.training, mask=False, version="unposed")
+    domain = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
+    model = LinearDynamicVae(replace(SETTINGS, training=training), domain).eval()
+    save_model(tmp_path / "ours", model)
+    run_rule(
+        "evaluate_dvae",
+        input={**files, "model": tmp_path / "ours"},
+        output=[tmp_path / "ours.tsv"],
+        params={"splits": ["test"]},
+        wildcards={"dvae": "dvae_ours"},
+    )
+    rows = read_metrics(tmp_path / "ours.tsv")
+    inside = [
+        find_value(rows, variant, "test", "all", "inside_share").value
+        for variant in ("dvae_ours", "dvae_ours_settled")
+    ]
+    assert inside[1] <= inside[0]
 
 
 def test_baselines_are_measured_on_the_same_frames(run_rule, files, tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from drapeline.bodies.kinematics import mirrored_poses
 from drapeline.bodies.model import load_body
 from drapeline.dataset.reader import Sequence
 from drapeline.frames import GENDERS
@@ -111,9 +112,12 @@ def test_collected_frames_are_the_simulated_garment(collected, stages, folder, v
         np.testing.assert_allclose(data.poses[row], history, atol=1e-6)
 
 
-@pytest.mark.parametrize(("version", "frames"), [("posed", 1), ("unposed", 4)])
+@pytest.mark.parametrize(
+    ("variant", "version", "frames"),
+    [("dvae_posed_1", "posed", 1), ("dvae_unposed_4", "unposed", 4), ("dvae_ours", "unposed", 4)],
+)
 def test_a_variant_is_trained_on_poses_and_the_static_code(
-    run_rule, collected, stages, folder, tmp_path, version, frames
+    run_rule, collected, stages, folder, tmp_path, variant, version, frames
 ):
     static = train_static(run_rule, stages, tmp_path)
     data = collected(version)
@@ -144,15 +148,27 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
             "code": "c",
             "progress": str(tmp_path / ".progress" / "d"),
         },
-        wildcards={"version": version, "frames": str(frames)},
+        wildcards={"dvae": variant},
     )
     model = load_vae(tmp_path / "dvae" / "best.ckpt")
     garments = dynamic_garments(data, static, frames)
     batch = as_tensors(garments.batch(garments.rows("test")))
     assert batch["cvar"].shape == (8, 13 + 72 * frames + 6)
-    assert model.settings.network.level_widths == [6, 16, 16, 16, 16, 16]
+    assert model.settles == (variant == "dvae_ours")
+    scale = 1 if variant == "dvae_ours" else 2
+    assert model.settings.network.level_widths == [6, *[scale * 8] * 5]
     with torch.inference_mode():
         offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
     assert offsets.shape == (8, VERTICES, 3)
     assert torch.isfinite(offsets).all()
     assert mask is None
+
+
+def test_mirrored_conditions_differ_in_the_poses_alone(run_rule, collected, stages, tmp_path):
+    data = collected("unposed")
+    garments = dynamic_garments(data, train_static(run_rule, stages, tmp_path), 2)
+    batch = garments.batch(np.arange(3))
+    seen, poses = batch["cvar"], slice(13, 13 + 2 * 72)
+    wanted = seen.copy()
+    wanted[:, poses] = mirrored_poses(seen[:, poses].reshape(3, 2, 72)).reshape(3, -1)
+    np.testing.assert_array_equal(batch["mirrored_cvar"], wanted)

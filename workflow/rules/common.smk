@@ -24,7 +24,7 @@ from drapeline.feasibility import (
 )
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
-from drapeline.nets.variants import pooling_of
+from drapeline.nets.variants import dynamic_conditions, laid_over, pooling_of
 from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.kinds import KINDS, TEMPLATE_TYPES
 from drapeline.planning import plan_samples
@@ -223,9 +223,23 @@ def svae_settings(wildcards):
     settings = vae_settings("svae")
     if wildcards.svae != "svae_ours":
         return settings
-    ours = config["gcvae"]["svae_ours"]
+    return laid_over(settings, config["gcvae"]["svae_ours"])
+
+
+def dvae_settings(wildcards):
+    """Params function: settings of the paper's dynamic model, or of ours."""
+    settings = vae_settings("dvae")
+    if wildcards.dvae != "dvae_ours":
+        return settings
+    return laid_over(settings, config["gcvae"]["dvae_ours"])
+
+
+def dvae_inputs(wildcards):
+    """Input function: frames and conditions that a dynamic variant is trained on."""
+    version, frames = dynamic_conditions(wildcards.dvae)
     return {
-        group: {**values, **ours.get(group, {})} for group, values in settings.items()
+        "data": f"{RESULTS}/dynamic/{version}",
+        "conditioning": f"{RESULTS}/gcvae/conditioning/{version}_{frames}",
     }
 
 

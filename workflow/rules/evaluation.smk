@@ -2,7 +2,8 @@
 # Which models each table of metrics holds.
 METRIC_TABLES = {
     "metrics": [
-        *["baselines", "dynamic_baselines", "svae", "svae_ours", "dvae_unposed_4"],
+        *["baselines", "dynamic_baselines", "svae", "svae_ours"],
+        *["dvae_unposed_4", "dvae_ours"],
         *[f"garment4d_{garment}_default" for garment in TEMPLATE_TYPES],
         "representations",
     ],
@@ -23,7 +24,7 @@ MOVING_INPUTS = {
 }
 # The dynamic model that figures are made with.
 SHOWN_DVAE = {
-    "dvae": f"{RESULTS}/gcvae/dvae_unposed_4",
+    "dvae": f"{RESULTS}/gcvae/dvae_ours",
     "dynamic": f"{RESULTS}/dynamic/unposed",
     "static": static_model(),
 }
@@ -121,17 +122,17 @@ rule evaluate_dynamic_baselines:
 
 rule evaluate_dvae:
     input:
+        unpack(dvae_inputs),
         **MOVING_INPUTS,
         **SUPER_BODIES,
-        model=f"{RESULTS}/gcvae/dvae_{{version}}_{{frames}}",
-        data=f"{RESULTS}/dynamic/{{version}}",
+        model=f"{RESULTS}/gcvae/{{dvae}}",
         static=static_model(),
     output:
-        f"{RESULTS}/metrics/dvae_{{version}}_{{frames}}.tsv",
+        f"{RESULTS}/metrics/{{dvae}}.tsv",
     log:
-        f"{LOGS}/evaluate_dvae/{{version}}_{{frames}}.log",
+        f"{LOGS}/evaluate_dvae/{{dvae}}.log",
     benchmark:
-        f"{BENCHMARKS}/evaluate_dvae/{{version}}_{{frames}}.tsv"
+        f"{BENCHMARKS}/evaluate_dvae/{{dvae}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS

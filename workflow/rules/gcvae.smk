@@ -4,7 +4,7 @@ from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS
 wildcard_constraints:
     svae="|".join(SVAE_VARIANTS),
     version="posed|unposed",
-    frames="1|4",
+    dvae="|".join(DVAE_VARIANTS),
     conditions="static|(posed|unposed)_[14]",
 
 
@@ -88,19 +88,18 @@ rule collect_dynamic:
 
 rule train_dvae:
     input:
-        data=f"{RESULTS}/dynamic/{{version}}",
+        unpack(dvae_inputs),
         svae=static_model(),
         female=f"{RESULTS}/registration/body/female.npz",
         male=f"{RESULTS}/registration/body/male.npz",
         topology=f"{RESULTS}/registration/topology.npz",
         hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
-        conditioning=f"{RESULTS}/gcvae/conditioning/{{version}}_{{frames}}",
     output:
-        directory(f"{RESULTS}/gcvae/dvae_{{version}}_{{frames}}"),
+        directory(f"{RESULTS}/gcvae/{{dvae}}"),
     log:
-        f"{LOGS}/train_dvae/{{version}}_{{frames}}.log",
+        f"{LOGS}/train_dvae/{{dvae}}.log",
     benchmark:
-        f"{BENCHMARKS}/train_dvae/{{version}}_{{frames}}.tsv"
+        f"{BENCHMARKS}/train_dvae/{{dvae}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
@@ -108,7 +107,7 @@ rule train_dvae:
         mem_mb=6000,
         runtime=1440,
     params:
-        settings=vae_settings("dvae"),
+        settings=dvae_settings,
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("dvae"),
         code=source_hash("train_dvae"),

@@ -4,7 +4,7 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel, shaped
 from drapeline.bodies.skinning import axis_angle_to_matrix, joint_transforms
-from drapeline.frames import REST_POSE
+from drapeline.frames import JOINT_NAMES, REST_POSE
 
 
 def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -27,3 +27,17 @@ def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.nd
     turn = posed[..., :3] @ rest[..., :3].swapaxes(-1, -2)
     shift = posed[..., 3] - (turn @ rest[..., 3:])[..., 0]
     return np.concatenate([turn, shift[..., None]], axis=-1)
+
+
+def mirrored_poses(poses: np.ndarray) -> np.ndarray:
+    """Poses (..., 72) in rad with left and right exchanged, as in a mirror at x = 0."""
+    turned = poses.reshape(*poses.shape[:-1], 24, 3)[..., _OTHER_SIDE, :]
+    # An axis of rotation is a pseudovector: of it the mirror turns what lies in its plane.
+    return (turned * np.array([1, -1, -1], dtype=poses.dtype)).reshape(poses.shape)
+
+
+def _other_side(name: str) -> str:
+    return name.replace("left", "*").replace("right", "left").replace("*", "right")
+
+
+_OTHER_SIDE = [JOINT_NAMES.index(_other_side(name)) for name in JOINT_NAMES]

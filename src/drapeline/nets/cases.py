@@ -23,6 +23,7 @@ from drapeline.nets.represent import (
     encode_garments,
     moving_points,
     rows_of,
+    settled_points,
     static_truth,
 )
 from drapeline.outfits.kinds import GARMENTS, first_of_each
@@ -106,11 +107,13 @@ def moving_cases(
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
         body = super_bodies[moving.gender]
-        (points,) = moving_points(model, garments, row, moving, body, z)
         frame = garments.data.frame[row]
+        points = moving_points(model, garments, row, moving, body, z)
+        if model.settles:
+            points = settled_points(moving, body, topology, points, moving.poses[frame])
         (true,) = moving.points(frame)
         mask = moving.registered.mask
-        true, predicted = moving.on_vertices(true), moving.on_vertices(points)
+        true, predicted = moving.on_vertices(true), moving.on_vertices(points[0])
         pose = moving.poses[frame[0]]
         where = "in motion" if moving.split == "test" else f"in motion ({moving.split})"
         cases.append(
@@ -166,9 +169,10 @@ def wrinkle_rows(
     def worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
         other = shown[which]
         own = np.repeat(rows_by[which][:1], len(codes))
-        points = moving_points(
-            model, garments, own, other, super_bodies[other.gender], codes, poses
-        )
+        body = super_bodies[other.gender]
+        points = moving_points(model, garments, own, other, body, codes, poses)
+        if model.settles:
+            points = settled_points(other, body, topology, points, poses[:, 0])
         faces, mask = topology.faces_of(other.name), other.registered.mask
         return [
             WornGarment(

@@ -9,9 +9,9 @@ import torch
 from drapeline.errors import InputError
 from drapeline.nets.domain import Domain
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
-from drapeline.nets.linear_vae import LinearVae
+from drapeline.nets.linear_vae import LinearDynamicVae, LinearVae
 
-_KINDS = {cls.kind: cls for cls in (StaticVae, DynamicVae, LinearVae)}
+_KINDS = {cls.kind: cls for cls in (StaticVae, DynamicVae, LinearVae, LinearDynamicVae)}
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:

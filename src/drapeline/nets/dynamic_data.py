@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from drapeline.bodies.kinematics import mirrored_poses
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.reader import Sequence as Sample
 from drapeline.errors import InputError
@@ -248,9 +249,12 @@ class DynamicGarments:
 
     def cvar(self, rows: np.ndarray) -> np.ndarray:
         """(n, 13 + 72 f + Z) float32: static conditions, poses, static code."""
+        return self._cvar(rows, self.data.poses[rows, : self.frames])
+
+    def _cvar(self, rows: np.ndarray, poses: np.ndarray) -> np.ndarray:
         wearer = self.data.wearer[rows]
-        poses = self.data.poses[rows, : self.frames].reshape(len(rows), -1)
-        return np.concatenate([self.data.cvar(wearer), poses, self.codes[wearer]], 1)
+        flat = poses.reshape(len(rows), -1)
+        return np.concatenate([self.data.cvar(wearer), flat, self.codes[wearer]], 1)
 
     def names(self, rows: np.ndarray) -> list[str]:
         """Sample, garment and frame of rows, for messages."""
@@ -261,13 +265,17 @@ class DynamicGarments:
         ]
 
     def batch(self, rows: np.ndarray) -> Batch:
-        """Arrays of rows."""
+        """Arrays of rows; `mirrored_cvar` holds the conditions of each one's mirror image.
+
+        Static codes in them stay: garments are made alike on both sides.
+        """
         data, wearer = self.data, self.data.wearer[rows]
         return {
             "offsets": np.asarray(data.offsets[rows]),
             "base": np.asarray(data.base[rows]),
             "mask": np.asarray(data.mask[wearer]),
             "cvar": self.cvar(rows),
+            "mirrored_cvar": self._cvar(rows, mirrored_poses(data.poses[rows, : self.frames])),
             "topology": self.topology(rows),
             "garment": data.garment[wearer],
             "names": self.names(rows),

@@ -31,7 +31,8 @@ class GcvaeTraining(Training):
     """How a garment VAE is trained; numbers as printed in CLOTH3D where it prints any.
 
     Attributes:
-        model: "gcvae", the paper's SVAE; "linear", ours; or "dynamic", the paper's DVAE.
+        model: "gcvae", the paper's SVAE; "dynamic", the paper's DVAE; or ours of each, "linear"
+            and "linear_dynamic".
         normal_parts: each step takes the normals of one of so many parts of all faces.
         mask: whether the decoder predicts the mask.
         version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
@@ -378,9 +379,13 @@ class DynamicVae(GarmentVae):
     C_d - T_d are added to the posed body, which the encoder sees too. Version "unposed": offsets
     K^-1(C_d) - C_s are added to the static garment, and the encoder sees it and the rest body.
     A batch brings what its offsets are added to as `base` (B, V, 3).
+
+    Attributes:
+        settles: whether its garments go through `settled` after decoding, which the paper has not.
     """
 
     kind = "dynamic"
+    settles = False
 
     def __init__(self, settings: VaeSettings, domain: Domain) -> None:
         super().__init__(

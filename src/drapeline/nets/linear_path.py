@@ -14,15 +14,13 @@ from torch import nn
 from drapeline.nets.chebyshev import SparseMatrix
 from drapeline.nets.precision import full_precision
 
-CHANNELS = 4
-
 
 class LinearFit(NamedTuple):
     """Parameters of y = mean(c) + basis z + noise, z standard normal.
 
     Attributes:
-        regression: (C + 1, V * 4) from conditions and a one.
-        basis: (Z, V * 4).
+        regression: (C + 1, V * channels) from conditions and a one.
+        basis: (Z, V * channels).
         noise: () variance of what the basis leaves.
     """
 
@@ -62,8 +60,8 @@ def fit_linear(
     """Fit by filling in what is missing and fitting again.
 
     Args:
-        fields: (n, V * 4), any number where not known.
-        known: (n, V * 4) bool.
+        fields: (n, V * channels), any number where not known.
+        known: (n, V * channels) bool.
         conditions: (n, C) of zero mean and unit deviation.
         latent: size of z; components beyond what n samples span are zero.
         rounds: of filling in.
@@ -98,11 +96,15 @@ class LinearPath(nn.Module):
         conditions: C.
         latent: size of z.
         chosen: (S,) vertices that the posterior looks at.
+        channels: of the fields: three of offsets, and others that are known everywhere.
     """
 
-    def __init__(self, vertices: int, conditions: int, latent: int, chosen: torch.Tensor) -> None:
+    def __init__(
+        self, vertices: int, conditions: int, latent: int, chosen: torch.Tensor, channels: int
+    ) -> None:
         super().__init__()
-        width = vertices * CHANNELS
+        self.channels = channels
+        width = vertices * channels
         self.register_buffer("regression", torch.zeros(conditions + 1, width))
         self.register_buffer("basis", torch.zeros(latent, width))
         self.register_buffer("noise", torch.ones(()))
@@ -115,9 +117,9 @@ class LinearPath(nn.Module):
 
     @full_precision
     def forward(self, z: torch.Tensor, conditions: torch.Tensor) -> torch.Tensor:
-        """(B, Z) and (B, C) -> fields (V, 4, B)."""
+        """(B, Z) and (B, C) -> fields (V, channels, B)."""
         field = with_one(conditions) @ self.regression + z @ self.basis
-        return field.T.unflatten(0, (-1, CHANNELS))
+        return field.T.unflatten(0, (-1, self.channels))
 
     @full_precision
     def posterior(
@@ -126,16 +128,16 @@ class LinearPath(nn.Module):
         """Mean and log variance (B, Z) of z given what is known of the fields.
 
         Args:
-            fields: (V, 4, B).
-            mask: (V, B): where the first three channels are known; the fourth always is.
+            fields: (V, channels, B).
+            mask: (V, B): where the first three channels are known; any others always are.
             conditions: (B, C).
         """
         latent = len(self.basis)
-        basis = self.basis.unflatten(1, (-1, CHANNELS))[:, self.chosen]  # (Z, S, 4)
+        basis = self.basis.unflatten(1, (-1, self.channels))[:, self.chosen]  # (Z, S, channels)
         rest = (fields - self(torch.zeros_like(conditions[:, :1]).expand(-1, latent), conditions))[
             self.chosen
         ]
-        field = basis[..., 3]
+        field = basis[..., 3:].flatten(1)  # (Z, S * others)
         always = field @ field.T
         means, variances = [], []
         for sample in range(len(conditions)):
@@ -143,7 +145,9 @@ class LinearPath(nn.Module):
             offsets = basis[:, inside, :3].flatten(1)  # (Z, 3 M)
             precision = (always + offsets @ offsets.T) / self.noise
             precision.diagonal().add_(1)
-            seen = offsets @ rest[inside, :3, sample].flatten() + field @ rest[:, 3, sample]
+            seen = (
+                offsets @ rest[inside, :3, sample].flatten() + field @ rest[:, 3:, sample].flatten()
+            )
             root = torch.linalg.cholesky(precision)
             means.append(torch.cholesky_solve((seen / self.noise)[:, None], root)[:, 0])
             variances.append(torch.cholesky_inverse(root).diagonal())

@@ -1,5 +1,6 @@
-"""Our own static garment VAE: a closed-form linear one, and a graph network that refines it."""
+"""Our own garment VAEs: closed-form linear ones, and a graph network that refines each."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,8 +10,8 @@ import torch
 from drapeline.nets.domain import Domain, rest_bodies
 from drapeline.nets.gcvae import PLACES, Code, graphs_of
 from drapeline.nets.gcvae_data import Batch, Garments, as_tensors, refuse_unfinite
-from drapeline.nets.gcvae_training import Part, StaticVae, conditions_of
-from drapeline.nets.linear_path import CHANNELS, LinearPath, blurred, fit_linear
+from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, Part, StaticVae, conditions_of
+from drapeline.nets.linear_path import LinearPath, blurred, fit_linear
 from drapeline.nets.refiner import Refiner
 from drapeline.registration.super_body import mirror_of
 from drapeline.seeding import rng_for
@@ -47,46 +48,54 @@ class LinearSize:
     steepness: float = 6.0
 
 
-SIZE = LinearSize()
-
-
-class LinearVae(StaticVae):
+class Linear(GarmentVae):
     """Probabilistic PCA of partly missing fields as a conditional VAE, refined by a graph U-Net.
 
     Posterior and decoder of the linear path are exact and found before training. Training fits
     the refiner, from the field of a drawn code and the rest body to offsets and mask, so decoding
     needs z and the conditions only, as in the paper's network.
+
+    Attributes:
+        size: its constants.
+        channels: of a field: offsets, and the ramp of the mask where there is one.
     """
 
-    kind = "linear"
+    size: LinearSize
+    channels: int
 
     def build(self, domain: Domain, inputs: int, rng: torch.Generator) -> None:
         """Graphs, linear path and refiner."""
         network, vertices = self.settings.network, len(domain.offset_mean)
-        count = min(SIZE.vertices, vertices)
+        count = min(self.size.vertices, vertices)
         drawn = rng_for(self.settings.training.seed, "posterior").permutation(vertices)[:count]
         self.graphs = graphs_of(domain, network.order)
         self.linear = LinearPath(
-            vertices, len(domain.cvar_mean), network.latent, torch.from_numpy(np.sort(drawn))
+            vertices,
+            len(domain.cvar_mean),
+            network.latent,
+            torch.from_numpy(np.sort(drawn)),
+            self.channels,
         )
         for moment in ("mean", "std"):
             self._constant(f"cvar_{moment}")
-        self.refiner = Refiner(CHANNELS + 3, CHANNELS, PLACES, SIZE.widths, network.order, rng)
+        self.refiner = Refiner(
+            self.channels + 3, self.channels, PLACES, self.size.widths, network.order, rng
+        )
         self._codes: dict[str, tuple[torch.Tensor, torch.Tensor]] = {}
 
     @torch.no_grad()
     def prepare(self, garments: Garments) -> None:
         """Fit the linear path to the training rows."""
         rows = garments.rows("train")
-        if len(rows) > SIZE.rows:
+        if len(rows) > self.size.rows:
             rng = rng_for(self.settings.training.seed, "linear rows")
-            rows = np.sort(rng.choice(rows, SIZE.rows, replace=False))
+            rows = np.sort(rng.choice(rows, self.size.rows, replace=False))
         batch = garments.batch(rows)
         refuse_unfinite(batch["offsets"], batch["names"], "offsets")
         fields, known, conditions = self._known(batch)
         mirror = mirror_of(self.domain.body_mean.astype(np.float64), self.domain.faces["body"])
         if mirror is not None:  # a garment's mirror image is a garment too
-            seen = self._known(mirrored(batch, mirror))
+            seen = self._known(self.mirror_images(batch, mirror))
             fields, known, conditions = (
                 torch.cat(pair) for pair in zip((fields, known, conditions), seen, strict=True)
             )
@@ -95,18 +104,26 @@ class LinearVae(StaticVae):
             known,
             conditions,
             latent=self.settings.network.latent,
-            rounds=SIZE.rounds,
-            ridge=SIZE.ridge,
+            rounds=self.size.rounds,
+            ridge=self.size.ridge,
         )
-        self.linear.take(fit._replace(noise=fit.noise.clamp_min(SIZE.noise)))
+        self.linear.take(fit._replace(noise=fit.noise.clamp_min(self.size.noise)))
+
+    def mirror_images(self, batch: Batch, mirror: np.ndarray) -> Batch:
+        """A batch with left and right exchanged.
+
+        Args:
+            mirror: (V,) vertex on the other side.
+        """
+        return mirrored(batch, mirror)
 
     def _known(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Fields (n, V * 4), where they are known, and normalised conditions (n, C)."""
+        """Fields (n, V * channels), where they are known, and normalised conditions (n, C)."""
         parts = self.parts(as_tensors(batch))
-        fields = torch.cat([self._fields(name, part) for name, part in parts.items()], 2)
+        fields = torch.cat([self.fields(name, part) for name, part in parts.items()], 2)
         mask = torch.cat([part.mask for part in parts.values()], 1)
-        known = mask[:, None].repeat(1, CHANNELS, 1)
-        known[:, 3] = True
+        known = mask[:, None].repeat(1, self.channels, 1)
+        known[:, 3:] = True
         flat = (x.flatten(0, 1).T.contiguous() for x in (fields, known))
         return *flat, self._conditions(conditions_of(parts)[0])
 
@@ -119,7 +136,7 @@ class LinearVae(StaticVae):
                 mean, log_variance = (torch.stack(half) for half in zip(*pairs, strict=True))
             else:
                 mean, log_variance = self.linear.posterior(
-                    self._fields(name, part), part.mask, self._conditions(part.cvar)
+                    self.fields(name, part), part.mask, self._conditions(part.cvar)
                 )
                 if self.position is not None:
                     self._codes |= zip(
@@ -133,21 +150,33 @@ class LinearVae(StaticVae):
     def decode_parts(
         self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
     ) -> dict[str, torch.Tensor]:
-        """Topology -> (V, 4, B_t) normalised offsets and mask logit."""
+        """Topology -> (V, channels, B_t) normalised offsets and any mask logit."""
         field = self.linear(z, self._conditions(cvar))
-        body = self.normalised(rest_bodies(self.body_basis, cvar), "base")
-        seen = torch.cat([field, body], 1)
+        body = rest_bodies(self.body_basis, cvar)
+        seen = torch.cat([field, self.seen_body(body)], 1)
         out, start = {}, 0
         for name, count in counts.items():
             part = slice(start, start + count)
-            change = self.refiner(
-                self.graphs[name], seen[..., part].transpose(1, 2).contiguous()
-            ).transpose(1, 2)
+            graph = self.graphs[name]
+            change = self.refiner(graph, seen[..., part].transpose(1, 2).contiguous())
+            change = change.transpose(1, 2)
             offsets = self.normalised(self._metres(field[:, :3, part]), "offset")
-            ramp = field[:, 3:, part] * (SIZE.steepness / SIZE.field)
+            ramp = field[:, 3:, part] * (self.size.steepness / self.size.field)
             out[name] = torch.cat([offsets, ramp], 1) + change
             start += count
         return out
+
+    @abstractmethod
+    def seen_body(self, body: torch.Tensor) -> torch.Tensor:
+        """Rest bodies (V, 3, B) in metres, normalised for the refiner."""
+
+    @abstractmethod
+    def fields(self, name: str, part: Part) -> torch.Tensor:
+        """(V, channels, B_t) of garments of topology `name`."""
+
+    def units(self, part: Part) -> torch.Tensor:
+        """(V, 3, B_t) offsets from their mean in `unit_m`."""
+        return (part.offsets - self.offset_mean[..., None]) / self.size.unit_m
 
     def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
         """None: nothing of the encoder is trained."""
@@ -157,17 +186,57 @@ class LinearVae(StaticVae):
         return (cvar - self.cvar_mean) / self.cvar_std
 
     def _metres(self, units: torch.Tensor) -> torch.Tensor:
-        return units * SIZE.unit_m + self.offset_mean[..., None]
+        return units * self.size.unit_m + self.offset_mean[..., None]
 
-    def _fields(self, name: str, part: Part) -> torch.Tensor:
+
+class LinearVae(Linear, StaticVae):
+    """Garments at rest. Where the mask ends is a fourth channel: a ramp across the hem."""
+
+    kind = "linear"
+    size = LinearSize()
+    channels = 4
+
+    def seen_body(self, body: torch.Tensor) -> torch.Tensor:
+        """By the statistics of what offsets are added to, which is the rest body."""
+        return self.normalised(body, "base")
+
+    def fields(self, name: str, part: Part) -> torch.Tensor:
         """(V, 4, B_t): offsets from their mean in `unit_m`, and the ramp of the mask."""
-        ramp = blurred(part.mask, self.graphs[name].laplacians[0], SIZE.blur)
-        units = (part.offsets - self.offset_mean[..., None]) / SIZE.unit_m
-        return torch.cat([units, SIZE.field * ramp[:, None]], 1)
+        ramp = blurred(part.mask, self.graphs[name].laplacians[0], self.size.blur)
+        return torch.cat([self.units(part), self.size.field * ramp[:, None]], 1)
+
+
+class LinearDynamicVae(Linear, DynamicVae):
+    """Garments in motion. The mask is that of the static garment, so a field is offsets alone.
+
+    A few sequences say little about what poses and static codes do to cloth, so the regression on
+    them is held back more; and their frames are alike, so the posterior takes more for noise, or
+    codes of new frames would lie far outside of the prior.
+    """
+
+    kind = "linear_dynamic"
+    settles = True
+    size = LinearSize(ridge=2000.0, noise=3.0)
+    channels = 3
+
+    def seen_body(self, body: torch.Tensor) -> torch.Tensor:
+        """By the statistics of the wearers' rest bodies."""
+        return self.normalised(body, "body")
+
+    def fields(self, name: str, part: Part) -> torch.Tensor:
+        """(V, 3, B_t): offsets from their mean in `unit_m`."""
+        return self.units(part)
+
+    def mirror_images(self, batch: Batch, mirror: np.ndarray) -> Batch:
+        """Garments and poses with left and right exchanged.
+
+        The static code stays: garments are made alike on both sides.
+        """
+        return {**mirrored(batch, mirror), "cvar": batch["mirrored_cvar"]}
 
 
 def mirrored(batch: Batch, mirror: np.ndarray) -> Batch:
-    """The batch with left and right exchanged.
+    """The batch's offsets and masks with left and right exchanged.
 
     Args:
         mirror: (V,) vertex on the other side.

@@ -7,8 +7,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import torch
 
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.splits import SPLITS
+from drapeline.mesh import faces_within
 from drapeline.metrics.evaluation import (
     Prediction,
     StaticRows,
@@ -32,10 +33,12 @@ from drapeline.nets.gcvae_loss import kl_nat
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.dynamic import dressed
+from drapeline.registration.solid import settled
 from drapeline.registration.topology import TOPOLOGIES, Topology
 from drapeline.rule_log import progress
 from drapeline.storage import load_npz, save_npz
 
+SETTLED = "_settled"
 _BATCH = 16
 
 
@@ -180,6 +183,26 @@ def moving_points(
     )
 
 
+def settled_points(
+    moving: MovingGarment,
+    body: BodyModel,
+    topology: Topology,
+    points: np.ndarray,
+    poses: np.ndarray,
+) -> np.ndarray:
+    """Decoded points (n, M, 3) of one garment evened out and pushed out of its wearer.
+
+    Args:
+        body: super-resolved, of the wearer's gender.
+        topology: of the super-resolved bodies.
+        poses: (n, 72) rad.
+    """
+    registered = moving.registered
+    number = np.cumsum(registered.mask) - 1  # of a covered vertex among the points
+    faces = number[faces_within(topology.faces_of(moving.name), registered.mask)]
+    return settled(points, faces, posed_vertices(body, moving.shape, poses)[0], topology.faces)
+
+
 def rows_of(garments: DynamicGarments, moving: MovingGarment | MovingFiles) -> np.ndarray:
     """Rows of a dataset that are frames of one garment, in their order."""
     data = garments.data
@@ -199,6 +222,8 @@ def dynamic_vae_summary(
 ) -> list[MetricRow]:
     """Rows of the table of metrics for a trained dynamic VAE.
 
+    One whose garments settle has rows of both: as decoded, and settled.
+
     Args:
         garments: every frame that is measured.
         movings: split -> the same garments with their simulation and their skinning weights.
@@ -207,16 +232,22 @@ def dynamic_vae_summary(
     seed = model.settings.training.seed
     found = []
     for split, held_out in movings.items():
-        measured = []
+        measured: dict[str, list[Measured]] = {}
         for moving in progress(held_out, label=split):
             rows, body = rows_of(garments, moving), bodies[moving.gender]
             codes = encode_garments(model, garments, rows)
             points = moving_points(model, garments, rows, moving, body, codes.mean)
             frames = garments.data.frame[rows]
-            measures = measure_motion(moving, frames, points, body, topology)
-            rows = with_kl(measures, codes.kl_nat())
-            measured.append(Measured(moving.sample, moving.name, rows))
-        found += moving_summary(measured, model="dvae", variant=variant, split=split, seed=seed)
+            made = {variant: points}
+            if model.settles:
+                poses = moving.poses[frames]
+                made[variant + SETTLED] = settled_points(moving, body, topology, points, poses)
+            for name, cloth in made.items():
+                measures = measure_motion(moving, frames, cloth, body, topology)
+                own = Measured(moving.sample, moving.name, with_kl(measures, codes.kl_nat()))
+                measured.setdefault(name, []).append(own)
+        for name, own in measured.items():
+            found += moving_summary(own, model="dvae", variant=name, split=split, seed=seed)
     return found
 
 

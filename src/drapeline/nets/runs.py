@@ -11,13 +11,14 @@ from drapeline.nets.domain import Domain
 from drapeline.nets.fitting import fit
 from drapeline.nets.gcvae_data import GarmentData, Garments
 from drapeline.nets.gcvae_training import DynamicVae, GarmentVae, StaticVae, VaeSettings
-from drapeline.nets.linear_vae import LinearVae
+from drapeline.nets.linear_vae import LinearDynamicVae, LinearVae
 from drapeline.nets.trained import BEST, plain
 
 MODELS: dict[str, type[GarmentVae]] = {
     "gcvae": StaticVae,
     "linear": LinearVae,
     "dynamic": DynamicVae,
+    "linear_dynamic": LinearDynamicVae,
 }
 
 

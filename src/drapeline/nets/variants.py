@@ -23,7 +23,20 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     }
     for version in ("posed", "unposed")
     for frames in (1, 4)
+} | {
+    "dvae_ours": {
+        "loss": {"offsets_form": "distance"},
+        "training": {"model": "linear_dynamic", "version": "unposed", "mask": False},
+    },
 }
+
+
+def dynamic_conditions(variant: str) -> tuple[str, int]:
+    """A dynamic variant's version of the offsets, and the number of poses it is conditioned on."""
+    if variant == "dvae_ours":
+        return "unposed", 4
+    _, version, frames = variant.split("_")
+    return version, int(frames)
 
 
 def pooling_of(variant: str) -> str:

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-import warp as wp
 from scipy.sparse.linalg import splu
 
 from drapeline.bodies.kinematics import rest_to_pose
@@ -32,18 +31,14 @@ from drapeline.outfits.relax import averaging_matrix
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.registration.dynamic import moved
 from drapeline.registration.skin_weights import garment_weights
+from drapeline.registration.solid import Solid
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
 
-wp.config.log_level = wp.LOG_WARNING
-
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.
 _SKIRT_REACH_M = 0.12
-_GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps
-_DEEP_M = 0.1  # cloth deeper in the body than this is left there: the way out is a guess
-_ROUNDS, _SPREAD = 3, 4  # of pushing, and of spreading a push over its neighbourhood
 
 
 @dataclass(frozen=True)
@@ -84,7 +79,7 @@ def wear(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> Worn:
     rest = rest_body(body, outfit.shape)
     posed = posed_vertices(body, outfit.shape, poses)[0]
     motions = rest_to_pose(body, outfit.shape, poses)
-    solid = _Solid(posed[0], body.faces)
+    solid = Solid(posed[0], body.faces)
     garments, averages = {}, {}
     for garment in outfit.garments:
         weights = worn_weights(garment, rest, body)
@@ -127,68 +122,6 @@ def _diffused(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> n
     out = np.zeros_like(weights)
     out[:, used] = splu(system.tocsc()).solve(weights[:, used].astype(np.float64))
     return out
-
-
-@wp.kernel
-def _measure(
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    push: wp.array(dtype=wp.vec3),
-):
-    index = wp.tid()
-    point = points[index]
-    hit = wp.mesh_query_point_no_sign(mesh, point, _DEEP_M)
-    if hit.result:
-        place = wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)
-        away = point - place
-        # The body is round: its faces are fine enough to tell inside from outside.
-        height = wp.dot(away, wp.mesh_eval_face_normal(mesh, hit.face))
-        distance = wp.sign(height) * wp.length(away)
-        if distance < _GAP_M and wp.abs(distance) > 1.0e-6:
-            push[index] = (_GAP_M / distance - 1.0) * away
-
-
-class _Solid:
-    """A body that cloth is pushed out of; it moves and keeps its faces."""
-
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        self._mesh = wp.Mesh(
-            points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device="cpu"),
-            indices=wp.array(faces.astype(np.int32).ravel(), dtype=int, device="cpu"),
-        )
-
-    def move(self, vertices: np.ndarray) -> None:
-        self._mesh.points.assign(vertices)
-        self._mesh.refit()
-
-    def left_by(self, cloth: np.ndarray, average: sp.csr_matrix) -> np.ndarray:
-        """Cloth (V, 3) pushed out of the body; pushes are spread, and the last one is exact."""
-        moved_last = np.arange(len(cloth))
-        for round_ in range(_ROUNDS):
-            push = np.zeros_like(cloth)
-            push[moved_last] = self._push(cloth[moved_last])
-            if not push.any():
-                break
-            if round_ < _ROUNDS - 1:
-                for _ in range(_SPREAD):
-                    mean = average @ push
-                    longer = (mean * mean).sum(1) > (push * push).sum(1)
-                    push = np.where(longer[:, None], mean, push)
-            cloth = (cloth + push).astype(np.float32)
-            moved_last = np.flatnonzero(push.any(axis=1))  # the others are outside, and stay so
-        return cloth
-
-    def _push(self, cloth: np.ndarray) -> np.ndarray:
-        """(V, 3) the way to where each vertex is outside by the gap; zero for those that are."""
-        push = wp.zeros(len(cloth), dtype=wp.vec3, device="cpu")
-        wp.launch(
-            _measure,
-            dim=len(cloth),
-            inputs=[self._mesh.id, wp.array(cloth, dtype=wp.vec3, device="cpu")],
-            outputs=[push],
-            device="cpu",
-        )
-        return push.numpy()
 
 
 @dataclass(frozen=True)

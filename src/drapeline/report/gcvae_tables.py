@@ -34,6 +34,8 @@ _DYNAMIC = {
     "dvae_posed_4": "X = C - T, 4 frames",
     "dvae_unposed_1": "X_new, 1 frame",
     "dvae_unposed_4": "X_new, 4 frames",
+    "dvae_ours": "Ours (not in the paper), X_new, 4 frames",
+    "dvae_ours_settled": "The same, evened out and pushed out of the body",
     "skinned_static": "Static garment, skinned",
     "skinned_mean": "Static garment and mean wrinkles, skinned",
 }

@@ -15,8 +15,9 @@ from drapeline.nets.gcvae import GcvaeNetwork
 from drapeline.nets.gcvae_data import GarmentData, _Batches, as_tensors
 from drapeline.nets.gcvae_loss import GcvaeLoss, kl_nat
 from drapeline.nets.gcvae_training import GcvaeTraining, VaeSettings
+from drapeline.nets.linear_path import LinearFit, LinearPath
 from drapeline.nets.runs import train_vae
-from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS, laid_over
+from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS, dynamic_conditions, laid_over
 from gcvae_toys import ToyGarments, toy_domain
 
 SETTINGS = VaeSettings(
@@ -354,6 +355,33 @@ def test_one_cycle_rises_and_falls_to_nothing():
     assert learning_rate(1.0, "constant", 0.9) == 1.0
 
 
+def test_dynamic_variants_tell_their_offsets_and_frames():
+    assert dynamic_conditions("dvae_posed_1") == ("posed", 1)
+    assert dynamic_conditions("dvae_ours") == ("unposed", 4)
+    for variant, changes in DVAE_VARIANTS.items():
+        assert changes["training"]["version"] == dynamic_conditions(variant)[0]
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_the_posterior_is_that_of_the_whole_covariance(others):
+    """Against conditioning the joint normal of z and what is known, without its structure."""
+    rng = torch.Generator().manual_seed(others)
+    vertices, latent, channels = 6, 3, 3 + others
+    path = LinearPath(vertices, 2, latent, torch.arange(vertices), channels).double()
+    basis = torch.randn(latent, vertices * channels, generator=rng).double()
+    path.take(LinearFit(path.regression, basis, torch.tensor(0.3).double()))
+    field = torch.randn(vertices, channels, 1, generator=rng).double()
+    mask = torch.tensor([1, 1, 0, 1, 0, 1]).bool()[:, None]
+    mean, log_variance = path.posterior(field, mask, torch.zeros(1, 2).double())
+    known = mask[:, None].repeat(1, channels, 1)
+    known[:, 3:] = True
+    seen = basis[:, known.flatten()]
+    gain = seen @ torch.linalg.inv(seen.T @ seen + 0.3 * torch.eye(seen.shape[1]).double())
+    torch.testing.assert_close(mean[0], gain @ field[known])
+    covariance = torch.eye(latent).double() - gain @ seen.T
+    torch.testing.assert_close(log_variance[0].exp(), covariance.diagonal())
+
+
 def test_variants_change_what_their_rows_of_the_table_say():
     full = {"network": {"scale": 1}, "loss": {"normals": 70.0}, "training": {"mask": True}}
     assert laid_over(full, SVAE_VARIANTS["svae"]) == full
@@ -361,8 +389,8 @@ def test_variants_change_what_their_rows_of_the_table_say():
     assert not laid_over(full, SVAE_VARIANTS["svae_no_mask"])["training"]["mask"]
     for variant, changes in DVAE_VARIANTS.items():
         done = laid_over(full, changes)
-        assert done["network"]["scale"] == 2
-        assert done["training"]["version"] in variant
+        assert done["network"]["scale"] == (1 if variant == "dvae_ours" else 2)
+        assert done["training"]["version"] == dynamic_conditions(variant)[0]
 
 
 @pytest.mark.parametrize(
