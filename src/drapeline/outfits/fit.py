@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import REST_POSE
-from drapeline.outfits.solid import Solid
+from drapeline.outfits.signed_distance import SignedDistance
 
 RESIZE_PASSES = 40  # Laplacian passes over the displacements at edges of ...
 RESIZE_EDGE_M = 0.01  # ... this length; finer meshes take more for the same reach
@@ -63,7 +63,7 @@ def resized(
 def left_body(
     vertices: np.ndarray,
     average: sp.csr_matrix,
-    body: Solid,
+    body: SignedDistance,
     gap_m: float,
     keep: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:

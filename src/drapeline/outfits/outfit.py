@@ -34,7 +34,7 @@ from drapeline.outfits.ranges import (
     uniform,
 )
 from drapeline.outfits.relax import averaging_matrix
-from drapeline.outfits.solid import Solid
+from drapeline.outfits.signed_distance import SignedDistance
 from drapeline.outfits.templates import Templates
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz, write_json
@@ -257,7 +257,7 @@ def make_outfit(
     """
     mean_body = rest_body(body, np.zeros(10))
     target = rest_body(body, tightness_shape(shape, tightness, gender))
-    solid = Solid(target, body.faces)
+    solid = SignedDistance(target, body.faces)
     axis_y = float(templates.form.torso.centre[0, 1])
     garments: list[Garment] = []
     for name, about in numbers:

@@ -12,7 +12,7 @@ from drapeline.outfits.fit import (
     tightness_shape,
 )
 from drapeline.outfits.relax import averaging_matrix
-from drapeline.outfits.solid import Solid
+from drapeline.outfits.signed_distance import SignedDistance
 
 
 def tube(radius, *, low=-0.5, high=0.5, around=40, rows=30):
@@ -40,7 +40,7 @@ def ball():
 
 @pytest.fixture(scope="module")
 def solid(ball):
-    return Solid(*ball)
+    return SignedDistance(*ball)
 
 
 @pytest.mark.parametrize(("gender", "sign"), [("female", -1.0), ("male", 1.0)])

@@ -4,7 +4,7 @@ import numpy as np
 
 from drapeline.outfits.fit import rest_body
 from drapeline.outfits.forms import CELL_M, Field
-from drapeline.outfits.solid import Solid
+from drapeline.outfits.signed_distance import SignedDistance
 
 
 def test_the_form_is_symmetric(templates):
@@ -36,7 +36,7 @@ def test_the_form_s_distance_agrees_with_the_body_s(templates, toy_body):
     x = templates.form.landmarks["elbow_x"] - 0.08
     z = templates.form.landmarks["shoulder"] + np.linspace(0.06, 0.15, 8)
     points = np.column_stack([np.full(8, x), np.zeros(8), z])
-    exact, _ = Solid(body, toy_body.faces).outside(points)
+    exact, _ = SignedDistance(body, toy_body.faces).outside(points)
     np.testing.assert_allclose(templates.form.upper.value(points), exact, atol=0.015)
 
 

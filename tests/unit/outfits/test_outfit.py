@@ -13,7 +13,7 @@ from drapeline.outfits.kinds import GARMENTS, KINDS
 from drapeline.outfits.outfit import load_outfit, sample_numbers, sample_outfit
 from drapeline.outfits.own import mean_edge_m
 from drapeline.outfits.ranges import OutfitRanges
-from drapeline.outfits.solid import Solid
+from drapeline.outfits.signed_distance import SignedDistance
 from drapeline.outfits.templates import load_templates
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
@@ -26,7 +26,7 @@ def test_no_garment_starts_inside_the_body(outfits, toy_body, kind):
     outfit = outfits[kind]
     body = rest_body(toy_body, tightness_shape(outfit.shape, outfit.tightness, outfit.gender))
     for garment in outfit.garments:
-        distance, _ = Solid(body, toy_body.faces).outside(garment.vertices)
+        distance, _ = SignedDistance(body, toy_body.faces).outside(garment.vertices)
         assert distance.min() > 0.0045
 
 
@@ -35,7 +35,7 @@ def test_the_upper_garment_lies_over_the_lower_one(outfits, kind):
     inner, outer = outfits[kind].garments
     assert inner.name in ("Trousers", "Skirt")
     assert outer.name in ("Tshirt", "Top")
-    distance, _ = Solid(inner.vertices, triangulate(inner.faces)).outside(outer.vertices)
+    distance, _ = SignedDistance(inner.vertices, triangulate(inner.faces)).outside(outer.vertices)
     overlap = outer.vertices[:, 2] < inner.vertices[:, 2].max() - 0.01
     assert (distance[overlap] > 0.002).all()
 

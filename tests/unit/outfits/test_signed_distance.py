@@ -4,14 +4,14 @@ import igl
 import numpy as np
 import trimesh
 
-from drapeline.outfits.solid import Solid
+from drapeline.outfits.signed_distance import SignedDistance
 from drapeline.seeding import rng_for
 
 
 def test_distance_to_a_ball():
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
     points = np.array([[0.5, 0, 0], [0, 0, 0.31], [0.1, 0, 0]])
-    distance, way = Solid(mesh.vertices, mesh.faces).outside(points)
+    distance, way = SignedDistance(mesh.vertices, mesh.faces).outside(points)
     np.testing.assert_allclose(distance, [0.2, 0.01, -0.2], atol=2e-3)
     np.testing.assert_allclose(way[0], [1, 0, 0], atol=0.05)
     np.testing.assert_allclose(way[2], [1, 0, 0], atol=0.1)
@@ -22,7 +22,7 @@ def test_signs_are_those_of_libigl_beside_corners_and_edges():
     mesh = trimesh.creation.icosphere(subdivisions=1, radius=1.0)
     rng = rng_for(0, "star")
     vertices = mesh.vertices * rng.uniform(0.3, 1.5, (len(mesh.vertices), 1))
-    solid = Solid(vertices, mesh.faces)
+    solid = SignedDistance(vertices, mesh.faces)
     corners, normals = vertices[mesh.faces], solid.outside(vertices)[1]
     points = np.concatenate(
         [

@@ -6,7 +6,7 @@ import numpy as np
 _ON_EDGE = 1e-9  # barycentric coordinate that counts as none
 
 
-class Solid:
+class SignedDistance:
     """A closed triangle mesh: signed distances by angle-weighted pseudonormals.
 
     After Baerentzen and Aanaes (2005), as libigl's `signed_distance`, which indexes the mesh
