@@ -26,9 +26,12 @@ from drapeline.nets.represent import (
     settled_points,
     static_truth,
 )
+from drapeline.nets.sampling import BANDWIDTH
 from drapeline.outfits.kinds import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.topology import Topology
+
+_MEAN_FRAMES = 64  # that the mean wrinkle code of a type is taken of
 
 
 def static_cases(
@@ -153,7 +156,8 @@ def wrinkle_rows(
 
     Returns:
         Name -> garments: "pose" keeps code and garment, "garment" keeps code and pose, "codes,
-        at rest" and "codes, in motion" keep garment and pose under codes of the prior.
+        at rest" and "codes, in motion" keep garment and pose under codes near those of training
+        frames.
     """
     data = garments.data
     rows_by = [rows_of(garments, one) for one in files]
@@ -185,7 +189,7 @@ def wrinkle_rows(
         ]
 
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
-    drawn = rng.standard_normal((columns, z.shape[1]))
+    drawn = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
     return {
         "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
@@ -193,6 +197,26 @@ def wrinkle_rows(
         "codes,\nat rest": worn(chosen, drawn, rest),
         "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
     }
+
+
+def _wrinkle_codes(
+    rng: np.random.Generator,
+    model: DynamicVae,
+    garments: DynamicGarments,
+    name: str,
+    count: int,
+) -> np.ndarray:
+    """(count, Z) codes near those of training frames of a type, or of any if it has none.
+
+    A smoothed bootstrap, as for garments at rest: the prior mixes the wrinkles of all types.
+    """
+    data, rows = garments.data, garments.rows("train")
+    of_type = rows[data.garment[data.wearer[rows]] == GARMENTS.index(name)]
+    drawn = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
+    codes = encode_garments(model, garments, drawn).mean
+    mean = codes.mean(axis=0)
+    near, other = codes[:count] - mean, codes[count : 2 * count] - mean
+    return mean + np.sqrt(1 - BANDWIDTH**2) * near + BANDWIDTH * other
 
 
 def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:

@@ -36,7 +36,7 @@ from drapeline.storage import load_npz, save_npz, whole_folder
 
 PRIOR = "prior"
 _SHRINKAGE = 0.05
-_BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
+BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
 _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
 
 
@@ -72,7 +72,7 @@ class GarmentTypes:
         mean = self.mean[kind]
         near = self.codes[rng.choice(np.flatnonzero(self.garment == kind))] - mean
         noise = self.factor @ rng.standard_normal(len(mean))
-        return mean + np.sqrt(1 - _BANDWIDTH**2) * near + _BANDWIDTH * noise
+        return mean + np.sqrt(1 - BANDWIDTH**2) * near + BANDWIDTH * noise
 
     def log_likelihood(self, z: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Of codes (n, Z) and of the masks (n, K, V) that they give for each type: (n, K).
