@@ -27,6 +27,7 @@ with rule_log(snakemake.log[0]) as log:
         ],
         load_template(given.template).faces,
         params.components,
-        Wearers(bodies, 1) if params.located else None,
+        # Points are located by the whole body; no network sees any vertices here.
+        Wearers(bodies, count=1) if params.located else None,
     )
     log.info("%d frames", frames)

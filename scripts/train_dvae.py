@@ -30,7 +30,7 @@ with rule_log(snakemake.log[0]):
             {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
         ),
         VaeSettings.of(laid_over(snakemake.params.settings, DVAE_VARIANTS[variant])),
-        conditioning=snakemake.input.conditioning,
+        conditioning=snakemake.input.get("conditioning"),
         code=snakemake.params.code,
         progress=snakemake.params.progress,
         trainer=snakemake.params.trainer,

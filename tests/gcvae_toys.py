@@ -80,6 +80,8 @@ class ToyGarments:
         parts = (self.shape[rows], self.gender[rows, None], self.tightness[rows])
         return np.concatenate(parts, 1).astype(np.float32)
 
+    mirrored_cvar = cvar
+
     def names(self, rows):
         return [f"toy{row:03d}" for row in rows]
 

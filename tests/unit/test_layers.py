@@ -34,7 +34,12 @@ def part_of(path):
 
 
 def imports(tree):
+    """Modules that are imported, but for what only type checkers see."""
+    typing = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)]
+    unseen = {id(inner) for node in typing for inner in ast.walk(node)}
     for node in ast.walk(tree):
+        if id(node) in unseen:
+            continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -52,10 +57,11 @@ def test_imports_go_one_way(path):
             assert names[1] in MAY_IMPORT[part], f"{path.name} imports {name}"
         if names[0] in {"bpy", "bmesh", "mathutils"}:
             assert part == "blender", f"{path.name} imports {name} outside blender/"
+        # Both take seconds to import, which is why hardly any job does.
         if names[0] == "torch":
-            assert part in {"bodies", "nets"}, f"{path.name} imports torch"
+            assert part == "nets" or path.name == "bake.py", f"{path.name} imports torch"
         if names[0] in {"pytorch_lightning", "lightning"}:
-            assert part == "nets", f"{path.name} imports Lightning outside nets/"
+            assert path.name == "fitting.py", f"{path.name} imports Lightning"
         assert names[0] != "snakemake", f"{path.name} knows Snakemake"
 
 

@@ -226,6 +226,13 @@ def svae_settings(wildcards):
     return laid_over(settings, config["gcvae"]["svae_ours"])
 
 
+def svae_inputs(wildcards):
+    """Input function: the conditioning network of the paper's static variants."""
+    if wildcards.svae == "svae_ours":
+        return {}
+    return {"conditioning": f"{RESULTS}/gcvae/conditioning/static"}
+
+
 def dvae_settings(wildcards):
     """Params function: settings of the paper's dynamic model, or of ours."""
     settings = vae_settings("dvae")
@@ -237,10 +244,15 @@ def dvae_settings(wildcards):
 def dvae_inputs(wildcards):
     """Input function: frames and conditions that a dynamic variant is trained on."""
     version, frames = dynamic_conditions(wildcards.dvae)
-    return {
-        "data": f"{RESULTS}/dynamic/{version}",
-        "conditioning": f"{RESULTS}/gcvae/conditioning/{version}_{frames}",
-    }
+    files = {"data": f"{RESULTS}/dynamic/{version}"}
+    if wildcards.dvae != "dvae_ours":
+        files["conditioning"] = f"{RESULTS}/gcvae/conditioning/{version}_{frames}"
+    return files
+
+
+def dvae_data(wildcards):
+    """Input function: frames of a dynamic variant's version of the offsets."""
+    return f"{RESULTS}/dynamic/{dynamic_conditions(wildcards.dvae)[0]}"
 
 
 def conditioning_settings(wildcards):

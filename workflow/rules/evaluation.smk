@@ -122,10 +122,10 @@ rule evaluate_dynamic_baselines:
 
 rule evaluate_dvae:
     input:
-        unpack(dvae_inputs),
         **MOVING_INPUTS,
         **SUPER_BODIES,
         model=f"{RESULTS}/gcvae/{{dvae}}",
+        data=dvae_data,
         static=static_model(),
     output:
         f"{RESULTS}/metrics/{{dvae}}.tsv",

@@ -46,6 +46,7 @@ rule make_garment_template:
         f"{BENCHMARKS}/make_garment_template/{{garment}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1000,
@@ -94,6 +95,7 @@ rule fit_sample_templates:
         f"{BENCHMARKS}/fit_sample_templates/{{sample}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1000,
@@ -116,6 +118,7 @@ rule sample_clouds:
         f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{sample}}.tsv"
     conda:
         "../../envs/geometry.yaml"
+    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1500,

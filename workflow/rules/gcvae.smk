@@ -34,12 +34,12 @@ rule train_conditioning:
 
 rule train_svae:
     input:
+        unpack(svae_inputs),
         data=f"{RESULTS}/static/data",
         female=f"{RESULTS}/registration/body/female.npz",
         male=f"{RESULTS}/registration/body/male.npz",
         topology=f"{RESULTS}/registration/topology.npz",
         hierarchy=svae_hierarchy,
-        conditioning=f"{RESULTS}/gcvae/conditioning/static",
     output:
         directory(f"{RESULTS}/gcvae/{{svae}}"),
     log:
@@ -50,7 +50,7 @@ rule train_svae:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=6000,
+        mem_mb=12000,
         runtime=1440,
     params:
         settings=svae_settings,
@@ -104,7 +104,7 @@ rule train_dvae:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=6000,
+        mem_mb=12000,
         runtime=1440,
     params:
         settings=dvae_settings,

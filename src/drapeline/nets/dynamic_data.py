@@ -251,6 +251,13 @@ class DynamicGarments:
         """(n, 13 + 72 f + Z) float32: static conditions, poses, static code."""
         return self._cvar(rows, self.data.poses[rows, : self.frames])
 
+    def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, 13 + 72 f + Z) float32: conditions of the rows' mirror images.
+
+        Static codes in them stay: garments are made alike on both sides.
+        """
+        return self._cvar(rows, mirrored_poses(self.data.poses[rows, : self.frames]))
+
     def _cvar(self, rows: np.ndarray, poses: np.ndarray) -> np.ndarray:
         wearer = self.data.wearer[rows]
         flat = poses.reshape(len(rows), -1)
@@ -265,17 +272,13 @@ class DynamicGarments:
         ]
 
     def batch(self, rows: np.ndarray) -> Batch:
-        """Arrays of rows; `mirrored_cvar` holds the conditions of each one's mirror image.
-
-        Static codes in them stay: garments are made alike on both sides.
-        """
+        """Arrays of rows."""
         data, wearer = self.data, self.data.wearer[rows]
         return {
             "offsets": np.asarray(data.offsets[rows]),
             "base": np.asarray(data.base[rows]),
             "mask": np.asarray(data.mask[wearer]),
             "cvar": self.cvar(rows),
-            "mirrored_cvar": self._cvar(rows, mirrored_poses(data.poses[rows, : self.frames])),
             "topology": self.topology(rows),
             "garment": data.garment[wearer],
             "names": self.names(rows),

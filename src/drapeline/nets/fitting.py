@@ -177,6 +177,7 @@ def fit(
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
         loop = _Loop(module, data)
         engine.fit(loop, ckpt_path=last if resumed else None, weights_only=True)
+    module.position = None
     if engine.is_global_zero:
         with whole_folder(folder) as scratch:
             for name in (LAST, BEST, HISTORY, SETTINGS):

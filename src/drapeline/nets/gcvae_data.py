@@ -22,6 +22,9 @@ class Garments(Protocol):
     def topology(self, rows: np.ndarray) -> np.ndarray:
         """(n,) codes of `TOPOLOGIES`."""
 
+    def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, C) conditions of the rows' mirror images, as closed-form networks take them."""
+
     def batch(self, rows: np.ndarray) -> Batch:
         """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,), `names`, ..."""
 
@@ -123,10 +126,10 @@ class GarmentData:
                 )
 
     def loader(self, split: str, *, processes: int = 1, rank: int = 0) -> DataLoader:
-        """Shuffled batches of the training split, or those of another split in order.
+        """Shuffled batches of the training split, or those of the validation split in order.
 
         Args:
-            split: whose rows.
+            split: "train" or "val".
             processes: that train together, each on its share of the batches.
             rank: which of them this is.
         """

@@ -48,7 +48,7 @@ class LinearSize:
     steepness: float = 6.0
 
 
-class Linear(GarmentVae):
+class LinearGarmentVae(GarmentVae):
     """Probabilistic PCA of partly missing fields as a conditional VAE, refined by a graph U-Net.
 
     Posterior and decoder of the linear path are exact and found before training. Training fits
@@ -95,7 +95,8 @@ class Linear(GarmentVae):
         fields, known, conditions = self._known(batch)
         mirror = mirror_of(self.domain.body_mean.astype(np.float64), self.domain.faces["body"])
         if mirror is not None:  # a garment's mirror image is a garment too
-            seen = self._known(self.mirror_images(batch, mirror))
+            image = {**mirrored(batch, mirror), "cvar": garments.mirrored_cvar(rows)}
+            seen = self._known(image)
             fields, known, conditions = (
                 torch.cat(pair) for pair in zip((fields, known, conditions), seen, strict=True)
             )
@@ -108,14 +109,6 @@ class Linear(GarmentVae):
             ridge=self.size.ridge,
         )
         self.linear.take(fit._replace(noise=fit.noise.clamp_min(self.size.noise)))
-
-    def mirror_images(self, batch: Batch, mirror: np.ndarray) -> Batch:
-        """A batch with left and right exchanged.
-
-        Args:
-            mirror: (V,) vertex on the other side.
-        """
-        return mirrored(batch, mirror)
 
     def _known(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Fields (n, V * channels), where they are known, and normalised conditions (n, C)."""
@@ -189,7 +182,7 @@ class Linear(GarmentVae):
         return units * self.size.unit_m + self.offset_mean[..., None]
 
 
-class LinearVae(Linear, StaticVae):
+class LinearVae(LinearGarmentVae, StaticVae):
     """Garments at rest. Where the mask ends is a fourth channel: a ramp across the hem."""
 
     kind = "linear"
@@ -206,7 +199,7 @@ class LinearVae(Linear, StaticVae):
         return torch.cat([self.units(part), self.size.field * ramp[:, None]], 1)
 
 
-class LinearDynamicVae(Linear, DynamicVae):
+class LinearDynamicVae(LinearGarmentVae, DynamicVae):
     """Garments in motion. The mask is that of the static garment, so a field is offsets alone.
 
     A few sequences say little about what poses and static codes do to cloth, so the regression on
@@ -226,13 +219,6 @@ class LinearDynamicVae(Linear, DynamicVae):
     def fields(self, name: str, part: Part) -> torch.Tensor:
         """(V, 3, B_t): offsets from their mean in `unit_m`."""
         return self.units(part)
-
-    def mirror_images(self, batch: Batch, mirror: np.ndarray) -> Batch:
-        """Garments and poses with left and right exchanged.
-
-        The static code stays: garments are made alike on both sides.
-        """
-        return {**mirrored(batch, mirror), "cvar": batch["mirrored_cvar"]}
 
 
 def mirrored(batch: Batch, mirror: np.ndarray) -> Batch:

@@ -28,7 +28,7 @@ def train_vae(
     domain: Domain,
     settings: VaeSettings,
     *,
-    conditioning: str | Path,
+    conditioning: str | Path | None,
     code: str,
     progress: str | Path,
     trainer: dict[str, Any],
@@ -37,7 +37,7 @@ def train_vae(
     """Train a garment VAE and leave a folder as `fit` does; see there for the arguments.
 
     Args:
-        conditioning: folder of the trained conditioning autoencoder.
+        conditioning: folder of the trained conditioning autoencoder, for networks that have one.
         code: digest of the code; a training is taken up again by the same code alone.
     """
     training = settings.training

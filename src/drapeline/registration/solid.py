@@ -103,7 +103,9 @@ def settled(
         ValueError: cloth and bodies are of unlike numbers of frames.
     """
     if len(cloth) != len(bodies):
-        raise ValueError(f"expected a body per frame of cloth, got {len(bodies)} and {len(cloth)}")
+        raise ValueError(
+            f"{len(cloth)} frames of cloth came with {len(bodies)} bodies, expected one per frame"
+        )
     average, solid = averaging_matrix(faces, cloth.shape[1]), Solid(bodies[0], body_faces)
     out = np.zeros(cloth.shape, dtype=np.float32)
     for frame, (points, body) in enumerate(zip(cloth, bodies, strict=True)):

@@ -130,6 +130,10 @@ class StaticData:
         """(n, 13) float32 conditions: shape, gender, signed tightness."""
         return static_cvar(self.shape[rows], self.gender[rows], self.tightness[rows])
 
+    def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, 13) float32 conditions of the rows' mirror images: those of the rows."""
+        return self.cvar(rows)
+
     def topology(self, rows: np.ndarray) -> np.ndarray:
         """(n,) codes of `TOPOLOGIES`."""
         return topology_codes(self.garment[rows])

@@ -1,17 +1,16 @@
 """Poses in a mirror."""
 
 import numpy as np
-import torch
 
 from drapeline.bodies.kinematics import mirrored_poses
-from drapeline.bodies.model import axis_angle_to_matrix
+from drapeline.bodies.skinning import axis_angle_to_matrix
 from drapeline.frames import JOINT_NAMES
 
 POSES = np.random.default_rng(0).uniform(-2, 2, (3, 4, 72)).astype(np.float32)
 
 
 def rotations(poses):
-    return axis_angle_to_matrix(torch.from_numpy(poses).unflatten(-1, (24, 3))).numpy()
+    return axis_angle_to_matrix(poses.reshape(*poses.shape[:-1], 24, 3))
 
 
 def test_a_joint_turns_as_the_other_sides_mirror_image():

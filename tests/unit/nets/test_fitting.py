@@ -39,8 +39,9 @@ class One:
 
 
 def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
+    line = Line()
     fit(
-        Line(),
+        line,
         One(),
         tmp_path / "out",
         progress=tmp_path / "progress",
@@ -50,6 +51,7 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
         trainer={"accelerator": "cpu"},
         threads=1,
     )
+    assert line.position is None  # no longer in training
     best, last = (
         float(torch.load(tmp_path / "out" / name, weights_only=True)["state_dict"]["x"])
         for name in ("best.ckpt", "last.ckpt")

@@ -44,15 +44,15 @@ def test_each_frame_settles_on_its_own_body():
     body, body_faces = ball(RADIUS_M)
     cloth, faces = ball(RADIUS_M - 0.01)
     shift = np.array([0.3, 0.0, 0.0])
-    both = settled(np.stack([cloth, cloth + shift]), faces, np.stack([body, body + shift]),
-                   body_faces)  # fmt: skip
+    bodies = np.stack([body, body + shift])
+    both = settled(np.stack([cloth, cloth + shift]), faces, bodies, body_faces)
     # Which of two faces at one distance is nearest is a matter of rounding.
     np.testing.assert_allclose(both[1], both[0] + shift, atol=2e-3)
 
 
 def test_a_body_is_wanted_for_every_frame():
     body, body_faces = ball(RADIUS_M)
-    with pytest.raises(ValueError, match="got 1 and 2"):
+    with pytest.raises(ValueError, match="2 frames of cloth came with 1 bodies"):
         settled(np.stack([body, body]), body_faces, body[None], body_faces)
 
 

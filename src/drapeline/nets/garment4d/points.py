@@ -142,11 +142,12 @@ class Recall:
         self, windows: Sequence[Hashable], answers: Sequence[tuple[torch.Tensor, ...]]
     ) -> None:
         small = [tuple(_shortened(x) for x in answer) for answer in answers]
+        size = sum(x.nbytes for one in small for x in one) // len(windows)
         for row, window in enumerate(windows):
-            own = [tuple(x.chunk(len(windows))[row].clone() for x in one) for one in small]
-            size = sum(x.nbytes for one in own for x in one)
             if window not in self._known and size <= self._room:
-                self._known[window] = own
+                self._known[window] = [
+                    tuple(x.chunk(len(windows))[row].clone() for x in one) for one in small
+                ]
                 self._room -= size
 
 

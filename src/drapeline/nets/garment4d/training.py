@@ -309,7 +309,12 @@ class PosedStage(Stage):
             levels = self.levels(batch["points"][new]).levels
             found |= self.keep([keys[row] for row in new], levels)
         windows = zip(*(found[key] for key in keys), strict=True)  # level by level
-        return [PointLevel(*(torch.cat(x) for x in zip(*level, strict=True))) for level in windows]
+        # They were found before the network was moved to where it is trained.
+        device = batch["points"].device
+        return [
+            PointLevel(*(torch.cat(x).to(device) for x in zip(*level, strict=True)))
+            for level in windows
+        ]
 
     def keep(
         self, keys: Sequence[tuple[int, int]], levels: Sequence[PointLevel]
