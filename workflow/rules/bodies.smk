@@ -53,9 +53,9 @@ rule animate_body:
         f"{LOGS}/animate_body/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/animate_body/{{sample}}.tsv"
+    priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"
-    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=2000,

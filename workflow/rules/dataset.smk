@@ -11,9 +11,9 @@ rule write_sample:
         f"{LOGS}/write_sample/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/write_sample/{{sample}}.tsv"
+    priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"
-    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=1500,

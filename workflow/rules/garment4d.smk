@@ -44,9 +44,9 @@ rule make_garment_template:
         f"{LOGS}/make_garment_template/{{garment}}.log",
     benchmark:
         f"{BENCHMARKS}/make_garment_template/{{garment}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1000,
@@ -69,9 +69,9 @@ rule fit_static_templates:
         f"{LOGS}/fit_static_templates/{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/fit_static_templates/{{shard}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1000,
@@ -93,9 +93,9 @@ rule fit_sample_templates:
         f"{LOGS}/fit_sample_templates/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/fit_sample_templates/{{sample}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1000,
@@ -116,9 +116,9 @@ rule sample_clouds:
         f"{LOGS}/sample_clouds_{{protocol}}/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{sample}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=1500,
@@ -142,9 +142,9 @@ rule skin_static:
         f"{LOGS}/skin_static/{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/skin_static/{{shard}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=2000,
@@ -170,9 +170,9 @@ rule collect_garment4d:
         f"{LOGS}/collect_garment4d/{{garment}}_{{protocol}}.log",
     benchmark:
         f"{BENCHMARKS}/collect_garment4d/{{garment}}_{{protocol}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/train.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=4000,
@@ -195,9 +195,9 @@ rule train_garment4d_canonical:
         f"{LOGS}/train_garment4d_canonical/{{garment}}_{{canonical}}.log",
     benchmark:
         f"{BENCHMARKS}/train_garment4d_canonical/{{garment}}_{{canonical}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/train.yaml"
-    priority: LONG_CHAIN
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
@@ -223,9 +223,9 @@ rule train_garment4d_posed:
         f"{LOGS}/train_garment4d_posed/{{garment}}_{{posed}}.log",
     benchmark:
         f"{BENCHMARKS}/train_garment4d_posed/{{garment}}_{{posed}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/train.yaml"
-    priority: LONG_CHAIN
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
@@ -255,9 +255,9 @@ rule evaluate_garment4d:
         f"{LOGS}/evaluate_garment4d/{{garment}}_{{models}}.log",
     benchmark:
         f"{BENCHMARKS}/evaluate_garment4d/{{garment}}_{{models}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/train.yaml"
-    priority: LONG_CHAIN
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,

@@ -32,9 +32,9 @@ rule make_outfit:
         f"{LOGS}/make_outfit/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/make_outfit/{{sample}}.tsv"
+    priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"
-    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=2000,

@@ -10,9 +10,9 @@ rule simulate_outfit:
         f"{LOGS}/simulate_outfit/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/simulate_outfit/{{sample}}.tsv"
+    priority: SAMPLES_FIRST
     conda:
         "../../envs/blender.yaml"
-    priority: SAMPLES_FIRST
     threads: 1
     resources:
         mem_mb=3000,

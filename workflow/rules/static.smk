@@ -12,9 +12,9 @@ rule static_outfits:
         f"{LOGS}/static_outfits/{{shard}}.log",
     benchmark:
         f"{BENCHMARKS}/static_outfits/{{shard}}.tsv"
+    priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
-    priority: LONG_CHAIN
     threads: 1
     resources:
         mem_mb=2000,
