@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
-CORE = {"errors", "seeding", "storage", "rule_log", "mesh", "frames"}
+CORE = {"errors", "seeding", "storage", "rule_log", "mesh", "warp_mesh", "frames"}
 MAY_IMPORT = {
     **dict.fromkeys([*CORE, "settings", "preflight", "source_digest"], CORE),
     "bodies": CORE | {"bodies"},

@@ -21,8 +21,7 @@ from drapeline.frames import FPS
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.seeding import rng_for
 from drapeline.storage import mapped, read_json, whole_folder, write_json
-
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import warp_mesh
 
 LABELS = (BODY, *GARMENTS)  # index = label of a point
 
@@ -207,10 +206,7 @@ class CloudSampler:
                 [t + start for t, start in zip(self._triangles, starts, strict=True)]
             ).astype(np.int32)
         if self._mesh is None or self._frames % _REBUILD == 0:
-            self._mesh = wp.Mesh(
-                points=wp.array(vertices, dtype=wp.vec3, device="cpu"),
-                indices=wp.array(self._corners.ravel(), dtype=int, device="cpu"),
-            )
+            self._mesh = warp_mesh(vertices, self._corners)
         else:
             self._mesh.points.assign(vertices)
             self._mesh.refit()

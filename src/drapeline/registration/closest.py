@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import warp_mesh
 
 _FAR_M = 1.0e3
 
@@ -34,10 +34,7 @@ def closest_points(
         Places (P, 3) float32 on the surface, and the faces (P,) that they lie on.
     """
     device = "cpu"
-    mesh = wp.Mesh(
-        points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=device),
-        indices=wp.array(faces.astype(np.int32).ravel(), dtype=int, device=device),
-    )
+    mesh = warp_mesh(vertices, faces)
     place = wp.zeros(len(points), dtype=wp.vec3, device=device)
     face = wp.zeros(len(points), dtype=int, device=device)
     wp.launch(

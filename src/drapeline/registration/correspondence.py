@@ -9,8 +9,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
 from drapeline.mesh import edge_graph, faces_within, vertex_normals
-
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import warp_mesh
 
 _REACH_M = 0.08  # deformed cloth further from the body than this was not laid on it
 _SNAP_EDGES = 0.5  # a vertex beyond the cloth by less than this many body edges stands for its rim
@@ -415,10 +414,7 @@ def _nearest(
     def array(values: np.ndarray, dtype: type) -> wp.array:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
 
-    mesh = wp.Mesh(
-        points=array(vertices.astype(np.float32), wp.vec3),
-        indices=array(triangles.astype(np.int32).ravel(), int),
-    )
+    mesh = warp_mesh(vertices, triangles)
     count = len(points)
     face = wp.zeros(count, dtype=int, device=device)
     weights = wp.zeros(count, dtype=wp.vec3, device=device)

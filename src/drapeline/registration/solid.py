@@ -5,8 +5,7 @@ import scipy.sparse as sp
 import warp as wp
 
 from drapeline.outfits.relax import averaging_matrix
-
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import warp_mesh
 
 _GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps
 _DEEP_M = 0.1  # cloth deeper in the body than this is left there: the way out is a guess
@@ -42,10 +41,7 @@ class Solid:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        self._mesh = wp.Mesh(
-            points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device="cpu"),
-            indices=wp.array(faces.astype(np.int32).ravel(), dtype=int, device="cpu"),
-        )
+        self._mesh = warp_mesh(vertices, faces)
 
     def move(self, vertices: np.ndarray) -> None:
         """Take another pose: vertices (B, 3) in metres."""

@@ -8,8 +8,7 @@ import warp as wp
 
 from drapeline.mesh import triangulate, vertex_normals
 from drapeline.report.camera import Camera
-
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import warp_mesh
 
 
 @dataclass(frozen=True)
@@ -69,10 +68,7 @@ def cast_rays(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], camer
     # Rays of length one along the optical axis: the distance along a ray is the depth.
     rays = pixels @ np.linalg.inv(camera.intrinsics).T @ camera.axes
     device = "cpu"
-    mesh = wp.Mesh(
-        points=wp.array(vertices, dtype=wp.vec3, device=device),
-        indices=wp.array(corners.astype(np.int32).ravel(), dtype=int, device=device),
-    )
+    mesh = warp_mesh(vertices, corners)
     depth = wp.zeros(len(rays), dtype=float, device=device)
     face = wp.zeros(len(rays), dtype=int, device=device)
     corner = wp.zeros(len(rays), dtype=wp.vec2, device=device)

@@ -12,8 +12,7 @@ import warp as wp
 
 from drapeline.mesh import triangulate, vertex_normals
 from drapeline.report.camera import Camera
-
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import warp_mesh
 
 
 @dataclass(frozen=True)
@@ -237,10 +236,7 @@ def studio_picture(
     corners = np.concatenate([t + s for t, s in zip(triangles, starts[:-1], strict=True)])
     linear = _linear(np.array([p.colour for p in parts], dtype=np.float64))
     device = "cpu"
-    mesh = wp.Mesh(
-        points=wp.array(vertices, dtype=wp.vec3, device=device),
-        indices=wp.array(corners.astype(np.int32).ravel(), dtype=int, device=device),
-    )
+    mesh = warp_mesh(vertices, corners)
     image = wp.zeros(camera.width * camera.height, dtype=wp.vec3, device=device)
     wp.launch(
         _expose,
