@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from imported_modules import imported_modules
+
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
 CORE = {"errors", "seeding", "storage", "rule_log", "mesh", "warp_mesh", "frames"}
@@ -33,25 +35,12 @@ def part_of(path):
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
-def imports(tree):
-    """Modules that are imported, but for what only type checkers see."""
-    typing = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)]
-    unseen = {id(inner) for node in typing for inner in ast.walk(node)}
-    for node in ast.walk(tree):
-        if id(node) in unseen:
-            continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield node.module
-
-
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_imports_go_one_way(path):
     part = part_of(path)
     if part == "__init__":
         return
-    for name in imports(ast.parse(path.read_text())):
+    for name in imported_modules(path.read_text()):
         names = name.split(".")
         if names[0] == "drapeline" and len(names) > 1:
             assert names[1] in MAY_IMPORT[part], f"{path.name} imports {name}"
@@ -98,5 +87,5 @@ def test_rule_scripts_stay_thin_and_never_import_each_other():
     for path in sorted((ROOT / "scripts").glob("*.py")):
         code = [line for line in path.read_text().splitlines() if line.strip()]
         assert len(code) <= 60, f"{path.name} has {len(code)} lines"
-        for name in imports(ast.parse(path.read_text())):
+        for name in imported_modules(path.read_text()):
             assert name.split(".")[0] not in {p.stem for p in (ROOT / "scripts").glob("*.py")}

@@ -1,6 +1,5 @@
 """envs/*.yaml name the versions of requirements.lock, and all that their rules import."""
 
-import ast
 import re
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 import yaml
 
 from drapeline.source_digest import imported_files
+from imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
 PINS = dict(
@@ -60,22 +60,10 @@ def script_environments():
 
 def third_party(path):
     """Distributions that a file imports, but for what only type checkers see."""
-    tree = ast.parse(path.read_text())
-    typing = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)]
-    unseen = {id(inner) for node in typing for inner in ast.walk(node)}
-    for node in ast.walk(tree):
-        if id(node) in unseen:
-            continue
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [node.module]
-        else:
-            continue
-        for name in names:
-            top = name.split(".")[0]
-            if top not in sys.stdlib_module_names | {"drapeline", "snakemake"}:
-                yield DISTRIBUTIONS.get(top, top)
+    for name in imported_modules(path.read_text()):
+        top = name.split(".")[0]
+        if top not in sys.stdlib_module_names | {"drapeline", "snakemake"}:
+            yield DISTRIBUTIONS.get(top, top)
 
 
 @pytest.mark.parametrize(("script", "environment"), sorted(set(script_environments())))

@@ -218,12 +218,15 @@ def vae_settings(kind):
     }
 
 
-def svae_settings(wildcards):
-    """Params function: settings of the paper's static model, or of ours."""
-    settings = vae_settings("svae")
-    if wildcards.svae != "svae_ours":
-        return settings
-    return laid_over(settings, config["gcvae"]["svae_ours"])
+def trained_settings(kind):
+    """Params function: settings of the paper's model of a kind, or of ours."""
+
+    def settings(wildcards):
+        paper, variant = vae_settings(kind), wildcards.get(kind)
+        ours = f"{kind}_ours"
+        return laid_over(paper, config["gcvae"][ours]) if variant == ours else paper
+
+    return settings
 
 
 def svae_inputs(wildcards):
@@ -233,26 +236,17 @@ def svae_inputs(wildcards):
     return {"conditioning": f"{RESULTS}/gcvae/conditioning/static"}
 
 
-def dvae_settings(wildcards):
-    """Params function: settings of the paper's dynamic model, or of ours."""
-    settings = vae_settings("dvae")
-    if wildcards.dvae != "dvae_ours":
-        return settings
-    return laid_over(settings, config["gcvae"]["dvae_ours"])
-
-
-def dvae_inputs(wildcards):
-    """Input function: frames and conditions that a dynamic variant is trained on."""
-    version, frames = dynamic_conditions(wildcards.dvae)
-    files = {"data": f"{RESULTS}/dynamic/{version}"}
-    if wildcards.dvae != "dvae_ours":
-        files["conditioning"] = f"{RESULTS}/gcvae/conditioning/{version}_{frames}"
-    return files
-
-
 def dvae_data(wildcards):
     """Input function: frames of a dynamic variant's version of the offsets."""
     return f"{RESULTS}/dynamic/{dynamic_conditions(wildcards.dvae)[0]}"
+
+
+def dvae_inputs(wildcards):
+    """Input function: the conditioning network of the paper's dynamic variants."""
+    if wildcards.dvae == "dvae_ours":
+        return {}
+    version, frames = dynamic_conditions(wildcards.dvae)
+    return {"conditioning": f"{RESULTS}/gcvae/conditioning/{version}_{frames}"}
 
 
 def conditioning_settings(wildcards):

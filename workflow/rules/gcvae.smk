@@ -53,7 +53,7 @@ rule train_svae:
         mem_mb=12000,
         runtime=1440,
     params:
-        settings=svae_settings,
+        settings=trained_settings("svae"),
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("svae"),
         code=source_hash("train_svae"),
@@ -89,6 +89,7 @@ rule collect_dynamic:
 rule train_dvae:
     input:
         unpack(dvae_inputs),
+        data=dvae_data,
         svae=static_model(),
         female=f"{RESULTS}/registration/body/female.npz",
         male=f"{RESULTS}/registration/body/male.npz",
@@ -107,7 +108,7 @@ rule train_dvae:
         mem_mb=12000,
         runtime=1440,
     params:
-        settings=dvae_settings,
+        settings=trained_settings("dvae"),
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("dvae"),
         code=source_hash("train_dvae"),

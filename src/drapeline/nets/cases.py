@@ -21,12 +21,11 @@ from drapeline.nets.represent import (
     StaticGarments,
     decode_codes,
     encode_garments,
-    moving_points,
     rows_of,
-    settled_points,
+    shown_points,
     static_truth,
 )
-from drapeline.nets.sampling import BANDWIDTH
+from drapeline.nets.sampling import smoothed
 from drapeline.outfits.kinds import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.topology import Topology
@@ -111,9 +110,7 @@ def moving_cases(
         z = encode_garments(model, garments, row).mean
         body = super_bodies[moving.gender]
         frame = garments.data.frame[row]
-        points = moving_points(model, garments, row, moving, body, z)
-        if model.settles:
-            points = settled_points(moving, body, topology, points, moving.poses[frame])
+        points = shown_points(model, garments, row, moving, body, topology, z)
         (true,) = moving.points(frame)
         mask = moving.registered.mask
         true, predicted = moving.on_vertices(true), moving.on_vertices(points[0])
@@ -174,9 +171,7 @@ def wrinkle_rows(
         other = shown[which]
         own = np.repeat(rows_by[which][:1], len(codes))
         body = super_bodies[other.gender]
-        points = moving_points(model, garments, own, other, body, codes, poses)
-        if model.settles:
-            points = settled_points(other, body, topology, points, poses[:, 0])
+        points = shown_points(model, garments, own, other, body, topology, codes, poses)
         faces, mask = topology.faces_of(other.name), other.registered.mask
         return [
             WornGarment(
@@ -215,8 +210,7 @@ def _wrinkle_codes(
     drawn = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
     codes = encode_garments(model, garments, drawn).mean
     mean = codes.mean(axis=0)
-    near, other = codes[:count] - mean, codes[count : 2 * count] - mean
-    return mean + np.sqrt(1 - BANDWIDTH**2) * near + BANDWIDTH * other
+    return smoothed(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
 
 
 def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:

@@ -21,7 +21,7 @@ from drapeline.nets.gcvae_loss import (
     offset_sums,
 )
 from drapeline.nets.mesh_normals import FaceNormals
-from drapeline.nets.trained import Position, Trained, Training, plain
+from drapeline.nets.trained import Trained, Training, plain
 from drapeline.registration.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
@@ -247,12 +247,11 @@ class GarmentVae(Trained):
         code = self.encode_parts(parts)
         z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
         out = self.decode_parts(z, cvar, counts)
-        at = self.position or Position()
-        terms = self.garment_terms(parts, out, at.step % len(self.normals["body"].edges))
+        terms = self.garment_terms(parts, out, self.at.step % len(self.normals["body"].edges))
         terms |= self.code_terms(code, cvar)
         scale = {
             "offsets": 1.0,
-            "kl": self.settings.loss.kl_weight(at.epoch / self.settings.training.epochs),
+            "kl": self.settings.loss.kl_weight(self.at.epoch / self.settings.training.epochs),
         }
         loss = sum(
             (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
@@ -327,8 +326,7 @@ class GarmentVae(Trained):
 
     def _noise(self, like: torch.Tensor) -> torch.Tensor:
         """Standard normal numbers of seed, step and rank alone, so that a resume draws the same."""
-        at = self.position or Position()
-        rng = rng_for(self.settings.training.seed, "noise", at.step, at.rank)
+        rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
         return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
 
     def about(self) -> dict[str, Any]:

@@ -203,6 +203,28 @@ def settled_points(
     return settled(points, faces, posed_vertices(body, moving.shape, poses)[0], topology.faces)
 
 
+def shown_points(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    rows: np.ndarray,
+    moving: MovingGarment,
+    body: BodyModel,
+    topology: Topology,
+    z: np.ndarray,
+    poses: np.ndarray | None = None,
+) -> np.ndarray:
+    """Decoded points (n, M, 3) of one garment as pictures show them: settled if the model's are.
+
+    Args:
+        others: as for `moving_points` and `settled_points`.
+    """
+    points = moving_points(model, garments, rows, moving, body, z, poses)
+    if not model.settles:
+        return points
+    poses = garments.data.poses[rows] if poses is None else poses
+    return settled_points(moving, body, topology, points, poses[:, 0])
+
+
 def rows_of(garments: DynamicGarments, moving: MovingGarment | MovingFiles) -> np.ndarray:
     """Rows of a dataset that are frames of one garment, in their order."""
     data = garments.data

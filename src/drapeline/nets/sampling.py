@@ -36,7 +36,7 @@ from drapeline.storage import load_npz, save_npz, whole_folder
 
 PRIOR = "prior"
 _SHRINKAGE = 0.05
-BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
+_BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
 _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
 
 
@@ -72,7 +72,7 @@ class GarmentTypes:
         mean = self.mean[kind]
         near = self.codes[rng.choice(np.flatnonzero(self.garment == kind))] - mean
         noise = self.factor @ rng.standard_normal(len(mean))
-        return mean + np.sqrt(1 - BANDWIDTH**2) * near + BANDWIDTH * noise
+        return smoothed(mean, near, noise)
 
     def log_likelihood(self, z: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Of codes (n, Z) and of the masks (n, K, V) that they give for each type: (n, K).
@@ -86,6 +86,16 @@ class GarmentTypes:
         known = self.share > 0
         prior = np.where(known, np.log(np.where(known, self.share, 1)), -np.inf)
         return prior + by_code + z.shape[1] * by_vertex.mean(axis=2)
+
+
+def smoothed(mean: np.ndarray, near: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """A smoothed bootstrap that keeps mean and covariance.
+
+    Args:
+        mean: (Z,) of the codes.
+        near, noise: (..., Z) deviations from it, of a code that is known and of any other.
+    """
+    return mean + np.sqrt(1 - _BANDWIDTH**2) * near + _BANDWIDTH * noise
 
 
 def fit_types(codes: Codes, garment: np.ndarray, mask: np.ndarray) -> GarmentTypes:

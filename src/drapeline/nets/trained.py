@@ -71,6 +71,11 @@ class Trained(torch.nn.Module, ABC):
         self.logged: list[Logged] = []
 
     @property
+    def at(self) -> Position:
+        """Where its training is, or would begin."""
+        return self.position or Position()
+
+    @property
     def device(self) -> torch.device:
         """Where its weights are."""
         return next(self.parameters()).device
@@ -108,9 +113,8 @@ class Trained(torch.nn.Module, ABC):
         if torch.isfinite(loss):
             return
         values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
-        at = self.position or Position()
         raise InputError(
-            f"training stopped in epoch {at.epoch}, step {at.step}: the loss"
+            f"training stopped in epoch {self.at.epoch}, step {self.at.step}: the loss"
             f" is {float(loss.detach())} ({values}) for samples {', '.join(names)};"
             " expected a finite loss"
         )
