@@ -6,6 +6,8 @@ TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
     *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
 ]
+# Whether networks ask where on the known body points are.
+LOCATED = config["garment4d"]["canonical"]["network"]["located"]
 POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
 # Which trained models of the posed stage each evaluation holds.
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
@@ -161,7 +163,7 @@ rule skin_static:
 rule collect_garment4d:
     input:
         unpack(garment_sequences),
-        **WHOLE_BODIES,
+        **(WHOLE_BODIES if LOCATED else {}),
         template=f"{G4D}/{{garment}}/template.npz",
         fits=TEMPLATE_FITS,
     output:
@@ -179,7 +181,7 @@ rule collect_garment4d:
         runtime=240,
     params:
         components=lookup(dpath="garment4d/components", within=config),
-        located=lookup(dpath="garment4d/canonical/network/located", within=config),
+        located=LOCATED,
         code=source_hash("collect_garment4d"),
     script:
         "../../scripts/collect_garment4d.py"
