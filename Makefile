@@ -20,7 +20,7 @@ report: .venv/ready
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
 
 test: .venv/ready
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: .venv/ready
 	$(BIN)/ruff check .

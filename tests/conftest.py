@@ -11,6 +11,11 @@ from drapeline.frames import GENDERS
 from toys import toy_body as build_toy_body
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Start with the longest file, or it would end long after the others."""
+    items.sort(key=lambda item: item.path.name != "test_end_to_end.py")
+
+
 @pytest.fixture(scope="session")
 def toy_body() -> BodyModel:
     """A small closed body of round limbs, always at hand."""

@@ -381,12 +381,6 @@ rule plot_garment4d_steps:
             category="Garment4D",
             labels={"shows": "figure 5: reconstructions"},
         ),
-        moving=report(
-            f"{RESULTS}/report/garment4d_moving.png",
-            caption="../report/garment4d_steps.rst",
-            category="Garment4D",
-            labels={"shows": "a reconstruction in motion"},
-        ),
     log:
         f"{LOGS}/plot_garment4d_steps.log",
     benchmark:
@@ -401,6 +395,32 @@ rule plot_garment4d_steps:
         code=source_hash("plot_garment4d_steps"),
     script:
         "../../scripts/plot_garment4d_steps.py"
+
+
+rule animate_garment4d:
+    input:
+        rules.plot_garment4d_steps.input,
+    output:
+        report(
+            f"{RESULTS}/report/garment4d_moving.png",
+            caption="../report/garment4d_steps.rst",
+            category="Garment4D",
+            labels={"shows": "a reconstruction in motion"},
+        ),
+    log:
+        f"{LOGS}/animate_garment4d.log",
+    benchmark:
+        f"{BENCHMARKS}/animate_garment4d.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        code=source_hash("animate_garment4d"),
+    script:
+        "../../scripts/animate_garment4d.py"
 
 
 rule plot_garment_spaces:

@@ -5,7 +5,7 @@ nor over windows that repeat frames. Vertices are those of a garment template, i
 frame that prediction and truth share.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
+from drapeline.errors import InputError
 from drapeline.mesh import Mesh
 from drapeline.metrics.garment_metrics import area_distance_mm, inside_measures
 from drapeline.metrics.table import MetricRow, summary_rows
@@ -108,6 +109,28 @@ def load_reconstruction(path: str | Path) -> Reconstruction:
     values = {name: arrays[name] for name in names}
     words = {name: str(values[name]) for name in ("name", "garment")}
     return Reconstruction(**{**values, **words})
+
+
+def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Path]]:
+    """Of each type the first test sequence; names of simulated ones come before the others'.
+
+    Args:
+        folders: a folder of reconstructions per type.
+
+    Returns:
+        The files of the paper's network and of ours, for every type that has any.
+
+    Raises:
+        InputError: no type has one.
+    """
+    folders = list(folders)
+    ours = [path for folder in folders for path in sorted(Path(folder).glob("*_ours.npz"))[:1]]
+    if not ours:
+        raise InputError(
+            f"{folders[0]}: no sequence of any type is in the test split, expected one or"
+            " more; ask for more samples or for a larger share"
+        )
+    return [(path.with_name(path.name.replace("_ours", "")), path) for path in ours]
 
 
 def vertex_errors_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from drapeline.metrics.garment4d import (
     Wearer,
     acceleration_error_m_s2,
     canonical_measures,
+    first_reconstructions,
     inside_means,
     load_reconstruction,
     segmentation_accuracy,
@@ -205,3 +206,18 @@ def test_reconstructions_survive_a_file(tmp_path):
     save_npz(tmp_path / "r.npz", name="00001")
     with pytest.raises(InputError, match="garment"):
         load_reconstruction(tmp_path / "r.npz")
+
+
+def test_of_each_type_with_a_reconstruction_the_first_is_shown_in_both_variants(tmp_path):
+    folders = [tmp_path / name for name in ("Skirt", "Tshirt", "Trousers")]
+    for folder, names in zip(folders, (["00002", "00001"], [], ["x"]), strict=True):
+        folder.mkdir()
+        for name in names:
+            for file in (f"{name}.npz", f"{name}_ours.npz"):
+                (folder / file).touch()
+    assert first_reconstructions(folders) == [
+        (folders[0] / "00001.npz", folders[0] / "00001_ours.npz"),
+        (folders[2] / "x.npz", folders[2] / "x_ours.npz"),
+    ]
+    with pytest.raises(InputError, match="Tshirt: no sequence of any type is in the test split"):
+        first_reconstructions(iter(folders[1:2]))

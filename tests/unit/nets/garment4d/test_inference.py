@@ -1,5 +1,6 @@
 """Whole toy sequences through networks whose answer is known."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
 from drapeline.metrics.garment4d import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
+from drapeline.nets.garment4d import evaluation as evaluation_module
 from drapeline.nets.garment4d.data import SequenceData
 from drapeline.nets.garment4d.evaluation import Evaluation, EvaluationSettings, evaluate
 from drapeline.nets.garment4d.inference import (
@@ -318,6 +320,26 @@ def test_a_noisy_body_reaches_canonical_stages_that_points_are_located_for(data,
         for variant in ("canonical", "canonical_noisy_body")
     )
     assert plain != noisy
+
+
+def test_stages_share_what_one_canonical_network_says_of_one_body(data, identity, monkeypatch):
+    asked = []
+
+    def counted(*args, **options):
+        asked.append(options)
+        return estimate(*args, **options)
+
+    monkeypatch.setattr(evaluation_module, "estimate", counted)
+    other = copy.deepcopy(identity)
+    with torch.no_grad():
+        next(other.canonical.network.parameters()).mul_(2)
+    evaluation = Evaluation(data, "test", EvaluationSettings())
+    sequences = len(evaluation.moving)
+    for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
+        list(evaluation.posed("posed", stage))
+        assert len(asked) == expected * sequences
+    evaluation.noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
+    assert len(asked) == 3 * sequences
 
 
 def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):

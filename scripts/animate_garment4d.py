@@ -1,0 +1,25 @@
+"""Rule `animate_garment4d`: a reconstruction in motion."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from drapeline.metrics.garment4d import first_reconstructions, load_reconstruction
+from drapeline.report.garment4d_figures import animate_steps
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+_FRAMES = 24
+_PER_FRAME = (
+    *("proposal", "final", "true", "points", "labels", "body"),
+    *("root_rotation", "root_height", "number"),
+)
+
+with rule_log(snakemake.log[0]):
+    _, ours = first_reconstructions(snakemake.input)[0]
+    shown = load_reconstruction(ours)
+    animate_steps(
+        snakemake.output[0],
+        replace(shown, **{name: getattr(shown, name)[:_FRAMES] for name in _PER_FRAME}),
+    )
