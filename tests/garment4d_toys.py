@@ -107,7 +107,7 @@ CANONICAL = {
         "overall": [32],
         "head": [16],
     },
-    "loss": {"segmentation": 0.5, "interpenetration": 0.0},
+    "loss": {"segmentation": 0.5, "interpenetration": 0.0, "balance": 0.5},
     "training": {
         "epochs": 12,
         "batch": 4,

@@ -139,6 +139,8 @@ class CanonicalWeights:
 
     Attributes:
         laplacian_form: "paper" or "released", see `laplacian_difference`.
+        balance: points count by their label's share of the training points to the power of minus
+            this: 0 as in the paper, 1 for labels that all count the same.
     """
 
     segmentation: float = 0.05
@@ -147,6 +149,7 @@ class CanonicalWeights:
     interpenetration: float = 50.0
     laplacian: float = 1.0
     laplacian_form: str = "paper"
+    balance: float = 0.0
 
 
 class CanonicalOutput(NamedTuple):
@@ -446,6 +449,16 @@ def first_of(level: PointLevel, count: int) -> PointLevel:
     return PointLevel(points * valid[..., None], features * valid[..., None], valid)
 
 
+def balanced(share: np.ndarray, balance: float) -> torch.Tensor:
+    """(L,) weights of labels with shares (L,) of the training points; 1 on average over these.
+
+    Small garments would be the last to be told from others. A label that no point has weighs 0.
+    """
+    weights = np.zeros(len(share))
+    weights[share > 0] = share[share > 0] ** -balance
+    return torch.from_numpy(weights / (weights * share).sum()).float()
+
+
 def canonical_loss(
     output: CanonicalOutput,
     labels: torch.Tensor,
@@ -455,6 +468,7 @@ def canonical_loss(
     body_normals: torch.Tensor,
     laplacian: CotangentLaplacian,
     weights: CanonicalWeights,
+    label_weights: torch.Tensor | None = None,
 ) -> dict[str, torch.Tensor]:
     """Equation 4.
 
@@ -467,6 +481,7 @@ def canonical_loss(
         body_normals: (B, M, 3) their outward unit normals.
         laplacian: of the garment's mesh.
         weights: of the terms.
+        label_weights: (L,) of points by their true label, see `balanced`; None for equal ones.
 
     Returns:
         Each term before it is weighed, and their weighed sum as "total". There is no term
@@ -481,6 +496,9 @@ def canonical_loss(
         ),
     }
     if output.logits is not None:
-        terms["segmentation"] = F.cross_entropy(output.logits.flatten(0, 2), labels.flatten())
+        surprise = F.cross_entropy(
+            output.logits.flatten(0, 2), labels.flatten(), label_weights, reduction="none"
+        )
+        terms["segmentation"] = surprise.mean()
     terms["total"] = sum(getattr(weights, name) * term for name, term in terms.items())
     return terms

@@ -312,6 +312,13 @@ class SequenceData:
         ]
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
+    def label_share(self, split: str) -> np.ndarray:
+        """(L,) of the points of a split that have each of `LABELS`."""
+        count = np.zeros(len(LABELS), dtype=np.int64)
+        for sequence in self.of_split(split):
+            count += np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+        return count / max(count.sum(), 1)
+
     def clouds(self, sequence: int, *, located: bool, frames: slice = slice(None)) -> np.ndarray:
         """(F, P, 3) points of frames of a sequence, or (F, P, 7) as `Wearer.located` has them."""
         rows = self.rows(sequence)

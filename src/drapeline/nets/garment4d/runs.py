@@ -43,6 +43,7 @@ def train_canonical(
     """
     cls = PointNetStage if pointnet else CanonicalStage
     stage = cls(cls.settings_of(values), data.space, data.label)
+    stage.weigh_labels(data.label_share("train"))
     _fit(stage, data, folder, code, progress, trainer, threads)
 
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import torch
 
+from drapeline.dataset.clouds import LABELS
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.digests import tensors_digest
@@ -20,6 +21,7 @@ from drapeline.nets.garment4d.canonical import (
     CanonicalSettings,
     CanonicalWeights,
     PointNetRegressor,
+    balanced,
     canonical_loss,
 )
 from drapeline.nets.garment4d.data import SOURCES, SequenceData, window_starts
@@ -204,12 +206,17 @@ class CanonicalStage(Stage):
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
         self.network = self.build()
+        self.register_buffer("label_weights", torch.ones(len(LABELS)))
         self._recall = Recall(_KEPT_BYTES)
 
     def build(self) -> torch.nn.Module:
         """The network that is trained."""
         network, rng = self.settings.network, self.weight_rng()
         return CanonicalNetwork(network, self.space, self.label, rng)
+
+    def weigh_labels(self, share: np.ndarray) -> None:
+        """Balance labels by their shares (L,) of the training points, as far as settings say."""
+        self.label_weights.copy_(balanced(share, self.settings.loss.balance))
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
@@ -225,6 +232,7 @@ class CanonicalStage(Stage):
             batch["rest_normals"],
             self.laplacian,
             self.settings.loss,
+            self.label_weights,
         )
         return terms, distance_mm(output.vertices, batch["canonical"])
 

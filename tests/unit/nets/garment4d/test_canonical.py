@@ -14,6 +14,7 @@ from drapeline.nets.garment4d.canonical import (
     CanonicalSettings,
     CanonicalWeights,
     PointNetRegressor,
+    balanced,
     body_map,
     canonical_loss,
     first_of,
@@ -209,13 +210,15 @@ def test_vertices_are_the_spaces(network, space):
     )
 
 
-def loss_of(output, labels, alpha, garments, weights=None):
+def loss_of(output, labels, alpha, garments, weights=None, label_weights=None):
     """With a body far inside the garments, so that nothing penetrates it."""
     body = torch.tensor([[0.0, 0.0, -0.01]]).expand(len(alpha), -1, -1)
     normals = torch.zeros_like(body)
     laplacian = CotangentLaplacian(tube(0.6, 0.15), tube_faces())
     weights = weights or CanonicalWeights()
-    return canonical_loss(output, labels, alpha, garments, body, normals, laplacian, weights)
+    return canonical_loss(
+        output, labels, alpha, garments, body, normals, laplacian, weights, label_weights
+    )
 
 
 def test_the_loss_of_the_truth_is_zero_and_its_terms_are_those_of_equation_4(space):
@@ -263,6 +266,30 @@ def test_the_loss_sees_penetration_in_metres(space):
     terms = canonical_loss(output, labels, alpha, garments, body, normals, laplacian, weights)
     assert terms["interpenetration"] == pytest.approx(0.02, rel=1e-3)
     assert terms["total"] == pytest.approx(0.14, rel=1e-3)
+
+
+def test_labels_are_balanced_by_their_share(space):
+    share = np.array([0.64, 0.32, 0.04, 0, 0, 0, 0])
+    assert balanced(share, 0).tolist() == [1, 1, 1, 0, 0, 0, 0]
+    half = balanced(share, 0.5).numpy()
+    assert half[2] / half[0] == pytest.approx(4)  # sqrt(0.64 / 0.04)
+    assert (half * share).sum() == pytest.approx(1)
+    assert (balanced(share, 1) * torch.from_numpy(share))[:3].tolist() == pytest.approx([1 / 3] * 3)
+    # A point with a heavy label counts as much as several with light ones.
+    _, labels, alpha, garments = windows(space, 3)
+    logits = torch.randn(*labels.shape, len(LABELS), generator=rng())
+    output = CanonicalOutput(logits, alpha, garments, [])
+    weights = balanced(np.full(len(LABELS), 1 / len(LABELS)), 0.5)
+    even = loss_of(output, labels, alpha, garments, label_weights=weights)
+    plain = loss_of(output, labels, alpha, garments)
+    torch.testing.assert_close(even["segmentation"], plain["segmentation"])
+    weights[labels[0, 0, 0]] = 5.0
+    rest = torch.nn.functional.cross_entropy(
+        logits.flatten(0, 2), labels.flatten(), reduction="none"
+    )
+    expected = (rest * weights[labels.flatten()]).mean()
+    heavy = loss_of(output, labels, alpha, garments, label_weights=weights)
+    torch.testing.assert_close(heavy["segmentation"], expected)
 
 
 def test_every_parameter_gets_a_gradient(space):

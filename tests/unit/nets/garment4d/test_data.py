@@ -183,6 +183,14 @@ def test_points_are_located_once_with_the_body_that_is_read_again(data, toy_body
         plain.clouds(0, located=True)
 
 
+def test_shares_of_labels_are_those_of_the_training_points(data):
+    points = np.concatenate([data.labels[data.rows(s)].ravel() for s in data.of_split("train")])
+    share = data.label_share("train")
+    assert share.sum() == pytest.approx(1)
+    for label, found in enumerate(share):
+        assert found == pytest.approx((points == label).mean())
+
+
 def test_predicted_canonicals_change_proposals_but_not_the_truth(data):
     window = np.array([[4, 1]])
     before = data.batch(window, 3, posed=True)

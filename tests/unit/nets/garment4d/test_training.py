@@ -10,6 +10,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
+from drapeline.nets.garment4d.canonical import balanced
 from drapeline.nets.garment4d.data import SequenceData, Windows
 from drapeline.nets.garment4d.runs import train_canonical, train_posed
 from drapeline.nets.garment4d.training import (
@@ -299,6 +300,15 @@ def test_a_loss_that_is_not_finite_names_the_windows(folder, data):
     with pytest.raises(InputError, match=r"loss is nan \(.*for samples 0000.*/1\d.*expected a fin"):
         run(train_canonical, folder, "nan", data, CANONICAL)
     assert not (folder / "nan").exists()
+
+
+def test_weights_of_labels_come_from_the_data_and_are_loaded_again(folder, data):
+    data.labels = np.where(np.arange(data.labels.shape[1]) % 3, data.labels, 0)
+    values = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 1}}
+    uneven = load_stage(run(train_canonical, folder, "uneven", data, values), CanonicalStage)
+    expected = balanced(data.label_share("train"), 0.5)
+    assert len(expected[expected > 0].unique()) > 1
+    torch.testing.assert_close(uneven.label_weights, expected)
 
 
 def test_settings_come_from_plain_values_and_go_back(canonical):
