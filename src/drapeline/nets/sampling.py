@@ -24,7 +24,12 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh, load_obj, save_obj
 from drapeline.metrics.evaluation import StaticRows
-from drapeline.metrics.garment_metrics import garment_mesh, largest_piece, shape_measures
+from drapeline.metrics.garment_metrics import (
+    garment_mesh,
+    inside_measures,
+    largest_piece,
+    shape_measures,
+)
 from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, decode_codes, rest_body
 from drapeline.outfits.fit import signed_tightness
@@ -38,6 +43,8 @@ PRIOR = "prior"
 _SHRINKAGE = 0.05
 _BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
 _RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
+_DRAWS = 5  # codes tried per garment
+_WHOLE_SHARE, _DEEP_SHARE = 0.95, 0.01  # a sound one's vertices: in one piece, deep in the body
 
 
 @dataclass(frozen=True)
@@ -244,6 +251,7 @@ class Sampled:
         decoded: the garment as decoded.
         mesh: its largest connected piece.
         body: (V, 3) rest body that it was decoded on.
+        draws: codes that were drawn for it; only the last one is neither torn nor in the body.
     """
 
     name: str
@@ -253,6 +261,13 @@ class Sampled:
     decoded: Mesh
     mesh: Mesh
     body: np.ndarray
+    draws: int
+
+    def sound(self, body_faces: np.ndarray) -> bool:
+        """Whether it is nearly all one piece and hardly reaches into the body."""
+        whole = len(self.mesh.vertices) >= _WHOLE_SHARE * max(len(self.decoded.vertices), 1)
+        inside = inside_measures(self.mesh.vertices, self.body, body_faces)["inside_1cm_share"]
+        return whole and inside <= _DEEP_SHARE
 
 
 def sample_garments(
@@ -260,13 +275,34 @@ def sample_garments(
 ) -> list[Sampled]:
     """Draw a code for every request and decode it.
 
+    Codes that decode to a torn garment, or to one inside the body, are drawn again, a few times.
     Only pieces other than the largest are taken off; no vertex is moved.
     """
+    rngs = {name: rng_for(seed, "sampled garment", name, "code") for name in requests}
+    found: dict[str, Sampled] = {}
+    waiting = dict(requests)
+    for draws in range(1, _DRAWS + 1):
+        for sample in _drawn(model, types, waiting, rngs, draws):
+            found[sample.name] = sample
+            if sample.sound(model.domain.faces[TOPOLOGIES[0]]):
+                del waiting[sample.name]
+        if not waiting:
+            break
+    return [found[name] for name in requests]
+
+
+def _drawn(
+    model: StaticVae,
+    types: GarmentTypes,
+    requests: Mapping[str, Request],
+    rngs: Mapping[str, np.random.Generator],
+    draws: int,
+) -> list[Sampled]:
+    """One more code for each of the requests, decoded."""
     codes: list[np.ndarray] = []
     kinds: list[int | None] = []
     for name, request in requests.items():
-        rng = rng_for(seed, "sampled garment", name, "code")
-        prior = request.garment == PRIOR
+        prior, rng = request.garment == PRIOR, rngs[name]
         codes.append(
             rng.standard_normal(types.mean.shape[1]) if prior else types.draw(rng, request.garment)
         )
@@ -279,7 +315,8 @@ def sample_garments(
     ):
         body = rest_body(model, request.cvar)
         mesh = garment_mesh(body + offsets, faces_of(model, kind), mask)
-        sampled.append(Sampled(name, request, GARMENTS[kind], z, mesh, largest_piece(mesh), body))
+        piece = largest_piece(mesh)
+        sampled.append(Sampled(name, request, GARMENTS[kind], z, mesh, piece, body, draws))
     return sampled
 
 
@@ -303,6 +340,7 @@ def sample_table(
                 "asked": sample.request.garment,
                 "garment": sample.garment,
                 "gender": sample.request.gender,
+                "draws": sample.draws,
                 "vertices": len(sample.mesh.vertices),
                 "pieces_before": int(before["pieces"]),
                 "pieces": int(after["pieces"]),

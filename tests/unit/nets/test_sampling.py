@@ -10,7 +10,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.mesh import faces_within, load_obj
+from drapeline.mesh import Mesh, faces_within, load_obj
 from drapeline.nets import sampling
 from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, decode_codes, encode_garments, measure_static, rest_body
@@ -182,6 +182,34 @@ def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
         assert row["kept_share"] == pytest.approx(
             len(sample.mesh.vertices) / max(len(before), 1), abs=1e-9
         )
+
+
+def test_a_garment_that_is_not_sound_is_drawn_again(model, types, monkeypatch):
+    asked, unsound = requests(4), set()
+    monkeypatch.setattr(sampling.Sampled, "sound", lambda s, _: s.z.tobytes() not in unsound)
+    first = sample_garments(model, types, asked, seed=0)
+    unsound.add(first[1].z.tobytes())
+    again = sample_garments(model, types, asked, seed=0)
+    assert [sample.draws for sample in again] == [1, 2, 1, 1]
+    assert [s.name for s in again] == list(asked)
+    for k, (before, after) in enumerate(zip(first, again, strict=True)):
+        assert np.array_equal(before.z, after.z) == (k != 1)
+    monkeypatch.setattr(sampling.Sampled, "sound", lambda *_: False)
+    assert {s.draws for s in sample_garments(model, types, asked, seed=0)} == {sampling._DRAWS}
+
+
+def test_torn_garments_and_those_in_the_body_are_not_sound(model, types):
+    sample = sample_garments(model, types, requests(1), seed=0)[0]
+    body_faces = model.domain.faces["body"]
+    outside = replace(sample.mesh, vertices=sample.mesh.vertices + np.float32(10))
+    good = replace(sample, decoded=outside, mesh=outside)
+    assert good.sound(body_faces)
+    half = Mesh(outside.vertices[: len(outside.vertices) // 2], outside.faces[:0])
+    assert not replace(good, mesh=half).sound(body_faces)
+    middle = np.broadcast_to(sample.body.mean(axis=0), outside.vertices.shape)
+    assert not replace(good, mesh=replace(outside, vertices=middle)).sound(body_faces)
+    nothing = Mesh(outside.vertices[:0], outside.faces[:0])
+    assert not replace(good, decoded=nothing, mesh=nothing).sound(body_faces)
 
 
 def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
