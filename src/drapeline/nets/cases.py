@@ -31,7 +31,6 @@ from drapeline.outfits.static import load_static
 from drapeline.registration.topology import Topology
 
 _MEAN_FRAMES = 64  # that the mean wrinkle code of a type is taken of
-_ALIKE = 0.25  # of a type's training frames: those whose poses are most like the one shown
 
 
 def static_cases(
@@ -155,7 +154,7 @@ def wrinkle_rows(
     Returns:
         Name -> garments: "pose" keeps code and garment, "garment" keeps code and pose, "codes,
         at rest" and "codes, in motion" keep garment and pose under codes near those of training
-        frames in poses like it.
+        frames.
     """
     data = garments.data
     rows_by = [rows_of(garments, one) for one in files]
@@ -185,18 +184,13 @@ def wrinkle_rows(
         ]
 
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
-    rest = np.tile(REST_POSE.astype(np.float32), (1, HISTORY_FRAMES, 1))
-
-    def drawn(pose: np.ndarray) -> list[WornGarment]:
-        name = files[chosen].name
-        codes = _wrinkle_codes(rng, model, garments, name, pose[0, 0], columns)
-        return worn(chosen, codes, np.repeat(pose, columns, 0))
-
+    drawn = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
+    rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
     return {
         "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
         "garment": [w for k in first for w in worn(k, z, data.poses[lively])],
-        "codes,\nat rest": drawn(rest),
-        "codes,\nin motion": drawn(data.poses[lively]),
+        "codes,\nat rest": worn(chosen, drawn, rest),
+        "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
     }
 
 
@@ -205,20 +199,15 @@ def _wrinkle_codes(
     model: DynamicVae,
     garments: DynamicGarments,
     name: str,
-    pose: np.ndarray,
     count: int,
 ) -> np.ndarray:
     """(count, Z) codes near those of training frames of a type, or of any if it has none.
 
-    A smoothed bootstrap, as for garments at rest: the prior mixes the wrinkles of all types. And
-    of all poses, so that only frames in poses like (72,) `pose` are drawn from.
+    A smoothed bootstrap, as for garments at rest: the prior mixes the wrinkles of all types.
     """
     data, rows = garments.data, garments.rows("train")
     of_type = rows[data.garment[data.wearer[rows]] == GARMENTS.index(name)]
-    rows = of_type if len(of_type) else rows
-    away = np.linalg.norm(data.poses[rows, 0, 3:] - pose[3:], axis=1)
-    alike = rows[np.argsort(away, kind="stable")[: max(round(_ALIKE * len(rows)), 1)]]
-    drawn = rng.choice(alike, max(2 * count, _MEAN_FRAMES))
+    drawn = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
     codes = encode_garments(model, garments, drawn).mean
     mean = codes.mean(axis=0)
     return smoothed(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
