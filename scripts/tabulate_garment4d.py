@@ -17,6 +17,7 @@ with rule_log(snakemake.log[0]):
         given.metrics,
         [Path(fits) / ERRORS for fits in given.fits],
         located=snakemake.params.located,
+        balanced=snakemake.params.balanced > 0,
         pulled=snakemake.params.pulled > 0,
         smoothed=snakemake.params.smoothed > 0,
     )

@@ -356,6 +356,7 @@ rule tabulate_garment4d:
         runtime=10,
     params:
         located=lookup(dpath="garment4d/canonical/network/located", within=config),
+        balanced=lookup(dpath="garment4d/canonical/loss/balance", within=config),
         pulled=lookup(dpath="garment4d/posed/network/pull_neighbours", within=config),
         smoothed=lookup(dpath="garment4d/posed/network/smooth_passes", within=config),
         code=source_hash("tabulate_garment4d"),

@@ -79,6 +79,10 @@ _LOCATED = (
     " This is ours and not the paper's, and it holds for PN++ and for all that is built on the"
     " canonical network."
 )
+_BALANCED = (
+    "Points weigh the more in the loss of labels, the fewer training points have their label; in the"
+    " paper all weigh the same."
+)
 _PULLED = (
     "In each iteration vertices are also drawn to the garment points nearest to them, by a share"
     " that is learned; the paper's network is not told where they are. Displacements as in the"
@@ -116,6 +120,7 @@ def write_garment4d_page(
     registration: Iterable[str | Path] = (),
     *,
     located: bool = False,
+    balanced: bool = False,
     pulled: bool = False,
     smoothed: bool = False,
 ) -> None:
@@ -127,6 +132,7 @@ def write_garment4d_page(
         registration: `.tsv` in long form (garment, name, metric, value, unit) of the residuals
             of garments registered to templates, one or more.
         located: whether the networks' points say where on the body they are.
+        balanced: whether points of rare labels weigh more.
         pulled: whether the posed network draws vertices to the nearest points.
         smoothed: whether its displacements are averaged over frames.
 
@@ -135,7 +141,12 @@ def write_garment4d_page(
     """
     rows = [row for row in read_metrics(metrics) if row.model == MODEL and row.split == "test"]
     residuals = [row for part in registration for row in read_table(part, _REGISTRATION_COLUMNS)]
-    added = ((_LOCATED, located), (_PULLED, pulled), (_SMOOTHED, smoothed))
+    added = (
+        (_LOCATED, located),
+        (_BALANCED, balanced),
+        (_PULLED, pulled),
+        (_SMOOTHED, smoothed),
+    )
     write_page(
         path,
         "Garment4D: tables 2 to 5, for this dataset",

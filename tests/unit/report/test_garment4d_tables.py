@@ -132,13 +132,19 @@ def test_what_is_not_the_papers_is_said_where_it_holds(metrics, tmp_path):
     texts = []
     for ours in (False, True):
         write_garment4d_page(
-            tmp_path / "page.html", metrics, located=ours, pulled=ours, smoothed=ours
+            tmp_path / "page.html",
+            metrics,
+            located=ours,
+            balanced=ours,
+            pulled=ours,
+            smoothed=ours,
         )
         texts.append((tmp_path / "page.html").read_text())
         assert "No Trousers of the test split is simulated" in texts[-1]
         assert "No Skirt" not in texts[-1]
     for words in (
         "where on the body they are: ",
+        "the fewer training points",
         "drawn to the garment points",
         "over neighbouring",
     ):
