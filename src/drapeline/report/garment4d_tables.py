@@ -80,8 +80,8 @@ _LOCATED = (
     " canonical network."
 )
 _BALANCED = (
-    "Points weigh the more in the loss of labels, the fewer training points have their label; in the"
-    " paper all weigh the same."
+    "Points weigh the more in the loss of labels, the fewer training points have their label; in"
+    " the paper all weigh the same."
 )
 _PULLED = (
     "In each iteration vertices are also drawn to the garment points nearest to them, by a share"
