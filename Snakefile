@@ -16,6 +16,8 @@ include: "workflow/rules/registration.smk"
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/garment4d.smk"
+include: "workflow/rules/garment4d_figures.smk"
+include: "workflow/rules/reconstruct.smk"
 include: "workflow/rules/renders.smk"
 include: "workflow/rules/report.smk"
 

@@ -251,7 +251,7 @@ class Sampled:
         decoded: the garment as decoded.
         mesh: its largest connected piece.
         body: (V, 3) rest body that it was decoded on.
-        draws: codes that were drawn for it; only the last one is neither torn nor in the body.
+        draws: codes that were drawn for it, of which this is the last.
     """
 
     name: str
@@ -263,11 +263,17 @@ class Sampled:
     body: np.ndarray
     draws: int
 
+    @property
+    def kept_share(self) -> float:
+        """Share of the decoded vertices that are in the largest piece; 0 where nothing was."""
+        return len(self.mesh.vertices) / max(len(self.decoded.vertices), 1)
+
     def sound(self, body_faces: np.ndarray) -> bool:
         """Whether it is nearly all one piece and hardly reaches into the body."""
-        whole = len(self.mesh.vertices) >= _WHOLE_SHARE * max(len(self.decoded.vertices), 1)
-        inside = inside_measures(self.mesh.vertices, self.body, body_faces)["inside_1cm_share"]
-        return whole and inside <= _DEEP_SHARE
+        if self.kept_share < _WHOLE_SHARE:
+            return False
+        inside = inside_measures(self.mesh.vertices, self.body, body_faces)
+        return inside["inside_1cm_share"] <= _DEEP_SHARE
 
 
 def sample_garments(
@@ -333,7 +339,6 @@ def sample_table(
     for sample in sampled:
         before = shape_measures(sample.decoded, sample.body, body_faces)
         after = shape_measures(sample.mesh, sample.body, body_faces)
-        kept = len(sample.mesh.vertices) / max(len(sample.decoded.vertices), 1)
         rows.append(
             {
                 "name": sample.name,
@@ -344,7 +349,7 @@ def sample_table(
                 "vertices": len(sample.mesh.vertices),
                 "pieces_before": int(before["pieces"]),
                 "pieces": int(after["pieces"]),
-                "kept_share": kept,
+                "kept_share": sample.kept_share,
                 "inside_1cm_share_before": before["inside_1cm_share"],
                 "inside_1cm_share": after["inside_1cm_share"],
                 "inside_share": after["inside_share"],
