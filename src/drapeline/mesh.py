@@ -1,5 +1,6 @@
 """Polygon meshes: what a mesh is, OBJ files in the CLOTH3D manner, and topology facts."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -153,11 +154,15 @@ def load_obj(path: str | Path) -> Mesh:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a Wavefront OBJ")
+    text = path.read_text(errors="replace")
+    tidy = _tidy_obj(text)
+    if tidy is not None:
+        return tidy
     vertices: list[list[float]] = []
     uv: list[list[float]] = []
     faces: list[list[int]] = []
     uv_faces: list[list[int]] = []
-    for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+    for number, line in enumerate(text.splitlines(), 1):
         fields = line.split()
         if not fields:
             continue
@@ -198,6 +203,33 @@ def load_obj(path: str | Path) -> Mesh:
         np.array(uv, dtype=np.float32) if has_uv else None,
         np.array(uv_faces, dtype=np.int32) if has_uv else None,
     )
+
+
+_CORNERS_APART = str.maketrans("f/", "  ")
+_NUMBER = r" -?\d+\.\d+"
+_TIDY = re.compile(
+    rf"((?:v{3 * _NUMBER}\n)++)((?:vt{2 * _NUMBER}\n)*+)(?:"
+    + "|".join(rf"((?:f{n * corner}\n)++)" for corner in (r" \d+", r" \d+/\d+") for n in (3, 4))
+    + ")"
+)
+
+
+def _tidy_obj(text: str) -> Mesh | None:
+    """A file laid out as `save_obj` does, ten times faster than line by line; None for others."""
+    found = _TIDY.fullmatch(text)
+    if found is None:
+        return None
+    faces_text = found[found.lastindex]
+    points = np.fromstring(found[1].replace("v", ""), sep=" ").reshape(-1, 3)
+    uv = np.fromstring(found[2].replace("vt", ""), sep=" ").reshape(-1, 2)
+    numbers = np.fromstring(faces_text.translate(_CORNERS_APART), dtype=np.int64, sep=" ") - 1
+    corners = numbers.reshape(faces_text.count("\n"), -1, 1 + ("/" in faces_text))
+    counts = (len(points), len(uv))
+    tables = [np.ascontiguousarray(table, dtype=np.int32) for table in np.moveaxis(corners, 2, 0)]
+    if any(table.min() < 0 or table.max() >= n for table, n in zip(tables, counts, strict=False)):
+        return None
+    coordinates = [table.astype(np.float32) for table in (points, uv)][: len(tables)]
+    return Mesh(coordinates[0], tables[0], *coordinates[1:], *tables[1:])
 
 
 def _obj_index(text: str, count: int) -> int:

@@ -108,6 +108,25 @@ def test_obj_round_trip_and_its_exact_text(tmp_path):
         np.testing.assert_allclose(getattr(again, name), getattr(mesh, name), atol=1e-6)
 
 
+@pytest.mark.parametrize("corners", [3, 4])
+@pytest.mark.parametrize("textured", [False, True])
+def test_a_tidy_obj_is_read_as_any_other_one_is(tmp_path, corners, textured):
+    rng = np.random.default_rng(corners)
+    faces = rng.integers(0, 50, (40, corners), dtype=np.int32)
+    uv = (rng.random((30, 2), dtype=np.float32), rng.integers(0, 30, (40, corners), dtype=np.int32))
+    mesh = Mesh(rng.normal(size=(50, 3)).astype(np.float32), faces, *(uv if textured else ()))
+    tidy, other = tmp_path / "tidy.obj", tmp_path / "other.obj"
+    save_obj(tidy, mesh)
+    other.write_text("# a comment\n" + tidy.read_text())
+    quick, slow = load_obj(tidy), load_obj(other)
+    np.testing.assert_array_equal(quick.faces, faces)
+    for name in ("vertices", "faces", "uv", "uv_faces"):
+        a, b = getattr(quick, name), getattr(slow, name)
+        assert type(a) is type(b)
+        np.testing.assert_array_equal(a, b)
+        assert a is None or (a.dtype == b.dtype and a.flags.c_contiguous)
+
+
 def test_obj_of_mixed_faces_becomes_triangles_and_negative_indices_count_back(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 2 0\nf 1 2 3 4\nf -3 -2 -1\n")
@@ -121,6 +140,7 @@ def test_obj_of_mixed_faces_becomes_triangles_and_negative_indices_count_back(tm
         ("v 0 0 x\n", "line 1 is not OBJ: 'v 0 0 x'"),
         ("v 0 0\nf 1 1 1\n", "fewer than three coordinates"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a face names vertex 9, expected 1 to 3"),
+        ("v 0.0 0.0 0.0\nf 1 1 2\n", "a face names vertex 2, expected 1 to 1"),
         ("v 0 0 0\nv 1 0 0\nf 1 2\n", "a face has 2 corners"),
     ],
 )

@@ -95,7 +95,7 @@ class Trained(torch.nn.Module, ABC):
     def optimizer(self) -> torch.optim.Optimizer:
         """Adam, as printed in the papers."""
         trained = [p for p in self.parameters() if p.requires_grad]
-        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate)
+        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate, fused=True)
 
     def log_means(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
         """Log means over an epoch of values of a batch of `count` rows, as `{stage}_{name}`."""
