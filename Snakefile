@@ -22,6 +22,9 @@ include: "workflow/rules/renders.smk"
 include: "workflow/rules/report.smk"
 
 
+SOURCES.remember()
+
+
 report: "workflow/report/workflow.rst"
 
 

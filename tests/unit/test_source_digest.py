@@ -1,6 +1,7 @@
 import pytest
 
-from drapeline.source_digest import imported_files, source_digest
+from drapeline import source_digest
+from drapeline.source_digest import Sources
 
 
 @pytest.fixture
@@ -21,7 +22,7 @@ def tree(tmp_path):
 
 def test_imports_are_followed_however_deep(tree):
     script, source, package = tree
-    found = imported_files(script, source)
+    found = Sources(source).imported_files(script)
     assert found == {package / "a.py", package / "b" / "c.py", package / "b" / "names.yaml"}
 
 
@@ -36,20 +37,41 @@ def test_imports_are_followed_however_deep(tree):
 )
 def test_the_digest_changes_with_used_code_only(tree, name, text, changes):
     script, source, package = tree
-    before = source_digest(script, source)
+    before = Sources(source).digest(script)
     (package / name).write_text(text)
-    assert (source_digest(script, source) != before) == changes
+    assert (Sources(source).digest(script) != before) == changes
 
 
 def test_a_change_of_the_script_counts(tree):
     script, source, _ = tree
-    before = source_digest(script, source)
+    before = Sources(source).digest(script)
     script.write_text(script.read_text() + "f()\n")
-    assert source_digest(script, source) != before
+    assert Sources(source).digest(script) != before
 
 
 def test_a_module_that_is_not_there_is_an_error(tree):
     script, source, _ = tree
     script.write_text("import drapeline.nothing\n")
     with pytest.raises(FileNotFoundError, match="drapeline.nothing"):
-        source_digest(script, source)
+        Sources(source).digest(script)
+
+
+def test_what_was_found_is_kept_and_changes_are_still_seen(tree, tmp_path, monkeypatch):
+    script, source, package = tree
+    memory = tmp_path / "kept" / "sources.json"
+    first = Sources(source, memory)
+    before = first.digest(script)
+    first.remember()
+    with monkeypatch.context() as patch:
+        patch.setattr(source_digest, "_parsed", None)  # nothing is parsed again
+        assert Sources(source, memory).digest(script) == before
+    (package / "a.py").write_text("from drapeline.b import c\n\ndef f():\n    return 0\n")
+    assert Sources(source, memory).digest(script) == Sources(source).digest(script) != before
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"x": 1}', '{"x": ["y", [1]]}'])
+def test_a_damaged_memory_does_no_harm(tree, tmp_path, text):
+    script, source, _ = tree
+    memory = tmp_path / "sources.json"
+    memory.write_text(text)
+    assert Sources(source, memory).digest(script) == Sources(source).digest(script)

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drapeline.source_digest import imported_files
+from drapeline.source_digest import Sources
 from imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
+SOURCES = Sources(ROOT / "src")
 PINS = dict(
     line.lower().split("==")
     for line in (ROOT / "requirements.lock").read_text().splitlines()
@@ -71,6 +72,6 @@ def test_a_rules_environment_holds_what_its_script_imports(script, environment):
     file = ROOT / f"scripts/{script}.py"
     dependencies = yaml.safe_load((ROOT / f"envs/{environment}.yaml").read_text())["dependencies"]
     pins = {pin.lower().split("==")[0] for pin in dependencies[-1]["pip"]}
-    files = [file, *(f for f in imported_files(file, ROOT / "src") if f.suffix == ".py")]
+    files = [file, *(f for f in SOURCES.imported_files(file) if f.suffix == ".py")]
     needed = {name for path in files for name in third_party(path)}
     assert needed <= pins, f"envs/{environment}.yaml lacks {', '.join(sorted(needed - pins))}"

@@ -100,9 +100,10 @@ def test_changing_library_code_reruns_the_rules_that_use_it(tmp_path):
 
     def digests():
         code = (
-            "from pathlib import Path\nfrom drapeline.source_digest import source_digest\n"
+            "from pathlib import Path\nfrom drapeline.source_digest import Sources\n"
+            "sources = Sources('src')\n"
             "for p in sorted(Path('scripts').glob('*.py')):"
-            " print(p.stem, source_digest(p, Path('src')))"
+            " print(p.stem, sources.digest(p))"
         )
         run = subprocess.run(
             [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True

@@ -29,7 +29,7 @@ from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.kinds import KINDS, TEMPLATE_TYPES
 from drapeline.planning import plan_samples
 from drapeline.settings import checked_settings
-from drapeline.source_digest import source_digest
+from drapeline.source_digest import Sources
 
 try:
     config.update(
@@ -100,9 +100,12 @@ wildcard_constraints:
     format="|".join(EXPORT_FORMATS),
 
 
+SOURCES = Sources(SOURCE, memory=".snakemake/drapeline_sources.json")
+
+
 def source_hash(rule_name):
     """Digest of a rule's script and of the library code it imports."""
-    return source_digest(ROOT / "scripts" / f"{rule_name}.py", SOURCE)
+    return SOURCES.digest(ROOT / "scripts" / f"{rule_name}.py")
 
 
 def plan(key):
