@@ -24,8 +24,7 @@ class NicpSettings:
     """How a garment is laid onto a body.
 
     Attributes:
-        stiffness: of the nodes, one outer step each, falling.
-        rounds: closest points and motions in turn, per stiffness.
+        stiffness: of the nodes, falling; one step each, of closest points and motions towards them.
         nodes: at most this many.
         samples: at most this many garment vertices look for their closest points.
         turn_m: distance that a turn of the normal by one radian counts for: it keeps a sleeve off
@@ -37,7 +36,6 @@ class NicpSettings:
     """
 
     stiffness: tuple[float, ...] = (10.0, 3.0, 1.0, 0.3, 0.1)
-    rounds: int = 2
     nodes: int = 200
     samples: int = 1500
     turn_m: float = 0.1
@@ -227,15 +225,14 @@ class _Nodes:
         for stiffness in self._settings.stiffness:
             smooth = stiffness * self._smooth
             smooth[diagonal, diagonal] += 1e-9
-            for _ in range(self._settings.rounds):
-                normals = outward(places)[self._points]
-                goal, inside = surface.closest(places[self._points], normals)
-                data = self._data[inside]
-                system = (data.T @ data / len(self._points)).toarray(order="F")
-                system += smooth
-                pull = data.T @ (goal - rest[self._points])[inside] / len(self._points)
-                factor = cho_factor(system, check_finite=False, overwrite_a=True)
-                places = rest + self._base @ cho_solve(factor, pull, check_finite=False)
+            normals = outward(places)[self._points]
+            goal, inside = surface.closest(places[self._points], normals)
+            data = self._data[inside]
+            system = (data.T @ data / len(self._points)).toarray(order="F")
+            system += smooth
+            pull = data.T @ (goal - rest[self._points])[inside] / len(self._points)
+            factor = cho_factor(system, check_finite=False, overwrite_a=True)
+            places = rest + self._base @ cho_solve(factor, pull, check_finite=False)
         return places
 
 

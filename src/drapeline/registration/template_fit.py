@@ -52,7 +52,7 @@ class FitSettings:
     edge: float = 1.0
     normal: float = 0.01
     boundary: float = 1.0
-    iterations: int = 15
+    iterations: int = 8
 
 
 class Fit(NamedTuple):

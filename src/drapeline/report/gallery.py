@@ -89,7 +89,7 @@ def _shot(
     frame: int,
     camera: Camera,
     *,
-    samples: int = 16,
+    samples: int = 12,
 ) -> np.ndarray:
     painted = [
         Painted(

@@ -260,7 +260,7 @@ def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: int = 66)
         scene = replace(first, floor_z=-float(case.root_height[frame]))
         parts = [cloud_parts(case.points[frame], case.labels[frame], scene)]
         parts += [_worn(case, frame, garment[frame]) for garment in steps]
-        shown = [scene.picture(each, size, samples=8) for each in parts]
+        shown = [scene.picture(each, size, samples=6) for each in parts]
         pictures.append(_titled(shown, columns[: len(shown)]))
     save_moving(path, pictures, frame_ms)
 

@@ -201,7 +201,7 @@ def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 
 
 def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
     """A transition as a moving picture."""
-    pictures = [view_picture(v, size=(250, 260), samples=10) for v in views]
+    pictures = [view_picture(v, size=(250, 260), samples=6) for v in views]
     save_moving(path, [*pictures, *pictures[-2:0:-1]], frame_ms)
 
 
