@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.metrics.garment4d import first_reconstructions, load_reconstruction
 from drapeline.report.garment4d_figures import animate_steps
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ _PER_FRAME = (
     *("root_rotation", "root_height", "number"),
 )
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     _, ours = first_reconstructions(snakemake.input)[0]
     shown = load_reconstruction(ours)
     animate_steps(

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.metrics.garment4d import first_reconstructions, load_reconstruction
 from drapeline.report.garment4d_figures import plot_results, plot_steps, spread
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
 
 _STEPS, _RESULTS = 2, 5
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     steps, results = (
         [load_reconstruction(path) for path in paths]
         for paths in zip(*first_reconstructions(snakemake.input), strict=True)

@@ -14,12 +14,13 @@ from drapeline.nets.trained import BEST
 from drapeline.registration.static_data import StaticData
 from drapeline.registration.topology import load_topology
 from drapeline.report.gcvae_figures import ERROR_COLUMNS, error_views, plot_views
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     given = snakemake.input
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     cases = static_cases(

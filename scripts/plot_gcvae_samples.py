@@ -6,12 +6,13 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.nets.sampling import load_samples, wearer_mesh
 from drapeline.report.gcvae_figures import plot_samples, walk_view
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     views = {}
     samples = load_samples(snakemake.input.samples)[: snakemake.params.shown]

@@ -15,12 +15,13 @@ from drapeline.nets.walks import paper_walks
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.registration.static_data import StaticData
 from drapeline.report.gcvae_figures import animate_views, plot_views, walk_view
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     model = load_vae(Path(snakemake.input.model) / BEST)
     codes, _ = load_codes(snakemake.input.codes)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}

@@ -12,13 +12,14 @@ from drapeline.nets.dynamic_data import dynamic_garments
 from drapeline.nets.trained import BEST
 from drapeline.registration.topology import load_topology
 from drapeline.report.gcvae_figures import plot_views, worn_view
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 from drapeline.seeding import rng_for
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     given = snakemake.input
     rows = wrinkle_rows(
         rng_for(snakemake.params.seed, "wrinkle codes"),

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 from drapeline.registration.hierarchy import POOLINGS, load_hierarchy
 from drapeline.registration.topology import load_topology
 from drapeline.report.hierarchy_sheet import plot_hierarchies, plot_topologies
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     topology = load_topology(snakemake.input.topology)
     plot_topologies(snakemake.output.topologies, topology)
     hierarchies = {pooling: load_hierarchy(snakemake.input[pooling]) for pooling in POOLINGS}

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.frames import FPS
 from drapeline.metrics.garment4d import load_reconstruction
 from drapeline.report.garment4d_figures import animate_steps, plot_steps, spread
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 _STEPS = 3
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     shown = load_reconstruction(snakemake.input[0])
     plot_steps(snakemake.output.steps, [(shown, spread(len(shown.final), _STEPS))])
     frames_apart = int(shown.number[1] - shown.number[0]) if len(shown.number) > 1 else 1

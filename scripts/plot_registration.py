@@ -7,12 +7,13 @@ from drapeline.frames import GENDERS
 from drapeline.outfits.static import load_static
 from drapeline.registration.topology import load_topology
 from drapeline.report.registration_sheet import plot_registration
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     plot_registration(
         snakemake.output[0],
         load_topology(snakemake.input.topology),

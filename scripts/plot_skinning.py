@@ -11,6 +11,7 @@ from drapeline.frames import GENDERS
 from drapeline.nets.garment4d.data import SequenceData, proposals
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers
 from drapeline.report.garment4d_figures import SkinnedTwice, plot_neighbours
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 _ROWS = 2
 _HIP_AND_KNEE = slice(3, 18)  # what pulls a skirt apart
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     data = SequenceData(snakemake.input.data, Wearers(bodies, 1))
     many = SkinningSettings(**snakemake.params.skinning)

@@ -3,10 +3,11 @@
 from typing import TYPE_CHECKING
 
 from drapeline.report.gallery import render_gallery
+from drapeline.report.studio import ray_share
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]):
+with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     render_gallery(snakemake.input[0], snakemake.output.still, snakemake.output.moving)

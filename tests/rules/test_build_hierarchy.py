@@ -7,7 +7,6 @@ from PIL import Image
 from drapeline.registration.hierarchy import POOLINGS, load_hierarchy
 from drapeline.registration.super_body import super_body
 from drapeline.registration.topology import build_topology, save_topology
-from drapeline.report import hierarchy_sheet
 
 
 @pytest.fixture
@@ -17,7 +16,7 @@ def topology(tmp_path, toy_body):
     return path
 
 
-def test_hierarchies_are_built_and_drawn(run_rule, topology, tmp_path, monkeypatch):
+def test_hierarchies_are_built_and_drawn(run_rule, topology, tmp_path):
     paths = {pooling: tmp_path / f"hierarchy_{pooling}.npz" for pooling in POOLINGS}
     for pooling, path in paths.items():
         run_rule(
@@ -28,9 +27,13 @@ def test_hierarchies_are_built_and_drawn(run_rule, topology, tmp_path, monkeypat
         )
         assert load_hierarchy(path).counts[0] == 1600
         assert load_hierarchy(path).counts[-2:] == (56, 21)
-    monkeypatch.setattr(hierarchy_sheet, "_SAMPLES", 1)
     pictures = {name: tmp_path / "report" / f"{name}.png" for name in ("topologies", "hierarchy")}
-    run_rule("plot_hierarchy", input={"topology": topology, **paths}, output=pictures)
+    run_rule(
+        "plot_hierarchy",
+        input={"topology": topology, **paths},
+        output=pictures,
+        params={"rays": 0.1},
+    )
     for path in pictures.values():
         with Image.open(path) as image:
             assert image.width > 1000

@@ -257,6 +257,7 @@ rule plot_gcvae_samples:
         runtime=30,
     params:
         shown=24,
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_gcvae_samples"),
     script:
         "../../scripts/plot_gcvae_samples.py"
@@ -320,6 +321,7 @@ rule plot_gcvae_walks:
     params:
         steps=7,
         frames=15,
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_gcvae_walks"),
     script:
         "../../scripts/plot_gcvae_walks.py"
@@ -354,6 +356,7 @@ rule plot_gcvae_errors:
         runtime=30,
     params:
         frames=4,
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_gcvae_errors"),
     script:
         "../../scripts/plot_gcvae_errors.py"
@@ -386,6 +389,7 @@ rule plot_gcvae_wrinkles:
         frames=4,
         columns=6,
         seed=config["seed"],
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_gcvae_wrinkles"),
     script:
         "../../scripts/plot_gcvae_wrinkles.py"

@@ -59,6 +59,7 @@ rule plot_garment4d_steps:
         mem_mb=1500,
         runtime=30,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_garment4d_steps"),
     script:
         "../../scripts/plot_garment4d_steps.py"
@@ -85,6 +86,7 @@ rule animate_garment4d:
         mem_mb=1500,
         runtime=30,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("animate_garment4d"),
     script:
         "../../scripts/animate_garment4d.py"
@@ -120,6 +122,7 @@ rule plot_garment_spaces:
         mem_mb=1500,
         runtime=30,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_garment_spaces"),
     script:
         "../../scripts/plot_garment_spaces.py"
@@ -148,6 +151,7 @@ rule plot_skinning:
         runtime=30,
     params:
         skinning=lookup(dpath="garment4d/skinning", within=config),
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_skinning"),
     script:
         "../../scripts/plot_skinning.py"

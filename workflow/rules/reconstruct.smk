@@ -52,6 +52,7 @@ rule plot_reconstructed:
         mem_mb=1500,
         runtime=30,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_reconstructed"),
     script:
         "../../scripts/plot_reconstructed.py"

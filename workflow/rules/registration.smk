@@ -81,6 +81,7 @@ rule plot_hierarchy:
         mem_mb=1500,
         runtime=10,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_hierarchy"),
     script:
         "../../scripts/plot_hierarchy.py"

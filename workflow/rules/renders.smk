@@ -26,6 +26,7 @@ rule render_gallery:
         mem_mb=1000,
         runtime=10,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("render_gallery"),
     script:
         "../../scripts/render_gallery.py"

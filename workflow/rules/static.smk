@@ -155,6 +155,7 @@ rule plot_registration:
         mem_mb=1500,
         runtime=10,
     params:
+        rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_registration"),
     script:
         "../../scripts/plot_registration.py"

@@ -4,16 +4,16 @@ import numpy as np
 import trimesh
 
 from drapeline.report.camera import look_at
-from drapeline.report.studio import Painted, studio_picture
+from drapeline.report.studio import Painted, ray_share, studio_picture
 
 
-def ball_picture(subdivisions):
+def ball_picture(subdivisions, samples=64):
     """A grey ball that floats above the floor."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     centre = np.array([0.0, 0.0, 3.0])
     camera = look_at(centre + [0, -4, 0], centre, focal_px=500, size=(150, 150))
     part = Painted(mesh.vertices + centre, mesh.faces, (0.5, 0.5, 0.5))
-    return studio_picture([part], camera, samples=64).astype(int)
+    return studio_picture([part], camera, samples=samples).astype(int)
 
 
 def test_a_coarse_ball_is_shaded_like_a_fine_one():
@@ -28,3 +28,13 @@ def test_a_coarse_ball_is_shaded_like_a_fine_one():
 
 def test_the_same_input_gives_the_same_picture():
     np.testing.assert_array_equal(ball_picture(2), ball_picture(2))
+
+
+def test_a_share_of_the_rays_is_as_if_fewer_were_asked_for():
+    with ray_share(0.25):
+        quick = ball_picture(2)
+    with ray_share(0.001):  # one at least
+        least = ball_picture(2)
+    np.testing.assert_array_equal(quick, ball_picture(2, samples=16))
+    np.testing.assert_array_equal(least, ball_picture(2, samples=1))
+    assert (quick != ball_picture(2)).any()
