@@ -190,16 +190,13 @@ def load_obj(path: str | Path) -> Mesh:
     if len(sizes) > 1 or max(sizes) > 4:
         faces = [[f[0], f[i], f[i + 1]] for f in faces for i in range(1, len(f) - 1)]
         uv_faces = []
-    face_array = np.array(faces, dtype=np.int32)
-    if face_array.min() < 0 or face_array.max() >= len(vertices):
-        raise InputError(
-            f"{path}: a face names vertex {int(face_array.max()) + 1},"
-            f" expected 1 to {len(vertices)}"
-        )
+    last = max(map(max, faces))
+    if min(map(min, faces)) < 0 or last >= len(vertices):
+        raise InputError(f"{path}: a face names vertex {last + 1}, expected 1 to {len(vertices)}")
     has_uv = len(uv_faces) == len(faces)
     return Mesh(
         np.array(vertices, dtype=np.float32),
-        face_array,
+        np.array(faces, dtype=np.int32),
         np.array(uv, dtype=np.float32) if has_uv else None,
         np.array(uv_faces, dtype=np.int32) if has_uv else None,
     )
@@ -210,12 +207,13 @@ _NUMBER = r" -?\d+\.\d+"
 _TIDY = re.compile(
     rf"((?:v{3 * _NUMBER}\n)++)((?:vt{2 * _NUMBER}\n)*+)(?:"
     + "|".join(rf"((?:f{n * corner}\n)++)" for corner in (r" \d+", r" \d+/\d+") for n in (3, 4))
-    + ")"
+    + ")",
+    re.ASCII,
 )
 
 
 def _tidy_obj(text: str) -> Mesh | None:
-    """A file laid out as `save_obj` does, ten times faster than line by line; None for others."""
+    """A file laid out as `save_obj` does, seven times faster than line by line; None for others."""
     found = _TIDY.fullmatch(text)
     if found is None:
         return None
@@ -224,10 +222,10 @@ def _tidy_obj(text: str) -> Mesh | None:
     uv = np.fromstring(found[2].replace("vt", ""), sep=" ").reshape(-1, 2)
     numbers = np.fromstring(faces_text.translate(_CORNERS_APART), dtype=np.int64, sep=" ") - 1
     corners = numbers.reshape(faces_text.count("\n"), -1, 1 + ("/" in faces_text))
-    counts = (len(points), len(uv))
-    tables = [np.ascontiguousarray(table, dtype=np.int32) for table in np.moveaxis(corners, 2, 0)]
-    if any(table.min() < 0 or table.max() >= n for table, n in zip(tables, counts, strict=False)):
+    counts = (len(points), len(uv))[: corners.shape[2]]
+    if corners.min() < 0 or (corners.max(axis=(0, 1)) >= counts).any():
         return None
+    tables = [np.ascontiguousarray(table, dtype=np.int32) for table in np.moveaxis(corners, 2, 0)]
     coordinates = [table.astype(np.float32) for table in (points, uv)][: len(tables)]
     return Mesh(coordinates[0], tables[0], *coordinates[1:], *tables[1:])
 

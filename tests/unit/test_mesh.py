@@ -133,6 +133,12 @@ def test_obj_of_mixed_faces_becomes_triangles_and_negative_indices_count_back(tm
     assert load_obj(path).faces.tolist() == [[0, 1, 2], [0, 2, 3], [2, 3, 4]]
 
 
+def test_digits_of_other_scripts_are_numbers_too(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0.0 0.0 0.\u0665\nf 1 1 1\n")
+    assert load_obj(path).vertices.tolist() == [[0, 0, 0.5]]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -141,6 +147,7 @@ def test_obj_of_mixed_faces_becomes_triangles_and_negative_indices_count_back(tm
         ("v 0 0\nf 1 1 1\n", "fewer than three coordinates"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a face names vertex 9, expected 1 to 3"),
         ("v 0.0 0.0 0.0\nf 1 1 2\n", "a face names vertex 2, expected 1 to 1"),
+        ("v 0.0 0.0 0.0\nf 1 1 4294967297\n", "vertex 4294967297, expected 1 to 1"),
         ("v 0 0 0\nv 1 0 0\nf 1 2\n", "a face has 2 corners"),
     ],
 )

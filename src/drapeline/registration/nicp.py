@@ -223,13 +223,12 @@ class _Nodes:
         places = rest
         diagonal = np.arange(self._base.shape[1])
         for stiffness in self._settings.stiffness:
-            smooth = stiffness * self._smooth
-            smooth[diagonal, diagonal] += 1e-9
             normals = outward(places)[self._points]
             goal, inside = surface.closest(places[self._points], normals)
             data = self._data[inside]
             system = (data.T @ data / len(self._points)).toarray(order="F")
-            system += smooth
+            system += stiffness * self._smooth
+            system[diagonal, diagonal] += 1e-9
             pull = data.T @ (goal - rest[self._points])[inside] / len(self._points)
             factor = cho_factor(system, check_finite=False, overwrite_a=True)
             places = rest + self._base @ cho_solve(factor, pull, check_finite=False)
