@@ -1,9 +1,36 @@
 """Triangle meshes as Warp indexes them, for closest points and rays."""
 
+import os
+import sys
+import tempfile
+from functools import cache
+
 import numpy as np
 import warp as wp
 
 wp.config.log_level = wp.LOG_WARNING
+
+
+@cache
+def start_warp() -> None:
+    """Start Warp, once.
+
+    Its native part writes to the process's stderr, past Python, that there is no CUDA driver. On
+    most machines that is so, and every job would say it on the user's terminal.
+    """
+    sys.stderr.flush()
+    terminal = os.dup(2)
+    with tempfile.TemporaryFile() as heard:
+        os.dup2(heard.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)
+            heard.seek(0)
+            for line in heard:
+                if b"CUDA driver" not in line:
+                    os.write(2, line)
 
 
 def warp_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
@@ -13,6 +40,7 @@ def warp_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
         vertices: (V, 3).
         faces: (F, 3).
     """
+    start_warp()
     return wp.Mesh(
         points=wp.array(vertices.astype(np.float32, copy=False), dtype=wp.vec3, device="cpu"),
         indices=wp.array(faces.astype(np.int32, copy=False).ravel(), dtype=int, device="cpu"),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 PCA_ROWS_MAX = 4000
+_BLOCK = 8192  # columns
 
 
 @dataclass(frozen=True)
@@ -113,8 +114,7 @@ def fit_pca(
     data = np.stack([offsets[row].ravel() for row in train])  # (n, 3V)
     mean = data.mean(axis=0)
     data -= mean
-    # n is far below 3V: the small matrix of products has the same eigenvalues.
-    values, vectors = np.linalg.eigh((data @ data.T).astype(np.float64))
+    values, vectors = np.linalg.eigh(_products(data))
     count = min(components, len(train) - 1)
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
     kept = values > 1e-10 * max(values[0], 1e-30) if count else np.zeros(0, dtype=bool)
@@ -127,6 +127,19 @@ def fit_pca(
     mask_axes = code.T @ (covered - mask_mean) / values[:, None].astype(np.float32)
     total = float((data.astype(np.float64) ** 2).sum())
     return GarmentPca(mean, axes, mask_mean, mask_axes, float(values.sum()) / max(total, 1e-30))
+
+
+def _products(data: np.ndarray) -> np.ndarray:
+    """(n, n) products of the rows of `data` (n, D), whose eigenvalues are those of the components.
+
+    n is far below D. Summed in 64 bit, block by block: what 32 bit leave out of a large component
+    is more than a small one holds.
+    """
+    total = np.zeros((len(data), len(data)))
+    for start in range(0, data.shape[1], _BLOCK):
+        block = data[:, start : start + _BLOCK].astype(np.float64)
+        total += block @ block.T
+    return total
 
 
 Predictor = Callable[[int], tuple[np.ndarray, np.ndarray]]

@@ -3,6 +3,7 @@
 import ctypes
 import hashlib
 import json
+import logging
 import math
 import shutil
 import sys
@@ -22,6 +23,12 @@ from drapeline.nets.gcvae_data import Batch, GarmentData
 from drapeline.nets.trained import BEST, LAST, Position, Trained
 from drapeline.rule_log import LOGGER
 from drapeline.storage import whole_file, whole_folder, write_json
+
+# What Lightning has to say (devices, tips, that it is done) is for the rule's log, where ours goes.
+for _name in ("pytorch_lightning", "lightning_fabric"):
+    _chatter = logging.getLogger(_name)
+    _chatter.handlers.clear()
+    _chatter.parent, _chatter.propagate = LOGGER, True
 
 HISTORY, SETTINGS = "history.tsv", "settings.json"
 CURVES = "tensorboard"

@@ -107,7 +107,10 @@ def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
     script = tmp_path / "several.py"
     script.write_text(SEVERAL)
     toys = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    subprocess.run([sys.executable, script, tmp_path], check=True, timeout=1800, env=toys)
+    done = subprocess.run(
+        [sys.executable, script, tmp_path], capture_output=True, text=True, timeout=1800, env=toys
+    )
+    assert done.returncode == 0, done.stderr
     names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "tensorboard"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert not (tmp_path / "progress").exists()
@@ -116,3 +119,5 @@ def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
     log = (tmp_path / "log").read_text()
     assert log.count("epoch 1 of 2") == log.count("epoch 2 of 2") == 1
     assert "Traceback" not in log
+    assert "GPU available" in log  # Lightning's chatter, which is not for the terminal
+    assert "GPU available" not in done.stdout + done.stderr

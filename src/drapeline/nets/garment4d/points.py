@@ -15,7 +15,8 @@ from typing import Any
 import torch
 import warp as wp
 
-wp.config.log_level = wp.LOG_WARNING
+from drapeline.warp_mesh import start_warp
+
 wp.set_module_options({"enable_backward": False})
 
 
@@ -303,7 +304,7 @@ def gathered(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
 
 def _vectors(points: torch.Tensor) -> wp.array:
     """(B, P, 3) as an array (B, P) of vectors, on the same memory if that is float32."""
-    wp.init()
+    start_warp()
     return wp.from_torch(points.detach().to(torch.float32).contiguous(), dtype=wp.vec3)
 
 
