@@ -284,5 +284,5 @@ def out_of_bounds(measures: Mapping[str, float], bounds: HealthBounds) -> list[s
         value, bound = measures[name], getattr(bounds, name)
         low = name == "stretch_low"
         if not (value >= bound if low else value <= bound):
-            found.append(f"{name} {value:.3g}, expected at {'least' if low else 'most'} {bound:g}")
+            found.append(f"{name} {value:.4g}, expected at {'least' if low else 'most'} {bound:g}")
     return found

@@ -8,7 +8,6 @@ first sorted by a hash of their coordinates, so "the first" ones are a random bu
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from torch import nn
 
 from drapeline.dataset.clouds import LABELS
 from drapeline.nets.chebyshev import linear
+from drapeline.nets.garment4d.body_maps import MapRegression, body_map, map_cells
 from drapeline.nets.garment4d.losses import (
     CotangentLaplacian,
     interpenetration,
@@ -37,9 +37,8 @@ from drapeline.registration.garment_space import GarmentSpace
 
 # Points per cloud in the released code.
 _POINTS = 6890
-# The map of a body in the rest pose, seen from the front, left and right halves as one.
-_CELL_M, _REACH_M, _BOTTOM_M, _TOP_M = 0.05, 0.95, -1.1, 0.5
-_COLUMNS, _ROWS = round(_REACH_M / _CELL_M), round((_TOP_M - _BOTTOM_M) / _CELL_M)
+# Cells of the maps of the body that labels are made from, and coefficients.
+_LABEL_CELL_M, _SHAPE_CELL_M = 0.05, 0.025
 _MAP_WIDTH = 64
 
 
@@ -76,8 +75,9 @@ class CanonicalSettings:
         garment: abstractions of the garment's points, finest first.
         overall: features after each layer before the maximum over points and frames.
         head: features after each layer between that maximum and the coefficients.
-        located: whether points also say where on the known body they are, see `Wearer.located`,
-            and networks see maps of the body made of them; the paper's do not.
+        located: whether points also say where on the known body they are, see `Wearer.located`;
+            labels then know maps of the body made of them, and alpha begins with what a regression
+            reads from such maps. The paper's networks do without.
     """
 
     segmentation: tuple[Abstraction, ...] = (
@@ -185,27 +185,6 @@ def given_features(settings: CanonicalSettings) -> int:
     return 4 if settings.located else 3
 
 
-def body_map(features: torch.Tensor, values: torch.Tensor, frames: int) -> torch.Tensor:
-    """Means of values over the cells of a map of the body, which shows where sleeves and hems end.
-
-    Args:
-        features: (B * T, P, 4) of located points, see `Wearer.located`.
-        values: (B * T, P, C) of the same points.
-        frames: T.
-
-    Returns:
-        (B, C * cells) over all frames of a window, 0 in a cell without points.
-    """
-    column = (features[..., 0].abs() / _CELL_M).long().clamp(0, _COLUMNS - 1)
-    row = ((features[..., 2] - _BOTTOM_M) / _CELL_M).long().clamp(0, _ROWS - 1)
-    cell = (column * _ROWS + row).unflatten(0, (-1, frames)).flatten(1)
-    value = values.unflatten(0, (-1, frames)).flatten(1, 2).mT  # (B, C, T * P)
-    empty = value.new_zeros(*value.shape[:2], _COLUMNS * _ROWS)
-    count = empty[:, 0].scatter_add(1, cell, torch.ones_like(value[:, 0]))
-    total = empty.scatter_add(2, cell[:, None].expand_as(value), value)
-    return (total / count.clamp_min(1)[:, None]).flatten(1)
-
-
 def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
     """Windows (B, T, P, 3 or 7) as B * T clouds in an order of their own, and that order."""
     rows = points.flatten(0, 1)
@@ -242,7 +221,7 @@ class Segmentation(nn.Module):
         self.overview = None
         if settings.located:
             self.overview = nn.Sequential(
-                linear(_COLUMNS * _ROWS, _MAP_WIDTH, rng),
+                linear(map_cells(_LABEL_CELL_M), _MAP_WIDTH, rng),
                 nn.ReLU(),
                 linear(_MAP_WIDTH, settings.segmentation[-1].outputs, rng),
             )
@@ -256,7 +235,7 @@ class Segmentation(nn.Module):
         levels = abstracted(level, self.down, self.centres)
         coarse = levels.pop()
         if self.overview is not None:
-            heights = body_map(level.features, level.features[..., 3:], frames)
+            heights = body_map(level.features, level.features[..., 3:], frames, _LABEL_CELL_M)
             seen = self.overview(heights).repeat_interleave(frames, dim=0)
             coarse = coarse._replace(features=coarse.features + seen[:, None])
         while levels:
@@ -302,60 +281,40 @@ class ShapeEncoder(nn.Module):
             for width, level in zip(self.widths, settings.garment, strict=False)
         )
         self.overall = perceptron((3 + self.widths[-1], *settings.overall), rng)
-        self.direct, self.overview = nn.ModuleList(), None
         width = settings.overall[-1]
-        if settings.located:
-            self.overview = nn.Sequential(
-                linear(2 * _COLUMNS * _ROWS, 2 * _MAP_WIDTH, rng),
-                nn.ReLU(),
-                linear(2 * _MAP_WIDTH, _MAP_WIDTH, rng),
-                nn.ReLU(),
-            )
-            width += _MAP_WIDTH
-            # Places on the body tell lengths and widths best where nothing has averaged them yet.
-            # Points of all labels: bare skin tells where cloth ends.
-            sizes = (1 + given_features(settings), *[settings.overall[0] // 2] * 2)
-            self.direct = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(sizes))
-            width += sizes[-1]
         self.seen = RunningNorm(width)
         self.head = perceptron((width, *settings.head), rng)
         self.coefficients = linear(settings.head[-1], components, rng)
-        with torch.no_grad():  # begin near the mean garment
+        with torch.no_grad():  # begin near the mean garment, or what maps say
             self.coefficients.weight.mul_(0.1)
 
-    def forward(
-        self, level: PointLevel, frames: int, everything: torch.Tensor
-    ) -> tuple[torch.Tensor, list[PointLevel]]:
-        """Level of B * T clouds -> coefficients (B, D) and the levels, finest first.
-
-        Args:
-            level: the points to encode.
-            frames: T.
-            everything: (B * T, P, 1 + F) of all points, valid or not: how surely each belongs to
-                the garment, and the features it came with.
-        """
+    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, list[PointLevel]]:
+        """Level of B * T clouds, T of a window -> coefficients (B, D), and the levels."""
         levels = abstracted(level, self.down, self.centres)
         last = levels[-1]
         rows = self.overall(torch.cat([last.points, last.features], dim=-1))
         # Features are not negative, so a cloud without garment points (all zero) has no say.
-        window = pooled(rows, last.valid)
-        if self.direct:
-            rows = everything
-            for layer in self.direct:
-                rows = layer(rows).relu()
-            window = torch.cat([window, rows.amax(1)], dim=-1)
-        window = window.unflatten(0, (-1, frames)).amax(1)
-        if self.overview is not None:
-            seen = body_map(everything[..., 1:], everything[..., [-1, 0]], frames)
-            window = torch.cat([window, self.overview(seen)], dim=-1)
+        window = pooled(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
         return self.coefficients(self.head(self.seen(window))), levels
 
 
 class _ShapeNetwork(nn.Module):
-    """A network that ends in T(alpha) = G + C alpha."""
+    """A network that ends in T(alpha) = G + C alpha.
 
-    def __init__(self, space: GarmentSpace) -> None:
+    Args:
+        space: G and C of the garment's type.
+        settings: sizes.
+
+    Attributes:
+        regression: what alpha begins with where points are located; None where they are not.
+    """
+
+    def __init__(self, space: GarmentSpace, settings: CanonicalSettings) -> None:
         super().__init__()
+        self.regression = None
+        if settings.located:
+            cells = map_cells(_SHAPE_CELL_M)
+            self.regression = MapRegression(3 * cells, len(space.components))
         self.register_buffer("mean", torch.from_numpy(np.array(space.mean, dtype=np.float32)))
         components = torch.from_numpy(np.array(space.components, dtype=np.float32))
         self.register_buffer("components", components)
@@ -364,6 +323,36 @@ class _ShapeNetwork(nn.Module):
     def vertices(self, coefficients: torch.Tensor) -> torch.Tensor:
         """Alpha (B, D) -> T(alpha) (B, N, 3)."""
         return self.mean + torch.tensordot(coefficients, self.components, dims=1)
+
+    def begun(
+        self,
+        alpha: torch.Tensor,
+        points: torch.Tensor,
+        chosen: torch.Tensor,
+        regressed: torch.Tensor | None,
+    ) -> torch.Tensor:
+        """Alpha (B, D) on top of what it begins with: `regressed`, or what `regression` says."""
+        if self.regression is None:
+            return alpha
+        if regressed is None:
+            regressed = self.regression(self.maps(points, chosen))
+        return alpha + regressed
+
+    def maps(self, points: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
+        """What `regression` sees of windows.
+
+        Args:
+            points: (B, T, P, 7), located.
+            chosen: (B, T, P) bool, which are the garment's.
+
+        Returns:
+            (B, inputs): share of the points that are the garment's, how far points are in front of
+            the middle or behind it, and how high above the body, cell by cell.
+        """
+        features = points[..., 3:].flatten(0, 1)
+        depth, height = features[..., 1].abs(), features[..., 3]
+        values = torch.stack([chosen.flatten(0, 1).to(height), depth, height], dim=-1)
+        return body_map(features, values, points.shape[1], _SHAPE_CELL_M)
 
 
 class CanonicalNetwork(_ShapeNetwork):
@@ -379,7 +368,7 @@ class CanonicalNetwork(_ShapeNetwork):
     def __init__(
         self, settings: CanonicalSettings, space: GarmentSpace, label: int, rng: torch.Generator
     ) -> None:
-        super().__init__(space)
+        super().__init__(space, settings)
         self.label = label
         self.garment_points = settings.garment_points
         self.segmentation = Segmentation(settings, rng)
@@ -393,26 +382,33 @@ class CanonicalNetwork(_ShapeNetwork):
         """Features per point of the levels, finest first."""
         return self.encoder.widths
 
-    def forward(self, points: torch.Tensor, labels: torch.Tensor | None = None) -> CanonicalOutput:
+    def chosen(self, labels: torch.Tensor) -> torch.Tensor:
+        """Which points with these labels (...) alpha is made from, (...) bool."""
+        return labels == self.label
+
+    def forward(
+        self,
+        points: torch.Tensor,
+        labels: torch.Tensor | None = None,
+        regressed: torch.Tensor | None = None,
+    ) -> CanonicalOutput:
         """Estimate B garments from windows of T clouds.
 
         Args:
             points: (B, T, P, 3) metres, root frame; or (B, T, P, 7) if settings say `located`.
             labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
+            regressed: (B, D) alpha to begin with instead of what `regression` says.
         """
         level, order = as_level(points)  # B * T clouds
         features, logits = self.segmentation(level, points.shape[1])
-        if labels is None:
-            chosen, sure = logits.argmax(-1) == self.label, logits.softmax(-1)[..., self.label]
-        else:
-            chosen = labels.flatten(0, 1).gather(1, order) == self.label
-            sure = chosen.to(features)
-        everything = torch.cat([sure[..., None], level.features], dim=-1)
+        logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
+        chosen = self.chosen(logits.argmax(-1) if labels is None else labels)
         if self.located:
             features = torch.cat([features, level.features], dim=-1)
-        garment = first_of(level._replace(features=features, valid=chosen), self.garment_points)
-        alpha, levels = self.encoder(garment, points.shape[1], everything)
-        logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
+        valid = chosen.flatten(0, 1).gather(1, order)
+        garment = first_of(level._replace(features=features, valid=valid), self.garment_points)
+        alpha, levels = self.encoder(garment, points.shape[1])
+        alpha = self.begun(alpha, points, chosen, regressed)
         return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
 
 
@@ -428,16 +424,21 @@ class PointNetRegressor(_ShapeNetwork):
     def __init__(
         self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator
     ) -> None:
-        super().__init__(space)
+        super().__init__(space, settings)
         inputs = given_features(settings)
         self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
 
-    def forward(self, points: torch.Tensor) -> CanonicalOutput:
+    def chosen(self, labels: torch.Tensor) -> torch.Tensor:
+        """All of them, (...) bool."""
+        return torch.ones_like(labels, dtype=torch.bool)
+
+    def forward(
+        self, points: torch.Tensor, regressed: torch.Tensor | None = None
+    ) -> CanonicalOutput:
         """Estimate B garments from windows of T clouds, see `CanonicalNetwork`."""
         level, _ = as_level(points)
-        nothing = torch.zeros_like(level.features[..., :1])  # is known of labels
-        everything = torch.cat([nothing, level.features], dim=-1)
-        alpha, levels = self.encoder(level, points.shape[1], everything)
+        alpha, levels = self.encoder(level, points.shape[1])
+        alpha = self.begun(alpha, points, self.chosen(points[..., 0]), regressed)
         return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
 
 

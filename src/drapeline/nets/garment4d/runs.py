@@ -43,7 +43,6 @@ def train_canonical(
     """
     cls = PointNetStage if pointnet else CanonicalStage
     stage = cls(cls.settings_of(values), data.space, data.label)
-    stage.weigh_labels(data.label_share("train"))
     _fit(stage, data, folder, code, progress, trainer, threads)
 
 
@@ -95,6 +94,7 @@ def _fit(
         posed=stage.POSED,
         located=stage.located,
     )
+    stage.prepare(windows)
     fit(
         stage,
         GarmentData(windows, batch=training.batch, seed=training.seed),

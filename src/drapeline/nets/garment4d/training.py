@@ -24,7 +24,7 @@ from drapeline.nets.garment4d.canonical import (
     balanced,
     canonical_loss,
 )
-from drapeline.nets.garment4d.data import SOURCES, SequenceData, window_starts
+from drapeline.nets.garment4d.data import SOURCES, SequenceData, Windows, window_starts
 from drapeline.nets.garment4d.losses import CotangentLaplacian, UniformLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
 from drapeline.nets.garment4d.points import Recall
@@ -37,9 +37,10 @@ from drapeline.nets.garment4d.posed import (
     posed_loss,
 )
 from drapeline.nets.garment4d.wearers import SkinningSettings
-from drapeline.nets.gcvae_data import Batch
+from drapeline.nets.gcvae_data import Batch, as_tensors
 from drapeline.nets.trained import BEST, Trained, Training, plain
 from drapeline.registration.garment_space import GarmentSpace
+from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
 
 _BATCH = 4  # windows that a frozen network sees at once
@@ -159,6 +160,9 @@ class Stage(Trained):
         """What else the result depends on besides settings and data, as JSON values."""
         return {}
 
+    def prepare(self, windows: Windows) -> None:
+        """Take from the training windows what is not learned in steps."""
+
     # ---- training
 
     def training_step(self, batch: Batch) -> torch.Tensor:
@@ -208,15 +212,50 @@ class CanonicalStage(Stage):
         self.network = self.build()
         self.register_buffer("label_weights", torch.ones(len(LABELS)))
         self._recall = Recall(_KEPT_BYTES)
+        self.left_out: dict[str, torch.Tensor] = {}
 
     def build(self) -> torch.nn.Module:
         """The network that is trained."""
         network, rng = self.settings.network, self.weight_rng()
         return CanonicalNetwork(network, self.space, self.label, rng)
 
-    def weigh_labels(self, share: np.ndarray) -> None:
-        """Balance labels by their shares (L,) of the training points, as far as settings say."""
+    def prepare(self, windows: Windows) -> None:
+        """Balance labels by their share of the training points, and fit alpha to maps.
+
+        `left_out` is then what maps say of each training sequence, left out of the fit: with it
+        networks learn from estimates that are as wrong as those of new garments will be.
+        """
+        share = windows.data.label_share("train")
         self.label_weights.copy_(balanced(share, self.settings.loss.balance))
+        network = self.network
+        if network.regression is None:
+            return
+        rows = windows.rows("train")
+        names, maps, coefficients = [], [], []
+        for part in np.array_split(rows, -(-len(rows) // _BATCH)):
+            batch = as_tensors(windows.batch(part))
+            names += sequences_of(batch)
+            maps.append(network.maps(batch["points"], network.chosen(batch["labels"])))
+            coefficients.append(batch["coefficients"])
+        components = self.space.components.reshape(len(self.space.components), -1)
+        found, error = network.regression.fit(
+            torch.cat(maps).numpy(),
+            torch.cat(coefficients).numpy(),
+            names,
+            components @ components.T / len(self.space.mean),
+        )
+        LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
+        of_sequence = np.array(names)
+        self.left_out = {
+            name: torch.from_numpy(found[of_sequence == name].mean(axis=0))
+            for name in dict.fromkeys(names)
+        }
+
+    def begins(self, names: Sequence[str]) -> torch.Tensor | None:
+        """(B, D) alpha that training sequences begin with; None where maps are asked instead."""
+        if not all(name in self.left_out for name in names):
+            return None
+        return torch.stack([self.left_out[name] for name in names]).to(self.device)
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
@@ -241,7 +280,14 @@ class CanonicalStage(Stage):
 
         It would learn nothing before the segmentation has.
         """
-        return self.network(batch["points"], batch["labels"] if self.training else None)
+        if not self.training:
+            return self.network(batch["points"])
+        begins = self.begins(sequences_of(batch))
+        return self.network(batch["points"], batch["labels"], begins)
+
+    def about(self) -> dict[str, Any]:
+        """With `left_out`, which the posed stage is trained on."""
+        return {**super().about(), "left_out": self.left_out}
 
 
 class PointNetStage(CanonicalStage):
@@ -255,12 +301,18 @@ class PointNetStage(CanonicalStage):
 
     def estimated(self, batch: Batch) -> CanonicalOutput:
         """Of a batch."""
-        return self.network(batch["points"])
+        begins = self.begins(sequences_of(batch)) if self.training else None
+        return self.network(batch["points"], begins)
 
 
 def windows_of(batch: Batch) -> list[tuple[int, int]]:
     """Sequence and first frame of each window of a batch."""
     return list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
+
+
+def sequences_of(batch: Batch) -> list[str]:
+    """Name of the sequence that each window of a batch is of."""
+    return [name.rpartition("/")[0] for name in batch["names"]]
 
 
 class PosedStage(Stage):
@@ -303,10 +355,15 @@ class PosedStage(Stage):
             self.weight_rng(),
         )
 
-    def levels(self, points: torch.Tensor, labels: torch.Tensor | None = None) -> CanonicalOutput:
+    def levels(
+        self,
+        points: torch.Tensor,
+        labels: torch.Tensor | None = None,
+        begins: torch.Tensor | None = None,
+    ) -> CanonicalOutput:
         """What the canonical network says about windows (B, T, P, 3), without gradient."""
         with torch.no_grad():
-            return self.canonical.network(points, labels)
+            return self.canonical.network(points, labels, begins)
 
     def kept_levels(self, batch: Batch) -> list[PointLevel]:
         """The same levels of points, of windows seen before from memory."""
@@ -343,18 +400,22 @@ class PosedStage(Stage):
     def predicted_canonicals(self, data: SequenceData, splits: Sequence[str]) -> np.ndarray:
         """T(alpha') of the sequences of some splits, (S, N, 3) float32; others have the mean.
 
-        Alpha' is the mean over a sequence's windows. What the canonical network says of their
-        points is kept for training, whose windows are the same unless they overlap.
+        Alpha' is the mean over a sequence's windows; that of a training sequence begins with what
+        maps say when it is left out of their fit. What the canonical network says of points is kept
+        for training, whose windows are the same unless they overlap.
         """
         frames = self.settings.training.frames
         alpha = np.zeros_like(data.coefficients, dtype=np.float32)
         for sequence in np.flatnonzero(np.isin(data.split, splits)).tolist():
             points = data.clouds(sequence, located=self.located)
-            starts = window_starts(len(points), frames, frames, str(data.name[sequence]))
+            name = str(data.name[sequence])
+            starts = window_starts(len(points), frames, frames, name)
             found = []
             for part in np.array_split(starts, -(-len(starts) // _BATCH)):
                 windows = np.stack([points[start : start + frames] for start in part])
-                output = self.levels(torch.from_numpy(windows).to(self.canonical.device))
+                begins = self.canonical.begins([name] * len(part))
+                given = torch.from_numpy(windows).to(self.canonical.device)
+                output = self.levels(given, begins=begins)
                 self.keep([(sequence, start) for start in part.tolist()], output.levels)
                 found.append(output.coefficients)
             alpha[sequence] = torch.cat(found).mean(0).cpu().numpy()
@@ -441,7 +502,9 @@ def _built(about: Mapping[str, Any]) -> Stage:
     if "canonical" in about:
         return cls(settings, _built(about["canonical"]))
     space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
-    return cls(settings, space, about["label"])
+    stage = cls(settings, space, about["label"])
+    stage.left_out = about["left_out"]
+    return stage
 
 
 def distance_mm(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:

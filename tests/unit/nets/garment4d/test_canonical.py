@@ -15,7 +15,6 @@ from drapeline.nets.garment4d.canonical import (
     CanonicalWeights,
     PointNetRegressor,
     balanced,
-    body_map,
     canonical_loss,
     first_of,
     hashed_order,
@@ -339,22 +338,6 @@ def test_scaled_settings_keep_the_number_of_points_per_ball():
     assert replace(small, head=(3,)).head == (3,)
 
 
-def test_a_map_of_the_body_is_the_mean_over_cells_of_five_centimetres_and_both_halves():
-    place = torch.rand(6, 40, 4, generator=rng(7)) * torch.tensor([2.4, 1.0, 1.8, 1.0]) - 1.2
-    values = torch.rand(6, 40, 2, generator=rng(8))
-    found = body_map(place, values, 3)
-    cells: dict[tuple[int, int, int], list[list[float]]] = {}
-    for cloud in range(6):
-        for (x, _, z, _), value in zip(place[cloud].tolist(), values[cloud].tolist(), strict=True):
-            column = min(int(abs(x) / 0.05), 18)
-            row = min(max(int((z + 1.1) // 0.05), 0), 31)
-            cells.setdefault((cloud // 3, column, row), []).append(value)
-    expected = torch.zeros(2, 2, 19, 32)
-    for (window, column, row), within in cells.items():
-        expected[window, :, column, row] = torch.tensor(within).mean(0)
-    torch.testing.assert_close(found, expected.flatten(1))
-
-
 def test_a_sleeve_decides_about_points_out_of_its_reach(space):
     """All labels of a cloud may change with the height of points on an arm, in any frame."""
     network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng()).eval()
@@ -368,7 +351,7 @@ def test_a_sleeve_decides_about_points_out_of_its_reach(space):
 
 
 @pytest.mark.parametrize("kind", ["canonical", "pointnet"])
-def test_points_that_know_their_place_make_the_estimate_depend_on_it(space, kind):
+def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind):
     settings = replace(SETTINGS, located=True)
     network = (
         CanonicalNetwork(settings, space, LABEL, rng())
@@ -377,12 +360,32 @@ def test_points_that_know_their_place_make_the_estimate_depend_on_it(space, kind
     ).eval()
     points, labels, _, _ = windows(space, 2)
     given = (labels,) if kind == "canonical" else ()
-    place = torch.randn(*points.shape[:3], 4, generator=rng(5))
-    first, second = (
-        network(torch.cat([points, scale * place], -1), *given).coefficients for scale in (1, 2)
-    )
-    assert (first - second).abs().max() > 1e-4
-    shuffled = torch.randperm(points.shape[2], generator=rng(6))
-    moved = torch.cat([points, place], -1)[:, :, shuffled]
-    again = network(moved, *(x[:, :, shuffled] for x in given)).coefficients
-    torch.testing.assert_close(again, first, atol=1e-5, rtol=1e-4)
+    points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
+    before = network(points, *given)
+    with torch.no_grad():
+        network.regression.weight.normal_(generator=rng(6))
+        network.regression.bias.fill_(0.5)
+    chosen = labels == LABEL if kind == "canonical" else torch.ones_like(labels, dtype=torch.bool)
+    said = network.regression(network.maps(points, chosen))
+    after = network(points, *given)
+    torch.testing.assert_close(after.coefficients, before.coefficients + said)
+    assert said.abs().max() > 1
+    torch.testing.assert_close(after.vertices, network.vertices(after.coefficients))
+    told = network(points, *given, regressed=torch.ones_like(said))
+    torch.testing.assert_close(told.coefficients, before.coefficients + 1)
+    # Neither depends on the order of points.
+    shuffled = torch.randperm(points.shape[2], generator=rng(7))
+    again = network(points[:, :, shuffled], *(x[:, :, shuffled] for x in given))
+    torch.testing.assert_close(again.coefficients, after.coefficients, atol=1e-4, rtol=1e-4)
+
+
+def test_without_labels_maps_are_made_of_the_points_taken_for_the_garment(space):
+    network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng()).eval()
+    with torch.no_grad():
+        network.regression.weight.normal_(generator=rng(6))
+    points, _, _, _ = windows(space, 2)
+    points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
+    found = network(points)
+    labels = found.logits.argmax(-1)
+    assert 0 < (labels == LABEL).float().mean() < 1
+    torch.testing.assert_close(network(points, labels).coefficients, found.coefficients)

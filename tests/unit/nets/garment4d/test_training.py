@@ -11,7 +11,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.nets.checkpoints import read_checkpoint
 from drapeline.nets.garment4d.canonical import balanced
-from drapeline.nets.garment4d.data import SequenceData, Windows
+from drapeline.nets.garment4d.data import SequenceData, Windows, window_starts
 from drapeline.nets.garment4d.runs import train_canonical, train_posed
 from drapeline.nets.garment4d.training import (
     CanonicalStage,
@@ -309,6 +309,62 @@ def test_weights_of_labels_come_from_the_data_and_are_loaded_again(folder, data)
     expected = balanced(data.label_share("train"), 0.5)
     assert len(expected[expected > 0].unique()) > 1
     torch.testing.assert_close(uneven.label_weights, expected)
+
+
+@pytest.fixture(scope="module")
+def located(folder, wearers):
+    data = SequenceData(folder / "data", wearers)
+    values = {**CANONICAL, "network": {**CANONICAL["network"], "located": True}}
+    return run(train_canonical, folder, "located", data, values)
+
+
+def test_maps_of_the_body_are_fitted_to_training_sequences_and_loaded_again(located, data):
+    stage = load_stage(located, CanonicalStage)
+    trained = data.name[data.of_split("train")].tolist()
+    assert sorted(stage.left_out) == sorted(trained)
+    again = CanonicalStage(stage.settings, data.space, data.label)
+    training = stage.settings.training
+    again.prepare(
+        Windows(data, frames=training.frames, stride=training.stride, posed=False, located=True)
+    )
+    for name in ("mean", "weight", "bias"):
+        found, expected = (getattr(x.network.regression, name) for x in (stage, again))
+        torch.testing.assert_close(found, expected)
+    assert stage.network.regression.weight.abs().max() > 0
+    for name in trained:
+        torch.testing.assert_close(stage.left_out[name], again.left_out[name])
+    assert stage.begins([trained[0], "unknown"]) is None
+
+
+def test_in_training_estimates_begin_with_what_is_left_out(located, data):
+    stage = load_stage(located, CanonicalStage)
+    windows = data.windows("train", 3, 3)[:2]
+    batch = as_tensors(data.batch(windows, 3, posed=False, located=True))
+    names = data.name[windows[:, 0]].tolist()
+    with torch.no_grad():
+        trained = stage.train().estimated(batch).coefficients
+        begins = torch.stack([stage.left_out[name] for name in names])
+        expected = stage.network(batch["points"], batch["labels"], begins).coefficients
+    torch.testing.assert_close(trained, expected, atol=0.05, rtol=0)  # running means move on
+    maps = stage.network.maps(batch["points"], batch["labels"] == data.label)
+    assert (stage.network.regression(maps) - begins).abs().max() > 0.1
+
+
+def test_proposals_for_training_are_as_wrong_as_those_of_new_garments(located, data, folder):
+    """Garments that the maps were fitted to would be given back better than any other."""
+    canonical = load_stage(located, CanonicalStage)
+    stage = PosedStage(PosedStage.settings_of(POSED), canonical)
+    found = stage.predicted_canonicals(data, ("train", "val"))
+    for split in ("train", "val"):
+        sequence = int(data.of_split(split)[0])
+        name = str(data.name[sequence])
+        points = torch.from_numpy(data.clouds(sequence, located=True))
+        starts = window_starts(len(points), 3, 3, name)
+        windows = torch.stack([points[start : start + 3] for start in starts])
+        begins = canonical.left_out[name].expand(len(windows), -1) if split == "train" else None
+        with torch.no_grad():
+            alpha = canonical.network(windows, None, begins).coefficients.mean(0).numpy()
+        np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-4)
 
 
 def test_settings_come_from_plain_values_and_go_back(canonical):

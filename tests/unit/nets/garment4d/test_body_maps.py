@@ -1,0 +1,136 @@
+"""Maps of the body, and the regression on them against the slow way."""
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.nets.garment4d import body_maps
+from drapeline.nets.garment4d.body_maps import MapRegression, body_map, map_cells
+from drapeline.seeding import rng_for
+
+SEQUENCES = ["a", "a", "a", "b", "c", "c", "d", "e", "e", "f", "g", "h"]
+
+
+def draw(seed):
+    return torch.Generator().manual_seed(seed)
+
+
+def test_a_map_of_the_body_is_the_mean_over_cells_of_both_halves():
+    place = torch.rand(6, 40, 4, generator=draw(7)) * torch.tensor([2.4, 1.0, 1.8, 1.0]) - 1.2
+    values = torch.rand(6, 40, 2, generator=draw(8))
+    found = body_map(place, values, 3, 0.05)
+    cells: dict[tuple[int, int, int], list[list[float]]] = {}
+    for cloud in range(6):
+        for (x, _, z, _), value in zip(place[cloud].tolist(), values[cloud].tolist(), strict=True):
+            column = min(int(abs(x) / 0.05), 18)
+            row = min(max(int((z + 1.1) // 0.05), 0), 31)
+            cells.setdefault((cloud // 3, column, row), []).append(value)
+    expected = torch.zeros(2, 2, 19, 32)
+    for (window, column, row), within in cells.items():
+        expected[window, :, column, row] = torch.tensor(within).mean(0)
+    torch.testing.assert_close(found, expected.flatten(1))
+    assert expected[0, 0].numel() == map_cells(0.05)
+
+
+@pytest.fixture
+def given():
+    """Maps (12, 30), more values than windows, and coefficients (12, 3) that they tell about."""
+    rng = rng_for(0, "maps")
+    maps = rng.normal(size=(len(SEQUENCES), 30)).astype(np.float32) + 2
+    coefficients = maps @ rng.normal(size=(30, 3)) + rng.normal(size=(len(SEQUENCES), 3))
+    return maps, coefficients.astype(np.float32)
+
+
+def fitted(maps, coefficients, sequences=SEQUENCES, metric=None):
+    regression = MapRegression(maps.shape[1], coefficients.shape[1])
+    metric = np.eye(coefficients.shape[1]) if metric is None else metric
+    return regression, *regression.fit(maps, coefficients, sequences, metric)
+
+
+def slowly(maps, coefficients, sequences, ridge, scale):
+    """Weighed ridge regression with its mean, by normal equations: a function of maps."""
+    sequences = np.array(sequences)
+    weights = np.array([1 / (sequences == one).sum() for one in sequences])
+    mean = np.average(maps * scale, axis=0, weights=weights)
+    middle = np.average(coefficients, axis=0, weights=weights)
+    gap = maps * scale - mean
+    system = gap.T @ (weights[:, None] * gap) + ridge * np.eye(maps.shape[1])
+    slope = np.linalg.solve(system, gap.T @ (weights[:, None] * (coefficients - middle)))
+    return lambda new: (new * scale - mean) @ slope + middle
+
+
+def scale_of(maps):
+    share = [1 / SEQUENCES.count(one) for one in SEQUENCES]
+    mean = np.average(maps, axis=0, weights=share)
+    deviation = np.sqrt(np.average((maps - mean) ** 2, axis=0, weights=share))
+    return 1 / deviation / np.sqrt(maps.shape[1])
+
+
+@pytest.mark.parametrize("ridge", [0.01, 1.0])
+def test_what_is_left_out_is_what_fits_without_it_say(given, monkeypatch, ridge):
+    maps, coefficients = (x.astype(np.float64) for x in given)
+    monkeypatch.setattr(body_maps, "_RIDGES", np.array([ridge]))
+    regression, found, error = fitted(*given)
+    scale = scale_of(maps)
+    whole = slowly(maps, coefficients, SEQUENCES, ridge, scale)
+    said = regression(torch.from_numpy(given[0])).numpy()
+    np.testing.assert_allclose(said, whole(maps), atol=2e-4)
+    squared = []
+    for one in set(SEQUENCES):
+        inside = np.array(SEQUENCES) == one
+        rest = [name for name in SEQUENCES if name != one]
+        without = slowly(maps[~inside], coefficients[~inside], rest, ridge, scale)
+        np.testing.assert_allclose(found[inside], without(maps[inside]), atol=2e-4)
+        squared.append(((found[inside] - coefficients[inside]) ** 2).sum(1).mean())
+    assert error == pytest.approx(np.mean(squared) ** 0.5, rel=1e-4)
+
+
+def test_the_ridge_is_the_best_for_what_is_left_out_in_the_metric(given, monkeypatch):
+    metric = np.diag([1.0, 4.0, 0.0])
+    _, _, best = fitted(*given, metric=metric)
+    each = []
+    for ridge in body_maps._RIDGES:
+        with monkeypatch.context() as only:
+            only.setattr(body_maps, "_RIDGES", np.array([ridge]))
+            _, found, error = fitted(*given, metric=metric)
+        off = found - given[1]
+        share = [1 / SEQUENCES.count(one) for one in SEQUENCES]
+        mean = np.average(((off @ metric) * off).sum(1), weights=share)
+        assert error == pytest.approx(mean**0.5, rel=1e-4)
+        each.append(error)
+    assert best == pytest.approx(min(each))
+    assert min(each) < 0.99 * max(each)
+
+
+def test_a_linear_truth_is_found():
+    rng = rng_for(0, "linear maps")
+    maps = rng.normal(size=(200, 6)).astype(np.float32)
+    coefficients = (maps @ rng.normal(size=(6, 2)) + 3).astype(np.float32)
+    regression, found, error = fitted(maps, coefficients, list(range(200)))
+    new = rng.normal(size=(20, 6)).astype(np.float32)
+    slope = np.linalg.lstsq(maps, coefficients - 3, rcond=None)[0]
+    np.testing.assert_allclose(regression(torch.from_numpy(new)), new @ slope + 3, atol=0.01)
+    assert error < 0.01
+    np.testing.assert_allclose(found, coefficients, atol=0.02)
+
+
+def test_cells_that_never_change_have_no_say(given):
+    maps, coefficients = given
+    still = np.concatenate([maps, np.full((len(maps), 5), 7, np.float32)], axis=1)
+    regression, found, _ = fitted(still, coefficients)
+    alone, expected, _ = fitted(maps, coefficients)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    other = torch.from_numpy(still.copy())
+    other[:, 30:] = -50
+    torch.testing.assert_close(regression(other), alone(torch.from_numpy(maps)))
+
+
+def test_nothing_is_said_before_the_fit():
+    said = MapRegression(4, 2)(torch.ones(3, 4))
+    torch.testing.assert_close(said, torch.zeros(3, 2))
+
+
+def test_one_sequence_cannot_be_left_out(given):
+    with pytest.raises(InputError, match="1 training sequence, expected two or more"):
+        fitted(*given, sequences=["a"] * len(SEQUENCES))
