@@ -26,7 +26,7 @@ with rule_log(snakemake.log[0]) as log:
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     seed = snakemake.params.seed
     requests = draw_requests(seed, **snakemake.params.conditions)
-    sampled = sample_garments(model, types, requests, seed)
+    sampled = sample_garments(model, types, requests, seed, settle=snakemake.params.settle)
     rows = save_samples(snakemake.output[0], sampled, bodies, model.domain.faces["body"])
     good = sum(row["inside_1cm_share"] <= 0.05 for row in rows)
     log.info(

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.clouds import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.mesh import Mesh, triangulate
+from drapeline.nets.garment4d.body_maps import MapRegression
 from drapeline.nets.garment4d.data import GarmentSequence, collect_garment4d
 from drapeline.nets.garment4d.wearers import Wearers
 from drapeline.outfits.fit import rest_body
@@ -91,6 +93,17 @@ def toy_bodies(body: BodyModel) -> dict[str, BodyModel]:
     return dict.fromkeys(GENDERS, body)
 
 
+def as_if_fitted(regression: MapRegression) -> None:
+    """Random weights, so that maps of the body say something."""
+    draw = torch.Generator().manual_seed(6)
+    with torch.no_grad():
+        regression.scale.fill_(1)
+        regression.low.fill_(-9)
+        regression.high.fill_(9)
+        regression.weight.normal_(std=0.1, generator=draw)
+        regression.bias.fill_(0.5)
+
+
 # Settings of trainings that take seconds and still learn something.
 CANONICAL = {
     "network": {
@@ -106,6 +119,7 @@ CANONICAL = {
         ],
         "overall": [32],
         "head": [16],
+        "located": True,
     },
     "loss": {"segmentation": 0.5, "interpenetration": 0.0, "balance": 0.5},
     "training": {
@@ -117,6 +131,8 @@ CANONICAL = {
         "stride": 1,
     },
 }
+# As the paper has it.
+PLAIN = {**CANONICAL, "network": {**CANONICAL["network"], "located": False}}
 POSED = {
     "network": {
         "iterations": 2,

@@ -8,7 +8,10 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from drapeline.rule_log import LOGGER
+
 wp.config.log_level = wp.LOG_WARNING
+_NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 
 
 @cache
@@ -16,7 +19,7 @@ def start_warp() -> None:
     """Start Warp, once.
 
     Its native part writes to the process's stderr, past Python, that there is no CUDA driver. On
-    most machines that is so, and every job would say it on the user's terminal.
+    most machines that is so, and every job would say it on the user's terminal: it goes to the log.
     """
     sys.stderr.flush()
     terminal = os.dup(2)
@@ -29,7 +32,9 @@ def start_warp() -> None:
             os.close(terminal)
             heard.seek(0)
             for line in heard:
-                if b"CUDA driver" not in line:
+                if _NO_DRIVER in line:
+                    LOGGER.info("%s", line.decode().strip())
+                else:
                     os.write(2, line)
 
 

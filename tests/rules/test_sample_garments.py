@@ -41,6 +41,7 @@ def sampled(run_rule, tmp_path, toy_body):
                 "tightness": [0.0, 0.0],
                 "tightness_range": [-1.5, 0.5],
             },
+            "settle": True,
         },
     )
     return tmp_path / "samples", bodies

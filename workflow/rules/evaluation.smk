@@ -229,6 +229,7 @@ rule sample_garments:
             "shape_range": config["body"]["shape_range"],
             "tightness_range": config["outfits"]["tightness_range"],
         },
+        settle=lookup(dpath="gcvae/sampling/settle", within=config),
         code=source_hash("sample_garments"),
     script:
         "../../scripts/sample_garments.py"

@@ -21,7 +21,7 @@ from drapeline.frames import FPS
 from drapeline.outfits.kinds import GARMENTS
 from drapeline.seeding import rng_for
 from drapeline.storage import mapped, read_json, whole_folder, write_json
-from drapeline.warp_mesh import warp_mesh
+from drapeline.warp_mesh import start_warp, warp_mesh
 
 LABELS = (BODY, *GARMENTS)  # index = label of a point
 
@@ -113,6 +113,7 @@ class CloudSampler:
         self._triangles = [np.asarray(triangles) for triangles, _ in surfaces]
         self._codes = [LABELS.index(label) for _, label in surfaces]
         self._face_label = np.repeat(self._codes, [len(t) for t in self._triangles]).astype("u1")
+        start_warp()
         self._label_of_face = wp.array(self._face_label, dtype=wp.uint8, device="cpu")
         self._cameras = wp.array(_rig(settings.visibility, turn_rad), dtype=wp.vec3, device="cpu")
         self._corners: np.ndarray | None = None

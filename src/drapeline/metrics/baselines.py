@@ -4,7 +4,7 @@ The mean garment and the nearest neighbour know a garment's type and conditionin
 PCA, like the autoencoder, sees the garment itself and gives it back through a small code.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,7 +119,7 @@ def fit_pca(
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
     kept = values > 1e-10 * max(values[0], 1e-30) if count else np.zeros(0, dtype=bool)
     values, vectors = values[kept], vectors[:, kept]
-    axes = (vectors / np.sqrt(values)).T.astype(np.float32) @ data
+    axes = _combined((vectors / np.sqrt(values)).T, data)
     covered = np.stack([mask[row] for row in train]).astype(np.float32)
     mask_mean = covered.mean(axis=0)
     # Coefficients are uncorrelated, so that each one's regression is independent of the others.
@@ -136,10 +136,20 @@ def _products(data: np.ndarray) -> np.ndarray:
     is more than a small one holds.
     """
     total = np.zeros((len(data), len(data)))
-    for start in range(0, data.shape[1], _BLOCK):
-        block = data[:, start : start + _BLOCK].astype(np.float64)
+    for block in _blocks(data):
         total += block @ block.T
     return total
+
+
+def _combined(weights: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """(C, D) float32 sums of the rows of `data` (n, D), in 64 bit for the same reason."""
+    parts = [(weights @ block).astype(np.float32) for block in _blocks(data)]
+    return np.concatenate(parts, axis=1)
+
+
+def _blocks(data: np.ndarray) -> Iterator[np.ndarray]:
+    for start in range(0, data.shape[1], _BLOCK):
+        yield data[:, start : start + _BLOCK].astype(np.float64)
 
 
 Predictor = Callable[[int], tuple[np.ndarray, np.ndarray]]

@@ -11,7 +11,7 @@ type has most of its mass where hems of several lengths mix, which is where no g
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from drapeline.nets.gcvae_training import StaticVae
 from drapeline.nets.represent import Codes, decode_codes, rest_body
 from drapeline.outfits.fit import signed_tightness
 from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.solid import settled
 from drapeline.registration.static_data import static_cvar
 from drapeline.registration.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
@@ -249,7 +250,8 @@ class Sampled:
         garment: its type.
         z: (Z,) its code.
         decoded: the garment as decoded.
-        mesh: its largest connected piece.
+        piece: its largest connected piece.
+        mesh: that, settled if it was asked for.
         body: (V, 3) rest body that it was decoded on.
         draws: codes that were drawn for it, of which this is the last.
     """
@@ -259,6 +261,7 @@ class Sampled:
     garment: str
     z: np.ndarray
     decoded: Mesh
+    piece: Mesh
     mesh: Mesh
     body: np.ndarray
     draws: int
@@ -266,23 +269,36 @@ class Sampled:
     @property
     def kept_share(self) -> float:
         """Share of the decoded vertices that are in the largest piece; 0 where nothing was."""
-        return len(self.mesh.vertices) / max(len(self.decoded.vertices), 1)
+        return len(self.piece.vertices) / max(len(self.decoded.vertices), 1)
 
     def sound(self, body_faces: np.ndarray) -> bool:
-        """Whether it is nearly all one piece and hardly reaches into the body."""
+        """Whether it was decoded nearly all in one piece and hardly reaches into the body."""
         if self.kept_share < _WHOLE_SHARE:
             return False
-        inside = inside_measures(self.mesh.vertices, self.body, body_faces)
+        inside = inside_measures(self.piece.vertices, self.body, body_faces)
         return inside["inside_1cm_share"] <= _DEEP_SHARE
 
 
 def sample_garments(
-    model: StaticVae, types: GarmentTypes, requests: Mapping[str, Request], seed: int
+    model: StaticVae,
+    types: GarmentTypes,
+    requests: Mapping[str, Request],
+    seed: int,
+    *,
+    settle: bool,
 ) -> list[Sampled]:
     """Draw a code for every request and decode it.
 
     Codes that decode to a torn garment, or to one inside the body, are drawn again, a few times.
-    Only pieces other than the largest are taken off; no vertex is moved.
+    Pieces other than the largest are taken off.
+
+    Args:
+        model: with a mask branch.
+        types: of its training garments.
+        requests: by name.
+        seed: with a sample's name it fixes the codes.
+        settle: whether garments are evened out and pushed out of the body in the end, see
+            `settled`; else no vertex is moved.
     """
     rngs = {name: rng_for(seed, "sampled garment", name, "code") for name in requests}
     found: dict[str, Sampled] = {}
@@ -294,7 +310,17 @@ def sample_garments(
                 del waiting[sample.name]
         if not waiting:
             break
-    return [found[name] for name in requests]
+    sampled = [found[name] for name in requests]
+    return [_settled(one, model) for one in sampled] if settle else sampled
+
+
+def _settled(sample: Sampled, model: StaticVae) -> Sampled:
+    piece = sample.piece
+    if not len(piece.faces):
+        return sample
+    body_faces = model.domain.faces[TOPOLOGIES[0]]
+    (vertices,) = settled(piece.vertices[None], piece.faces, sample.body[None], body_faces)
+    return replace(sample, mesh=Mesh(vertices, piece.faces))
 
 
 def _drawn(
@@ -322,7 +348,7 @@ def _drawn(
         body = rest_body(model, request.cvar)
         mesh = garment_mesh(body + offsets, faces_of(model, kind), mask)
         piece = largest_piece(mesh)
-        sampled.append(Sampled(name, request, GARMENTS[kind], z, mesh, piece, body, draws))
+        sampled.append(Sampled(name, request, GARMENTS[kind], z, mesh, piece, piece, body, draws))
     return sampled
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import scipy.sparse as sp
 import warp as wp
 
-from drapeline.outfits.relax import averaging_matrix
+from drapeline.outfits.relax import averaging_matrix, fairing
 from drapeline.warp_mesh import warp_mesh
 
 _GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps
 _DEEP_M = 0.1  # cloth deeper in the body than this is left there: the way out is a guess
 _ROUNDS, _SPREAD = 3, 4  # of pushing, and of spreading a push over its neighbourhood
-_EVEN_PASSES = 3
+_EVENNESS = 30.0  # see `fairing`
 
 
 @wp.kernel
@@ -103,10 +103,10 @@ def settled(
             f"{len(cloth)} frames of cloth came with {len(bodies)} bodies, expected one per frame"
         )
     average, solid = averaging_matrix(faces, cloth.shape[1]), Solid(bodies[0], body_faces)
+    even = fairing(faces, cloth.shape[1], _EVENNESS)
     out = np.zeros(cloth.shape, dtype=np.float32)
     for frame, (points, body) in enumerate(zip(cloth, bodies, strict=True)):
-        for _ in range(_EVEN_PASSES):
-            points = (points + average @ points) / 2
         solid.move(body)
-        out[frame] = solid.left_by(points.astype(np.float32), average)
+        evened = even(points.astype(np.float64)).astype(np.float32)
+        out[frame] = solid.left_by(evened, average)
     return out

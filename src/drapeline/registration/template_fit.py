@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import minimize
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import cKDTree
 
 from drapeline.errors import InputError
@@ -24,6 +23,7 @@ from drapeline.mesh import (
     triangulate,
     vertex_normals,
 )
+from drapeline.outfits.relax import symmetric_factor
 from drapeline.registration.front_opening import front_strip
 from drapeline.registration.garment_template import GarmentTemplate, named_loops
 
@@ -220,11 +220,7 @@ def _rims_matched(
     for guide, line in zip(guides, target.guides, strict=True):
         weight[guide] = _HELD
         move[guide] = _stretched(rest[guide], target.vertices[line]) - rest[guide]
-    return rest + _factor(laplacian + sp.diags(weight)).solve(weight[:, None] * move)
-
-
-def _factor(system: sp.spmatrix) -> SuperLU:
-    return splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return rest + symmetric_factor(laplacian + sp.diags(weight)).solve(weight[:, None] * move)
 
 
 def _along(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
@@ -277,7 +273,9 @@ def _drawn(
     weight = np.ones(len(places))
     weight[held] = _HELD
     tree = cKDTree(np.hstack([target.vertices, _TURN_M * target.normals]))
-    factors = {s: _factor(sp.diags(weight) + s * laplacian) for s in dict.fromkeys(_STIFFNESS)}
+    factors = {
+        s: symmetric_factor(sp.diags(weight) + s * laplacian) for s in dict.fromkeys(_STIFFNESS)
+    }
     for stiffness in _STIFFNESS:
         own = vertex_normals(places, triangles)
         _, near = tree.query(np.hstack([places, _TURN_M * own]))

@@ -75,8 +75,9 @@ _LOCATED = (
     "Points come with where on the body they are: their place had it rested with the body vertex"
     " nearest to them, and their height over it. Labels know a map of the body with the mean height"
     " of the points on each part, and the network's alpha is added to what a ridge regression reads"
-    " from maps of the garment's points. This is ours and not the paper's, and it holds for PN++,"
-    " whose maps are of all points, and for all that is built on the canonical network."
+    " from such maps, which also show which points are the garment's. This is ours and not the"
+    " paper's, and it holds for PN++, whose maps do not show that, and for all that is built on the"
+    " canonical network."
 )
 _BALANCED = (
     "Points weigh the more in the loss of labels, the fewer training points have their label; in"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drapeline.metrics import baselines
 from drapeline.metrics.baselines import (
     fit_mean_garment,
     fit_pca,
@@ -77,6 +78,21 @@ def test_pca_equals_the_singular_value_decomposition(data):
     code = axes[:4] @ (offsets[35].ravel() - flat.mean(0))
     expected = (flat.mean(0) + code @ axes[:4]).reshape(-1, 3)
     np.testing.assert_allclose(pca.rebuild(offsets[35])[0], expected, atol=1e-4)
+
+
+def test_small_components_are_as_good_as_large_ones(monkeypatch):
+    """Offsets of 10 m to 0.1 mm along known axes, in blocks that do not divide the coordinates."""
+    monkeypatch.setattr(baselines, "_BLOCK", 7)
+    rng = rng_for(0, "steep")
+    axes = np.linalg.qr(rng.normal(size=(3 * VERTICES, 20)))[0].T
+    sizes = np.geomspace(10, 1e-4, 20)
+    offsets = ((rng.normal(size=(ROWS, 20)) * sizes) @ axes).astype(np.float32)
+    offsets = offsets.reshape(ROWS, VERTICES, 3)
+    pca = fit_pca(offsets, np.ones((ROWS, VERTICES), bool), np.arange(ROWS), components=12)
+    np.testing.assert_allclose(pca.axes @ pca.axes.T, np.eye(12), atol=2e-6)
+    flat = offsets.reshape(ROWS, -1).astype(np.float64)
+    _, _, expected = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
+    np.testing.assert_allclose(np.abs((pca.axes * expected[:12]).sum(1)), 1, atol=1e-5)
 
 
 def test_pca_gives_back_what_lies_in_its_span_mask_included(data):

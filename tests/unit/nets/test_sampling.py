@@ -24,6 +24,7 @@ from drapeline.nets.sampling import (
 )
 from drapeline.nets.walks import paper_walks, walk
 from drapeline.outfits.kinds import GARMENTS
+from drapeline.registration.solid import settled
 from drapeline.seeding import rng_for
 from gcvae_files import SETTINGS, TypedGarments, shaken
 from gcvae_toys import AROUND, RINGS, VERTICES, toy_domain
@@ -123,7 +124,8 @@ def test_types_are_told_by_code_where_masks_agree_and_by_mask_where_codes_do(typ
 def test_a_model_without_a_mask_cannot_be_sampled(types):
     settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
     with pytest.raises(InputError, match="without a mask branch cannot be sampled"):
-        sample_garments(StaticVae(settings, toy_domain()).eval(), types, requests(), seed=0)
+        model = StaticVae(settings, toy_domain()).eval()
+        sample_garments(model, types, requests(), seed=0, settle=False)
 
 
 def test_more_samples_leave_the_first_ones_alone():
@@ -148,7 +150,7 @@ def test_conditions_are_in_their_ranges_or_as_asked():
 
 def test_samples_are_decoded_on_the_topology_of_their_type(model, types, halves):
     asked = requests(12, ("prior", "Dress", "Trousers"))
-    sampled = sample_garments(model, types, asked, seed=3)
+    sampled = sample_garments(model, types, asked, seed=3, settle=False)
     for sample in sampled:
         assert sample.garment in ("Dress", "Trousers")
         if sample.request.garment != "prior":
@@ -158,8 +160,8 @@ def test_samples_are_decoded_on_the_topology_of_their_type(model, types, halves)
         faces = model.domain.faces["skirt" if sample.garment == "Dress" else "body"]
         assert len(sample.decoded.faces) == len(faces_within(faces, half(sample.z[0] > 0)))
         np.testing.assert_array_equal(sample.body, rest_body(model, sample.request.cvar))
-    again = sample_garments(model, types, asked, seed=3)
-    other = sample_garments(model, types, asked, seed=4)
+    again = sample_garments(model, types, asked, seed=3, settle=False)
+    other = sample_garments(model, types, asked, seed=4, settle=False)
     np.testing.assert_array_equal(again[0].decoded.vertices, sampled[0].decoded.vertices)
     assert not np.array_equal(other[0].z, sampled[0].z)
 
@@ -172,7 +174,7 @@ def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
             yield offsets, mask
 
     monkeypatch.setattr(sampling, "decode_codes", with_a_gap)
-    sampled = sample_garments(model, types, requests(6), seed=0)
+    sampled = sample_garments(model, types, requests(6), seed=0, settle=False)
     rows = sample_table(sampled, model.domain.faces["body"])
     for sample, row in zip(sampled, rows, strict=True):
         assert (row["pieces_before"], row["pieces"]) == (2, 1)
@@ -184,37 +186,65 @@ def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
         )
 
 
+def test_settled_garments_are_the_decoded_ones_evened_and_outside(model, types):
+    asked = requests(6)
+    plain = sample_garments(model, types, asked, seed=0, settle=False)
+    sampled = sample_garments(model, types, asked, seed=0, settle=True)
+    body_faces = model.domain.faces["body"]
+    for sample, before in zip(sampled, plain, strict=True):
+        np.testing.assert_array_equal(sample.piece.vertices, before.mesh.vertices)
+        np.testing.assert_array_equal(sample.mesh.faces, before.mesh.faces)
+        (expected,) = settled(
+            before.mesh.vertices[None], before.mesh.faces, before.body[None], body_faces
+        )
+        np.testing.assert_array_equal(sample.mesh.vertices, expected)
+        assert not np.allclose(expected, before.mesh.vertices, atol=1e-3)
+        assert sample.kept_share == before.kept_share
+
+
+def test_nothing_decoded_settles_to_nothing(model, types, monkeypatch):
+    def bare(*args):
+        for offsets, mask in decode_codes(*args):
+            yield offsets, np.zeros_like(mask)
+
+    monkeypatch.setattr(sampling, "decode_codes", bare)
+    (sample,) = sample_garments(model, types, requests(1), seed=0, settle=True)
+    assert not len(sample.mesh.faces)
+
+
 def test_a_garment_that_is_not_sound_is_drawn_again(model, types, monkeypatch):
     asked, unsound = requests(4), set()
     monkeypatch.setattr(sampling.Sampled, "sound", lambda s, _: s.z.tobytes() not in unsound)
-    first = sample_garments(model, types, asked, seed=0)
+    first = sample_garments(model, types, asked, seed=0, settle=False)
     unsound.add(first[1].z.tobytes())
-    again = sample_garments(model, types, asked, seed=0)
+    again = sample_garments(model, types, asked, seed=0, settle=False)
     assert [sample.draws for sample in again] == [1, 2, 1, 1]
     assert [s.name for s in again] == list(asked)
     for k, (before, after) in enumerate(zip(first, again, strict=True)):
         assert np.array_equal(before.z, after.z) == (k != 1)
     monkeypatch.setattr(sampling.Sampled, "sound", lambda *_: False)
-    assert {s.draws for s in sample_garments(model, types, asked, seed=0)} == {sampling._DRAWS}
+    assert {s.draws for s in sample_garments(model, types, asked, seed=0, settle=False)} == {
+        sampling._DRAWS
+    }
 
 
 def test_torn_garments_and_those_in_the_body_are_not_sound(model, types):
-    sample = sample_garments(model, types, requests(1), seed=0)[0]
+    sample = sample_garments(model, types, requests(1), seed=0, settle=False)[0]
     body_faces = model.domain.faces["body"]
     outside = replace(sample.mesh, vertices=sample.mesh.vertices + np.float32(10))
-    good = replace(sample, decoded=outside, mesh=outside)
+    good = replace(sample, decoded=outside, piece=outside)
     assert good.sound(body_faces)
     half = Mesh(outside.vertices[: len(outside.vertices) // 2], outside.faces[:0])
-    assert not replace(good, mesh=half).sound(body_faces)
+    assert not replace(good, piece=half).sound(body_faces)
     middle = np.broadcast_to(sample.body.mean(axis=0), outside.vertices.shape)
-    assert not replace(good, mesh=replace(outside, vertices=middle)).sound(body_faces)
+    assert not replace(good, piece=replace(outside, vertices=middle)).sound(body_faces)
     nothing = Mesh(outside.vertices[:0], outside.faces[:0])
-    assert not replace(good, decoded=nothing, mesh=nothing).sound(body_faces)
+    assert not replace(good, decoded=nothing, piece=nothing).sound(body_faces)
 
 
 def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
     bodies = dict.fromkeys(GENDERS, toy_body)
-    sampled = sample_garments(model, types, requests(3), seed=0)
+    sampled = sample_garments(model, types, requests(3), seed=0, settle=False)
     save_samples(tmp_path / "out", sampled, bodies, model.domain.faces["body"])
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {f"0000{i}.{e}" for i in (1, 2, 3) for e in ("obj", "glb")} | {

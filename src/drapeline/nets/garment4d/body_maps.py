@@ -16,8 +16,8 @@ from drapeline.nets.precision import full_precision
 
 # Seen from the front, left and right halves as one.
 _REACH_M, _BOTTOM_M, _TOP_M = 0.95, -1.1, 0.5
-_LEAST_DEVIATION = 1e-3  # a cell that hardly any garment reaches says nothing
 _RIDGES = np.logspace(-3, 1, 9)
+_FLOOR = 0.3  # of a kind's median deviation: cells that hardly vary do not count as much as others
 
 
 def map_cells(cell_m: float) -> int:
@@ -58,27 +58,33 @@ def _counts(cell_m: float) -> tuple[int, int]:
 class MapRegression(nn.Module):
     """Ridge regression from maps to coefficients; says 0 until it is fitted.
 
+    What is not known of a map (NaN) has no say, and values beyond those seen count as the most
+    extreme one seen: sparser points, or a body that is a little off, are no reason to extrapolate.
+
     Args:
-        inputs: values of a map.
+        kinds: C, values per cell.
+        cells: K, of a map.
         components: D, coefficients.
     """
 
-    def __init__(self, inputs: int, components: int) -> None:
+    def __init__(self, kinds: int, cells: int, components: int) -> None:
         super().__init__()
-        self.register_buffer("mean", torch.zeros(inputs))
-        self.register_buffer("weight", torch.zeros(inputs, components))
+        for name in ("mean", "scale", "low", "high"):
+            self.register_buffer(name, torch.zeros(kinds, cells))
+        self.register_buffer("weight", torch.zeros(kinds * cells, components))
         self.register_buffer("bias", torch.zeros(components))
 
     @full_precision
     def forward(self, maps: torch.Tensor) -> torch.Tensor:
-        """Maps (B, inputs) -> coefficients (B, D)."""
-        return (maps - self.mean) @ self.weight + self.bias
+        """Maps (B, C, K) -> coefficients (B, D)."""
+        gap = ((maps - self.mean) * self.scale).nan_to_num(0.0)
+        return gap.clamp(self.low, self.high).flatten(1) @ self.weight + self.bias
 
     def fit(
         self,
         maps: np.ndarray,
         coefficients: np.ndarray,
-        sequence: Sequence[int],
+        sequence: Sequence[str],
         metric: np.ndarray,
     ) -> tuple[np.ndarray, float]:
         """Fit to windows; every sequence counts the same, however many windows it has.
@@ -86,9 +92,10 @@ class MapRegression(nn.Module):
         The ridge is the one whose predictions for sequences left out of the fit are best. Those
         have a closed form: if H is the matrix that gives predictions from truths, and H_ss its part
         within a sequence, what is left out there errs by (I - H_ss)^-1 times the error of the fit.
+        Some arrays of 64-bit floats as large as the maps are made on the way.
 
         Args:
-            maps: (W, inputs).
+            maps: (W, C, K).
             coefficients: (W, D) true ones.
             sequence: (W,) that each window is of, two different ones or more.
             metric: (D, D), so that e @ metric @ e is the squared error of coefficients off by e.
@@ -104,15 +111,10 @@ class MapRegression(nn.Module):
         if len(count) < 2:
             raise InputError("1 training sequence, expected two or more to fit maps of the body to")
         share = 1 / count[owner]
-        mean, middle = (
-            np.average(x.astype(np.float64), axis=0, weights=share) for x in (maps, coefficients)
-        )
-        gap = maps - mean
-        deviation = np.sqrt(np.average(gap**2, axis=0, weights=share))
-        scale = np.divide(1, deviation, where=deviation > _LEAST_DEVIATION, out=0 * deviation)
-        scale /= np.sqrt(max((scale > 0).sum(), 1))
         root = np.sqrt(share)[:, None]
-        left, singular, right = np.linalg.svd(root * gap * scale, full_matrices=False)
+        gap, standard = _standardised(maps, share)
+        middle = np.average(coefficients.astype(np.float64), axis=0, weights=share)
+        left, singular, right = np.linalg.svd(root * gap, full_matrices=False)
         truth = root * (coefficients - middle)
         inner = left.T @ truth
         even = root / np.linalg.norm(root)  # the mean is fitted as well
@@ -133,7 +135,33 @@ class MapRegression(nn.Module):
         ridge = min(_RIDGES, key=lambda one: squared(errors(one)))
         off = errors(ridge)
         kept = singular / (singular**2 + ridge)
-        weight = scale[:, None] * (right.T @ (kept[:, None] * inner))
-        for name, value in (("mean", mean), ("weight", weight), ("bias", middle)):
+        found = {**standard, "weight": right.T @ (kept[:, None] * inner), "bias": middle}
+        for name, value in found.items():
             getattr(self, name).copy_(torch.from_numpy(value))
         return (coefficients - off / root).astype(np.float32), squared(off) ** 0.5
+
+
+def _standardised(maps: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Maps (W, C, K) as the regression sees them, (W, C * K), and `mean`, `scale`, `low`, `high`.
+
+    Args:
+        share: (W,) weights of the windows. The weighed mean of what is seen is zero.
+    """
+    known = ~np.isnan(maps)
+    weight = share[:, None, None] * known
+    total = weight.sum(axis=0)
+    values = np.where(known, maps, 0).astype(np.float64)
+    mean = (weight * values).sum(axis=0) / np.where(total > 0, total, 1)
+    gap = np.where(known, values - mean, 0)
+    deviation = np.sqrt((weight * gap**2).sum(axis=0) / share.sum())
+    varies = deviation > 0
+    typical = [
+        np.median(row[one]) if one.any() else 0.0
+        for row, one in zip(deviation, varies, strict=True)
+    ]
+    floored = np.hypot(deviation, _FLOOR * np.array(typical)[:, None])
+    scale = np.divide(1, floored, where=varies, out=np.zeros_like(floored))
+    scale /= np.sqrt(max(varies.sum(), 1))
+    gap *= scale
+    standard = {"mean": mean, "scale": scale, "low": gap.min(axis=0), "high": gap.max(axis=0)}
+    return gap.reshape(len(gap), -1), standard

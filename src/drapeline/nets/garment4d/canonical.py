@@ -314,7 +314,7 @@ class _ShapeNetwork(nn.Module):
         self.regression = None
         if settings.located:
             cells = map_cells(_SHAPE_CELL_M)
-            self.regression = MapRegression(3 * cells, len(space.components))
+            self.regression = MapRegression(3, cells, len(space.components))
         self.register_buffer("mean", torch.from_numpy(np.array(space.mean, dtype=np.float32)))
         components = torch.from_numpy(np.array(space.components, dtype=np.float32))
         self.register_buffer("components", components)
@@ -346,13 +346,17 @@ class _ShapeNetwork(nn.Module):
             chosen: (B, T, P) bool, which are the garment's.
 
         Returns:
-            (B, inputs): share of the points that are the garment's, how far points are in front of
-            the middle or behind it, and how high above the body, cell by cell.
+            (B, 3, cells): share of the points that are the garment's, 0 where there are none; how
+            far points are in front of the middle or behind it, and how high above the body, NaN
+            where there are none.
         """
         features = points[..., 3:].flatten(0, 1)
         depth, height = features[..., 1].abs(), features[..., 3]
-        values = torch.stack([chosen.flatten(0, 1).to(height), depth, height], dim=-1)
-        return body_map(features, values, points.shape[1], _SHAPE_CELL_M)
+        share = chosen.flatten(0, 1).to(height)
+        values = torch.stack([torch.ones_like(height), share, depth, height], dim=-1)
+        means = body_map(features, values, points.shape[1], _SHAPE_CELL_M).unflatten(1, (4, -1))
+        seen = means[:, :1] > 0
+        return torch.cat([means[:, 1:2], means[:, 2:].where(seen, torch.nan)], dim=1)
 
 
 class CanonicalNetwork(_ShapeNetwork):
@@ -438,7 +442,8 @@ class PointNetRegressor(_ShapeNetwork):
         """Estimate B garments from windows of T clouds, see `CanonicalNetwork`."""
         level, _ = as_level(points)
         alpha, levels = self.encoder(level, points.shape[1])
-        alpha = self.begun(alpha, points, self.chosen(points[..., 0]), regressed)
+        everything = torch.ones(points.shape[:3], dtype=torch.bool, device=points.device)
+        alpha = self.begun(alpha, points, everything, regressed)
         return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
 
 

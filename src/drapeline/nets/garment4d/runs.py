@@ -94,10 +94,12 @@ def _fit(
         posed=stage.POSED,
         located=stage.located,
     )
+    given = GarmentData(windows, batch=training.batch, seed=training.seed)
+    torch.set_num_threads(threads)
     stage.prepare(windows)
     fit(
         stage,
-        GarmentData(windows, batch=training.batch, seed=training.seed),
+        given,
         folder,
         progress=progress,
         epochs=training.epochs,

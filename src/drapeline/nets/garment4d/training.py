@@ -43,7 +43,8 @@ from drapeline.registration.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
 
-_BATCH = 4  # windows that a frozen network sees at once
+_THINNED = (1, 2, 4)  # maps are fitted to every point, every second and every fourth one
+_BATCH = 4  # windows at once where no gradient is wanted
 _KEPT_BYTES = 1 << 30  # of what it said, or what was searched, about windows of training
 
 
@@ -230,13 +231,19 @@ class CanonicalStage(Stage):
         network = self.network
         if network.regression is None:
             return
+        names, maps, coefficients, whole = [], [], [], []
         rows = windows.rows("train")
-        names, maps, coefficients = [], [], []
         for part in np.array_split(rows, -(-len(rows) // _BATCH)):
             batch = as_tensors(windows.batch(part))
-            names += sequences_of(batch)
-            maps.append(network.maps(batch["points"], network.chosen(batch["labels"])))
-            coefficients.append(batch["coefficients"])
+            points, chosen = batch["points"], network.chosen(batch["labels"])
+            for step in _THINNED:
+                names += sequences_of(batch)
+                whole += [step == 1] * len(part)
+                maps.append(network.maps(points[:, :, ::step], chosen[:, :, ::step]))
+                coefficients.append(batch["coefficients"])
+        if len(set(names)) < 2:
+            LOGGER.warning("one training sequence: alpha does not begin with maps of the body")
+            return
         components = self.space.components.reshape(len(self.space.components), -1)
         found, error = network.regression.fit(
             torch.cat(maps).numpy(),
@@ -245,15 +252,15 @@ class CanonicalStage(Stage):
             components @ components.T / len(self.space.mean),
         )
         LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
-        of_sequence = np.array(names)
+        of_sequence = np.where(whole, names, "")
         self.left_out = {
             name: torch.from_numpy(found[of_sequence == name].mean(axis=0))
             for name in dict.fromkeys(names)
         }
 
     def begins(self, names: Sequence[str]) -> torch.Tensor | None:
-        """(B, D) alpha that training sequences begin with; None where maps are asked instead."""
-        if not all(name in self.left_out for name in names):
+        """(B, D) alpha that training sequences begin with; None if no maps were fitted."""
+        if not self.left_out:
             return None
         return torch.stack([self.left_out[name] for name in names]).to(self.device)
 
@@ -413,7 +420,8 @@ class PosedStage(Stage):
             found = []
             for part in np.array_split(starts, -(-len(starts) // _BATCH)):
                 windows = np.stack([points[start : start + frames] for start in part])
-                begins = self.canonical.begins([name] * len(part))
+                trained = name in self.canonical.left_out
+                begins = self.canonical.begins([name] * len(part)) if trained else None
                 given = torch.from_numpy(windows).to(self.canonical.device)
                 output = self.levels(given, begins=begins)
                 self.keep([(sequence, start) for start in part.tolist()], output.levels)
@@ -503,7 +511,7 @@ def _built(about: Mapping[str, Any]) -> Stage:
         return cls(settings, _built(about["canonical"]))
     space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
     stage = cls(settings, space, about["label"])
-    stage.left_out = about["left_out"]
+    stage.left_out = about.get("left_out", {})
     return stage
 
 

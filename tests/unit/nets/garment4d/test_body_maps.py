@@ -35,53 +35,70 @@ def test_a_map_of_the_body_is_the_mean_over_cells_of_both_halves():
 
 @pytest.fixture
 def given():
-    """Maps (12, 30), more values than windows, and coefficients (12, 3) that they tell about."""
+    """Maps (12, 2, 15), more values than windows, and coefficients (12, 3) that they tell about.
+
+    Some cells of the second kind are not known.
+    """
     rng = rng_for(0, "maps")
-    maps = rng.normal(size=(len(SEQUENCES), 30)).astype(np.float32) + 2
-    coefficients = maps @ rng.normal(size=(30, 3)) + rng.normal(size=(len(SEQUENCES), 3))
-    return maps, coefficients.astype(np.float32)
+    maps = rng.normal(size=(len(SEQUENCES), 2, 15)) * [[[1.0], [0.1]]] + 2
+    maps[:, 0] *= np.geomspace(0.01, 1, 15)
+    flat = maps.reshape(len(maps), -1)
+    coefficients = flat @ rng.normal(size=(30, 3)) + rng.normal(size=(len(SEQUENCES), 3))
+    maps[rng.random(maps.shape) < [[[0.0], [0.3]]]] = np.nan
+    return maps.astype(np.float32), coefficients.astype(np.float32)
 
 
 def fitted(maps, coefficients, sequences=SEQUENCES, metric=None):
-    regression = MapRegression(maps.shape[1], coefficients.shape[1])
+    regression = MapRegression(*maps.shape[1:], coefficients.shape[1])
     metric = np.eye(coefficients.shape[1]) if metric is None else metric
     return regression, *regression.fit(maps, coefficients, sequences, metric)
 
 
-def slowly(maps, coefficients, sequences, ridge, scale):
-    """Weighed ridge regression with its mean, by normal equations: a function of maps."""
-    sequences = np.array(sequences)
-    weights = np.array([1 / (sequences == one).sum() for one in sequences])
-    mean = np.average(maps * scale, axis=0, weights=weights)
+def shares(sequences):
+    return np.array([1 / sequences.count(one) for one in sequences])
+
+
+def seen(maps):
+    """Maps as the regression sees them, cell by cell."""
+    weights, columns = shares(SEQUENCES), []
+    for kind in np.moveaxis(maps.astype(np.float64), 1, 0):
+        gaps, deviations = [], []
+        for cell in kind.T:
+            known = ~np.isnan(cell)
+            gap = np.zeros(len(cell))
+            gap[known] = cell[known] - np.average(cell[known], weights=weights[known])
+            gaps.append(gap)
+            deviations.append(np.sqrt(np.average(gap**2, weights=weights)))
+        typical = np.median(deviations)
+        columns += [g / np.hypot(d, 0.3 * typical) for g, d in zip(gaps, deviations, strict=True)]
+    return np.stack(columns, axis=1) / np.sqrt(len(columns))
+
+
+def slowly(rows, coefficients, sequences, ridge):
+    """Weighed ridge regression with its mean, by normal equations: a function of rows."""
+    weights = shares(sequences)
+    mean = np.average(rows, axis=0, weights=weights)
     middle = np.average(coefficients, axis=0, weights=weights)
-    gap = maps * scale - mean
-    system = gap.T @ (weights[:, None] * gap) + ridge * np.eye(maps.shape[1])
+    gap = rows - mean
+    system = gap.T @ (weights[:, None] * gap) + ridge * np.eye(rows.shape[1])
     slope = np.linalg.solve(system, gap.T @ (weights[:, None] * (coefficients - middle)))
-    return lambda new: (new * scale - mean) @ slope + middle
-
-
-def scale_of(maps):
-    share = [1 / SEQUENCES.count(one) for one in SEQUENCES]
-    mean = np.average(maps, axis=0, weights=share)
-    deviation = np.sqrt(np.average((maps - mean) ** 2, axis=0, weights=share))
-    return 1 / deviation / np.sqrt(maps.shape[1])
+    return lambda new: (new - mean) @ slope + middle
 
 
 @pytest.mark.parametrize("ridge", [0.01, 1.0])
 def test_what_is_left_out_is_what_fits_without_it_say(given, monkeypatch, ridge):
-    maps, coefficients = (x.astype(np.float64) for x in given)
     monkeypatch.setattr(body_maps, "_RIDGES", np.array([ridge]))
     regression, found, error = fitted(*given)
-    scale = scale_of(maps)
-    whole = slowly(maps, coefficients, SEQUENCES, ridge, scale)
+    rows, coefficients = seen(given[0]), given[1].astype(np.float64)
+    whole = slowly(rows, coefficients, SEQUENCES, ridge)
     said = regression(torch.from_numpy(given[0])).numpy()
-    np.testing.assert_allclose(said, whole(maps), atol=2e-4)
+    np.testing.assert_allclose(said, whole(rows), atol=2e-4)
     squared = []
     for one in set(SEQUENCES):
         inside = np.array(SEQUENCES) == one
         rest = [name for name in SEQUENCES if name != one]
-        without = slowly(maps[~inside], coefficients[~inside], rest, ridge, scale)
-        np.testing.assert_allclose(found[inside], without(maps[inside]), atol=2e-4)
+        without = slowly(rows[~inside], coefficients[~inside], rest, ridge)
+        np.testing.assert_allclose(found[inside], without(rows[inside]), atol=2e-4)
         squared.append(((found[inside] - coefficients[inside]) ** 2).sum(1).mean())
     assert error == pytest.approx(np.mean(squared) ** 0.5, rel=1e-4)
 
@@ -95,8 +112,7 @@ def test_the_ridge_is_the_best_for_what_is_left_out_in_the_metric(given, monkeyp
             only.setattr(body_maps, "_RIDGES", np.array([ridge]))
             _, found, error = fitted(*given, metric=metric)
         off = found - given[1]
-        share = [1 / SEQUENCES.count(one) for one in SEQUENCES]
-        mean = np.average(((off @ metric) * off).sum(1), weights=share)
+        mean = np.average(((off @ metric) * off).sum(1), weights=shares(SEQUENCES))
         assert error == pytest.approx(mean**0.5, rel=1e-4)
         each.append(error)
     assert best == pytest.approx(min(each))
@@ -105,30 +121,44 @@ def test_the_ridge_is_the_best_for_what_is_left_out_in_the_metric(given, monkeyp
 
 def test_a_linear_truth_is_found():
     rng = rng_for(0, "linear maps")
-    maps = rng.normal(size=(200, 6)).astype(np.float32)
-    coefficients = (maps @ rng.normal(size=(6, 2)) + 3).astype(np.float32)
-    regression, found, error = fitted(maps, coefficients, list(range(200)))
-    new = rng.normal(size=(20, 6)).astype(np.float32)
-    slope = np.linalg.lstsq(maps, coefficients - 3, rcond=None)[0]
-    np.testing.assert_allclose(regression(torch.from_numpy(new)), new @ slope + 3, atol=0.01)
+    maps = rng.uniform(-1, 1, size=(300, 2, 3)).astype(np.float32)
+    slope = rng.normal(size=(6, 2))
+    coefficients = (maps.reshape(300, 6) @ slope + 3).astype(np.float32)
+    regression, found, error = fitted(maps, coefficients, [str(one) for one in range(300)])
+    new = rng.uniform(-0.9, 0.9, size=(20, 2, 3)).astype(np.float32)
+    said = regression(torch.from_numpy(new)).numpy()
+    np.testing.assert_allclose(said, new.reshape(20, 6) @ slope + 3, atol=0.01)
     assert error < 0.01
     np.testing.assert_allclose(found, coefficients, atol=0.02)
 
 
+def test_what_is_not_known_counts_as_the_mean_and_extremes_as_the_most_extreme_seen(given):
+    regression, _, _ = fitted(*given)
+    maps = torch.from_numpy(given[0])
+    mean = regression.mean.expand_as(maps)
+    torch.testing.assert_close(regression(torch.full_like(maps, torch.nan)), regression(mean))
+    high, low = (torch.from_numpy(f(given[0], axis=0)) for f in (np.nanmax, np.nanmin))
+    beyond = torch.where(torch.arange(15) % 2 == 0, high + 9, low - 9)
+    edge = torch.where(torch.arange(15) % 2 == 0, high, low)
+    torch.testing.assert_close(regression(beyond[None]), regression(edge[None]))
+    assert (regression(edge[None]) - regression(mean[:1])).abs().max() > 0.1
+
+
 def test_cells_that_never_change_have_no_say(given):
     maps, coefficients = given
-    still = np.concatenate([maps, np.full((len(maps), 5), 7, np.float32)], axis=1)
+    still = np.concatenate([maps, np.full((len(maps), 2, 5), 7, np.float32)], axis=2)
+    still[:, 1, -1] = np.nan
     regression, found, _ = fitted(still, coefficients)
     alone, expected, _ = fitted(maps, coefficients)
     np.testing.assert_allclose(found, expected, atol=1e-5)
     other = torch.from_numpy(still.copy())
-    other[:, 30:] = -50
+    other[..., 15:] = -50
     torch.testing.assert_close(regression(other), alone(torch.from_numpy(maps)))
 
 
 def test_nothing_is_said_before_the_fit():
-    said = MapRegression(4, 2)(torch.ones(3, 4))
-    torch.testing.assert_close(said, torch.zeros(3, 2))
+    said = MapRegression(2, 4, 3)(torch.ones(5, 2, 4))
+    torch.testing.assert_close(said, torch.zeros(5, 3))
 
 
 def test_one_sequence_cannot_be_left_out(given):

@@ -22,6 +22,7 @@ from drapeline.nets.garment4d.canonical import (
 from drapeline.nets.garment4d.losses import CotangentLaplacian
 from drapeline.nets.garment4d.pointnet import PointLevel
 from drapeline.registration.garment_space import fit_space
+from garment4d_toys import as_if_fitted
 
 LABEL = LABELS.index("Skirt")
 SETTINGS = CanonicalSettings(
@@ -362,9 +363,7 @@ def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind
     given = (labels,) if kind == "canonical" else ()
     points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
     before = network(points, *given)
-    with torch.no_grad():
-        network.regression.weight.normal_(generator=rng(6))
-        network.regression.bias.fill_(0.5)
+    as_if_fitted(network.regression)
     chosen = labels == LABEL if kind == "canonical" else torch.ones_like(labels, dtype=torch.bool)
     said = network.regression(network.maps(points, chosen))
     after = network(points, *given)
@@ -379,10 +378,27 @@ def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind
     torch.testing.assert_close(again.coefficients, after.coefficients, atol=1e-4, rtol=1e-4)
 
 
+def test_maps_show_share_depth_and_height_where_points_are(space):
+    network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng())
+    # Two points at the left and the right of one cell, one above all cells, one alone in its cell.
+    place = torch.tensor(
+        [[0.26, -0.1, -0.49, 2.0], [-0.27, 0.3, -0.48, 1.0], [0.0, 0.2, 9.0, 0.5], [0.9, 0, 0.2, 3]]
+    )
+    points = torch.cat([torch.zeros(4, 3), place], dim=1)[None, None]
+    chosen = torch.tensor([[[True, False, True, False]]])
+    (found,) = network.maps(points, chosen)
+    cells = [10 * 64 + 24, 0 * 64 + 63, 36 * 64 + 52]
+    expected = torch.tensor([[0.5, 1, 0], [0.2, 0.2, 0], [1.5, 0.5, 3]])
+    torch.testing.assert_close(found[:, cells], expected)
+    rest = torch.ones(found.shape[1], dtype=torch.bool)
+    rest[cells] = False
+    assert (found[0, rest] == 0).all()
+    assert found[1:, rest].isnan().all()
+
+
 def test_without_labels_maps_are_made_of_the_points_taken_for_the_garment(space):
     network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng()).eval()
-    with torch.no_grad():
-        network.regression.weight.normal_(generator=rng(6))
+    as_if_fitted(network.regression)
     points, _, _, _ = windows(space, 2)
     points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
     found = network(points)

@@ -25,7 +25,7 @@ from drapeline.nets.garment4d.refine import RefineSettings
 from drapeline.nets.garment4d.training import CanonicalStage, PosedStage
 from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers, proposals
 from drapeline.seeding import rng_for
-from garment4d_toys import CANONICAL, POSED, save_toy_data, toy_bodies
+from garment4d_toys import CANONICAL, PLAIN, POSED, as_if_fitted, save_toy_data, toy_bodies
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def data(tmp_path_factory, toy_body):
 
 @pytest.fixture
 def canonical(data):
-    return CanonicalStage(CanonicalStage.settings_of(CANONICAL), data.space, data.label).eval()
+    return CanonicalStage(CanonicalStage.settings_of(PLAIN), data.space, data.label).eval()
 
 
 @pytest.fixture
@@ -307,9 +307,8 @@ def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
 
 
 def test_a_noisy_body_reaches_canonical_stages_that_points_are_located_for(data, identity):
-    settings = {**CANONICAL, "network": {**CANONICAL["network"], "located": True}}
-    located = CanonicalStage(CanonicalStage.settings_of(settings), data.space, data.label).eval()
-    torch.nn.init.normal_(located.network.regression.weight, std=0.01)  # as if fitted
+    located = CanonicalStage(CanonicalStage.settings_of(CANONICAL), data.space, data.label).eval()
+    as_if_fitted(located.network.regression)
     evaluation = Evaluation(data, "test", EvaluationSettings())
     stages = {"canonical": located, "pointnet": identity.canonical}
     evaluation.canonicals(stages)
