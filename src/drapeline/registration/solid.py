@@ -4,7 +4,8 @@ import numpy as np
 import scipy.sparse as sp
 import warp as wp
 
-from drapeline.outfits.relax import averaging_matrix, fairing
+from drapeline.outfits.relax import averaging_matrix
+from drapeline.registration.fairing import fairing
 from drapeline.warp_mesh import warp_mesh
 
 _GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps

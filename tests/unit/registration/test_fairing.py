@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.mesh import edges, rim_edges, triangulate
-from drapeline.outfits.relax import fairing
+from drapeline.registration.fairing import fairing
 from drapeline.seeding import rng_for
 from tiny_sample import tube
 
