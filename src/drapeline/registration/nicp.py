@@ -13,10 +13,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
 from drapeline.mesh import edge_graph, edges, rim_edges, vertex_normals
+from drapeline.registration.factor import symmetric_factor
 
 
 @dataclass(frozen=True)
@@ -130,9 +130,7 @@ def laid_on(
         goal, inside = surface.closest(places, outward(places))
         system = sp.diags(inside.astype(float)) + settings.fine_stiffness * laplacian
         move = inside[:, None] * (goal - places)
-        places = places + splu(
-            system.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
-        ).solve(move)
+        places = places + symmetric_factor(system).solve(move)
     return places
 
 

@@ -9,10 +9,10 @@ of its length that were found once, by a harmonic map between its upper end and 
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 from scipy.spatial import ConvexHull
 
 from drapeline.mesh import boundary_loops, edge_graph, edges
+from drapeline.registration.factor import symmetric_factor
 from drapeline.registration.topology import Topology
 
 _LEVEL_M = 0.02
@@ -167,11 +167,7 @@ class _Harmonic:
         is_free[free] = True
         self._is_free = is_free
         degree = np.asarray(graph[free].sum(axis=1)).ravel()
-        self._solve = splu(
-            (sp.diags(degree) - graph[free][:, free]).tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            options={"SymmetricMode": True},
-        ).solve
+        self._solve = symmetric_factor(sp.diags(degree) - graph[free][:, free]).solve
 
     def __call__(self, values: np.ndarray, *, periodic: bool = False) -> np.ndarray:
         """(V,) solution; `periodic` values have a period of 1 and must be close to it already."""

@@ -11,7 +11,7 @@ from drapeline.warp_mesh import warp_mesh
 _GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps
 _DEEP_M = 0.1  # cloth deeper in the body than this is left there: the way out is a guess
 _ROUNDS, _SPREAD = 3, 4  # of pushing, and of spreading a push over its neighbourhood
-_EVENNESS = 30.0  # see `fairing`
+_EVENNESS = 10.0  # see `fairing`
 
 
 @wp.kernel
@@ -104,7 +104,7 @@ def settled(
             f"{len(cloth)} frames of cloth came with {len(bodies)} bodies, expected one per frame"
         )
     average, solid = averaging_matrix(faces, cloth.shape[1]), Solid(bodies[0], body_faces)
-    even = fairing(faces, cloth.shape[1], _EVENNESS)
+    even = fairing(faces, average, _EVENNESS)
     out = np.zeros(cloth.shape, dtype=np.float32)
     for frame, (points, body) in enumerate(zip(cloth, bodies, strict=True)):
         solid.move(body)

@@ -23,7 +23,7 @@ from drapeline.mesh import (
     triangulate,
     vertex_normals,
 )
-from drapeline.registration.fairing import symmetric_factor
+from drapeline.registration.factor import symmetric_factor
 from drapeline.registration.front_opening import front_strip
 from drapeline.registration.garment_template import GarmentTemplate, named_loops
 

@@ -28,7 +28,7 @@ def test_smooth_cloth_outside_hardly_moves():
     body, body_faces = ball(RADIUS_M)
     cloth, faces = ball(RADIUS_M + 0.05)
     out = settled(cloth[None], faces, body[None], body_faces)[0]
-    np.testing.assert_allclose(out, cloth, atol=2.5e-3)
+    np.testing.assert_allclose(out, cloth, atol=1.5e-3)
 
 
 def test_rough_cloth_is_evened_out():

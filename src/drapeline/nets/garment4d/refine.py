@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from drapeline.mesh import edges
 from drapeline.registration.closest import closest_points
+from drapeline.registration.factor import symmetric_factor
 
 _APART_M = 4.0  # between frames, where they are searched together
 _ROW = 16  # frames per row of such a layout
@@ -232,11 +232,7 @@ class SpaceTime:
         self._bend = smooth * second.T @ second
         values, self._vectors = np.linalg.eigh(self._bend)
         self._factors = [
-            splu(
-                (stiffness + sparse.diags(diagonal + max(value, 0.0))).tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                options={"SymmetricMode": True},
-            )
+            symmetric_factor(stiffness + sparse.diags(diagonal + max(value, 0.0)))
             for value in values
         ]
 

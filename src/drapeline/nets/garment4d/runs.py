@@ -41,6 +41,7 @@ def train_canonical(
         pointnet: the PN++ baseline.
         code: digest of the code; a training is taken up again by the same code alone.
     """
+    torch.set_num_threads(threads)
     cls = PointNetStage if pointnet else CanonicalStage
     stage = cls(cls.settings_of(values), data.space, data.label)
     _fit(stage, data, folder, code, progress, trainer, threads)
@@ -95,7 +96,6 @@ def _fit(
         located=stage.located,
     )
     given = GarmentData(windows, batch=training.batch, seed=training.seed)
-    torch.set_num_threads(threads)
     stage.prepare(windows)
     fit(
         stage,
