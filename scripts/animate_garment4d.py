@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from drapeline.metrics.garment4d import first_reconstructions, load_reconstruction
-from drapeline.report.garment4d_figures import animate_steps
-from drapeline.report.studio import ray_share
+from drapeline.metrics.sequence import first_reconstructions, load_reconstruction
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.garment4d_figures import animate_steps
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.registration.hierarchy import build_hierarchy, level_counts, save_hierarchy
-from drapeline.registration.topology import load_topology
+from drapeline.registration.to_body.hierarchy import build_hierarchy, level_counts, save_hierarchy
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.dynamic_data import collect_dynamic
+from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

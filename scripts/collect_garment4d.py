@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.garment4d.data import collect_garment4d
-from drapeline.nets.garment4d.sequences import simulated_sequences, skinned_sequences
-from drapeline.nets.garment4d.wearers import Wearers
-from drapeline.registration.garment_template import load_template
-from drapeline.registration.template_tables import load_tables
+from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.data import collect_garment4d
+from drapeline.models.garment4d.sequences import simulated_sequences, skinned_sequences
+from drapeline.registration.to_template.garment_template import load_template
+from drapeline.registration.to_template.template_tables import load_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.registration.static_data import collect_static
+from drapeline.learning_data.static import collect_static
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.representations import compare_representations
-from drapeline.nets.trained import BEST
-from drapeline.outfits.kinds import TEMPLATE_TYPES
+from drapeline.models.compare import compare_representations
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.training.module import BEST
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
-from drapeline.registration.garment_space import load_space
-from drapeline.registration.static_data import StaticData
-from drapeline.registration.template_tables import load_tables
+from drapeline.registration.to_template.garment_space import load_space
+from drapeline.registration.to_template.template_tables import load_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -3,13 +3,13 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
+from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
-from drapeline.metrics.evaluation import Truth, static_baseline_summary
+from drapeline.learning_data.static import StaticData
+from drapeline.metrics.static import Truth, static_baseline_summary
 from drapeline.metrics.table import write_metrics
-from drapeline.outfits.fit import rest_body
-from drapeline.outfits.kinds import GARMENTS
-from drapeline.registration.static_data import StaticData
-from drapeline.registration.topology import load_topology
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

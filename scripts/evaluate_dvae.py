@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.metrics.motion import load_moving
+from drapeline.learning_data.moving import load_moving
 from drapeline.metrics.table import write_metrics
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.represent import dynamic_vae_summary
-from drapeline.nets.trained import BEST
-from drapeline.nets.variants import dynamic_conditions
-from drapeline.registration.topology import load_topology
+from drapeline.models.gcvae.codes import dynamic_vae_summary
+from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.variants import dynamic_conditions
+from drapeline.models.training.module import BEST
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.metrics.motion import load_moving, moving_baseline_summary
+from drapeline.learning_data.moving import load_moving
+from drapeline.metrics.dynamic import moving_baseline_summary
 from drapeline.metrics.table import write_metrics
-from drapeline.registration.topology import load_topology
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -7,10 +7,11 @@ import torch
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import write_metrics
-from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.evaluation import EvaluationSettings, evaluate
-from drapeline.nets.garment4d.refine import RefineSettings
-from drapeline.nets.garment4d.training import (
+from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.evaluate import EvaluationSettings, evaluate
+from drapeline.models.garment4d.refine import RefineSettings
+from drapeline.models.garment4d.stages import (
     CanonicalStage,
     MgnStage,
     PointNetStage,
@@ -18,8 +19,7 @@ from drapeline.nets.garment4d.training import (
     load_stage,
     settings_of,
 )
-from drapeline.nets.garment4d.wearers import Wearers
-from drapeline.nets.trained import fastest_device
+from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.represent import encode_garments, save_codes, static_vae_summary
-from drapeline.nets.trained import BEST
-from drapeline.registration.static_data import StaticData
+from drapeline.models.gcvae.codes import encode_garments, save_codes, static_vae_summary
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

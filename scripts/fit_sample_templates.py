@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 from drapeline.dataset.reader import Sequence
 from drapeline.dataset.record import read_record
-from drapeline.registration.garment_template import TEMPLATE_TYPES, load_template
-from drapeline.registration.template_fit import FitSettings
-from drapeline.registration.template_tables import NamedGarment, write_tables
+from drapeline.registration.to_template.garment_template import TEMPLATE_TYPES, load_template
+from drapeline.registration.to_template.template_fit import FitSettings
+from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drapeline.registration.garment_space import load_space
-from drapeline.report.garment4d_figures import plot_explained, plot_modes
-from drapeline.report.studio import ray_share
+from drapeline.registration.to_template.garment_space import load_space
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.garment4d_figures import plot_explained, plot_modes
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

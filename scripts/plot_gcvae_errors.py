@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.metrics.motion import shown_moving
-from drapeline.nets.cases import moving_cases, static_cases
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.represent import load_codes
-from drapeline.nets.trained import BEST
-from drapeline.registration.static_data import StaticData
-from drapeline.registration.topology import load_topology
-from drapeline.report.gcvae_figures import ERROR_COLUMNS, error_views, plot_views
-from drapeline.report.studio import ray_share
+from drapeline.learning_data.moving import shown_moving
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.figure_cases import moving_cases, static_cases
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.training.module import BEST
+from drapeline.registration.to_body.topology import load_topology
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.gcvae_figures import ERROR_COLUMNS, error_views, plot_views
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

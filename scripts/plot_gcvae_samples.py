@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.sampling import load_samples, wearer_mesh
-from drapeline.report.gcvae_figures import plot_samples, walk_view
-from drapeline.report.studio import ray_share
+from drapeline.models.gcvae.sample import load_samples, wearer_mesh
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.gcvae_figures import plot_samples, walk_view
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -7,15 +7,15 @@ import numpy as np
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.represent import load_codes
-from drapeline.nets.sampling import train_types, wearer_mesh
-from drapeline.nets.trained import BEST
-from drapeline.nets.walks import paper_walks
-from drapeline.outfits.kinds import GARMENTS
-from drapeline.registration.static_data import StaticData
-from drapeline.report.gcvae_figures import animate_views, plot_views, walk_view
-from drapeline.report.studio import ray_share
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.interpolate import paper_walks
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.sample import train_types, wearer_mesh
+from drapeline.models.training.module import BEST
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.gcvae_figures import animate_views, plot_views, walk_view
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.metrics.motion import shown_moving
-from drapeline.nets.cases import wrinkle_rows
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.trained import BEST
-from drapeline.registration.topology import load_topology
-from drapeline.report.gcvae_figures import plot_views, worn_view
-from drapeline.report.studio import ray_share
+from drapeline.learning_data.moving import shown_moving
+from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.figure_cases import wrinkle_rows
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.training.module import BEST
+from drapeline.registration.to_body.topology import load_topology
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.gcvae_figures import plot_views, worn_view
 from drapeline.rule_log import rule_log
 from drapeline.seeding import rng_for
 

@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING
 
 from drapeline.frames import FPS
-from drapeline.metrics.garment4d import load_reconstruction
-from drapeline.report.garment4d_figures import animate_steps, plot_steps, spread
-from drapeline.report.studio import ray_share
+from drapeline.metrics.sequence import load_reconstruction
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.garment4d_figures import animate_steps, plot_steps, spread
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

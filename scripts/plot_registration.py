@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.outfits.static import load_static
-from drapeline.registration.topology import load_topology
-from drapeline.report.registration_sheet import plot_registration
-from drapeline.report.studio import ray_share
+from drapeline.registration.to_body.topology import load_topology
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.registration.registration_sheet import plot_registration
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

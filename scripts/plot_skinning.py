@@ -8,10 +8,10 @@ import numpy as np
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.splits import SPLITS
 from drapeline.frames import GENDERS
-from drapeline.nets.garment4d.data import SequenceData, proposals
-from drapeline.nets.garment4d.wearers import SkinningSettings, Wearers
-from drapeline.report.garment4d_figures import SkinnedTwice, plot_neighbours
-from drapeline.report.studio import ray_share
+from drapeline.models.garment4d.body_input import SkinningSettings, Wearers
+from drapeline.models.garment4d.data import SequenceData, proposals
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.garment4d_figures import SkinnedTwice, plot_neighbours
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,14 +2,14 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.statistics import (
+from drapeline.report.dataset.statistics import (
     plot_actions,
     plot_bodies,
     plot_garments,
     plot_splits,
     plot_vertices,
 )
-from drapeline.report.tables import accepted_records
+from drapeline.report.dataset.tables import accepted_records
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from drapeline.dataset.info_mat import SampleInfo
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import MovingGarment, write_reconstructed
 from drapeline.frames import GENDERS
-from drapeline.mesh import Mesh
+from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
-from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.own_scans import reconstruct_scans
-from drapeline.nets.garment4d.refine import RefineSettings
-from drapeline.nets.garment4d.training import PosedStage, load_stage, settings_of
-from drapeline.nets.garment4d.wearers import Wearers
-from drapeline.nets.trained import fastest_device
+from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.refine import RefineSettings
+from drapeline.models.garment4d.scans import reconstruct_scans
+from drapeline.models.garment4d.stages import PosedStage, load_stage, settings_of
+from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.registration.samples import register_sample
-from drapeline.registration.topology import load_topology
+from drapeline.registration.to_body.samples import register_sample
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.gallery import render_gallery
-from drapeline.report.studio import ray_share
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.dataset.gallery import render_gallery
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.dataset.clouds import CloudSettings, write_clouds
+from drapeline.dataset.point_clouds import CloudSettings, write_clouds
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

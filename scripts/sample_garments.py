@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.represent import load_codes
-from drapeline.nets.sampling import (
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.sample import (
     draw_requests,
     sample_garments,
     save_samples,
     train_types,
 )
-from drapeline.nets.trained import BEST
-from drapeline.registration.static_data import StaticData
+from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -3,10 +3,10 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.dataset.clouds import CloudSettings
+from drapeline.dataset.point_clouds import CloudSettings
 from drapeline.frames import GENDERS
-from drapeline.registration.garment_template import TEMPLATE_TYPES
-from drapeline.registration.skinned import SkinnedSettings, write_skinned
+from drapeline.learning_data.skinned import SkinnedSettings, write_skinned
+from drapeline.registration.to_template.garment_template import TEMPLATE_TYPES
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

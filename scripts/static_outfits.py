@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.outfits.ranges import OutfitRanges
+from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.static import make_static, save_static
 from drapeline.outfits.static_plan import StaticPlan
 from drapeline.outfits.templates import load_templates

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body, save_body
 from drapeline.frames import GENDERS
-from drapeline.registration.super_body import super_body
-from drapeline.registration.topology import build_topology, save_topology
+from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.topology import build_topology, save_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drapeline.registration.template_tables import ERRORS
-from drapeline.report.garment4d_tables import write_beside_paper, write_garment4d_page
+from drapeline.registration.to_template.template_tables import ERRORS
+from drapeline.report.models.garment4d_tables import write_beside_paper, write_garment4d_page
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.nets.conditioning_training import ConditioningSettings, train_conditioning
-from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.registration.static_data import StaticData
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.conditioning_training import ConditioningSettings, train_conditioning
+from drapeline.models.gcvae.dynamic_garments import dynamic_garments
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.domains import dynamic_domain
-from drapeline.nets.dynamic_data import dynamic_garments
-from drapeline.nets.gcvae_training import VaeSettings
-from drapeline.nets.runs import train_vae
-from drapeline.nets.variants import DVAE_VARIANTS, dynamic_conditions, laid_over
-from drapeline.registration.hierarchy import load_hierarchy
-from drapeline.registration.topology import load_topology
+from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.template_statistics import dynamic_domain
+from drapeline.models.gcvae.train import train_vae
+from drapeline.models.gcvae.vae import VaeSettings
+from drapeline.models.gcvae.variants import DVAE_VARIANTS, dynamic_conditions, laid_over
+from drapeline.registration.to_body.hierarchy import load_hierarchy
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

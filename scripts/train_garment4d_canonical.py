@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.runs import train_canonical
-from drapeline.nets.garment4d.wearers import Wearers
+from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.train import train_canonical
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.garment4d.data import SequenceData
-from drapeline.nets.garment4d.runs import train_posed
-from drapeline.nets.garment4d.training import CanonicalStage, load_stage
-from drapeline.nets.garment4d.variants import POSED_VARIANTS
-from drapeline.nets.garment4d.wearers import Wearers
-from drapeline.nets.trained import fastest_device
-from drapeline.nets.variants import laid_over
+from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.stages import CanonicalStage, load_stage
+from drapeline.models.garment4d.train import train_posed
+from drapeline.models.garment4d.variants import POSED_VARIANTS
+from drapeline.models.gcvae.variants import laid_over
+from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

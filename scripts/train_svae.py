@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.nets.domains import static_domain
-from drapeline.nets.gcvae_training import VaeSettings
-from drapeline.nets.runs import train_vae
-from drapeline.nets.variants import SVAE_VARIANTS, laid_over
-from drapeline.registration.hierarchy import load_hierarchy
-from drapeline.registration.static_data import StaticData
-from drapeline.registration.topology import load_topology
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.template_statistics import static_domain
+from drapeline.models.gcvae.train import train_vae
+from drapeline.models.gcvae.vae import VaeSettings
+from drapeline.models.gcvae.variants import SVAE_VARIANTS, laid_over
+from drapeline.registration.to_body.hierarchy import load_hierarchy
+from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.viewer import write_viewer
+from drapeline.report.dataset.viewer import write_viewer
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

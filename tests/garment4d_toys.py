@@ -7,15 +7,15 @@ import torch
 
 from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.dataset.clouds import LABELS
+from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.weight_transfer import interpolated_weights
+from drapeline.dataset.point_clouds import LABELS
 from drapeline.frames import GENDERS, REST_POSE
-from drapeline.mesh import Mesh, triangulate
-from drapeline.nets.garment4d.body_maps import MapRegression
-from drapeline.nets.garment4d.data import GarmentSequence, collect_garment4d
-from drapeline.nets.garment4d.wearers import Wearers
-from drapeline.outfits.fit import rest_body
-from drapeline.registration.dynamic import moved
-from drapeline.registration.interpolated_skinning import interpolated_weights
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_maps import MapRegression
+from drapeline.models.garment4d.data import GarmentSequence, collect_garment4d
+from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.seeding import rng_for
 from tiny_sample import tube
 

@@ -6,14 +6,14 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
-from drapeline.mesh import edges
-from drapeline.nets.domain import Domain, rest_basis
-from drapeline.nets.gcvae import GcvaeNetwork
-from drapeline.nets.gcvae_training import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
-from drapeline.outfits.fit import rest_body
-from drapeline.registration.dynamic import SampleGarment
-from drapeline.registration.topology import TOPOLOGIES, topology_codes
+from drapeline.geometry.mesh import edges
+from drapeline.models.gcvae.body_template import Domain, rest_basis
+from drapeline.models.gcvae.networks import GcvaeNetwork
+from drapeline.models.gcvae.vae import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
+from drapeline.registration.to_body.dynamic_offsets import SampleGarment
+from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from gcvae_toys import ToyGarments, toy_domain, tube

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, save_body
+from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
-from drapeline.mesh import vertex_normals
-from drapeline.outfits.fit import rest_body
-from drapeline.registration.hierarchy import build_hierarchy, level_counts, save_hierarchy
-from drapeline.registration.static_data import collect_static
-from drapeline.registration.super_body import super_body
-from drapeline.registration.topology import build_topology, save_topology
+from drapeline.geometry.mesh import vertex_normals
+from drapeline.learning_data.static import collect_static
+from drapeline.registration.to_body.hierarchy import build_hierarchy, level_counts, save_hierarchy
+from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.topology import build_topology, save_topology
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from drapeline.mesh import edges
-from drapeline.nets.domain import Domain
-from drapeline.nets.gcvae_data import cvar_statistics
+from drapeline.geometry.mesh import edges
+from drapeline.models.gcvae.body_template import Domain
+from drapeline.models.training.batches import cvar_statistics
 
 RINGS, AROUND = 16, 12
 VERTICES = RINGS * AROUND

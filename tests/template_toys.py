@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drapeline.mesh import boundary_loops, triangulate
-from drapeline.registration.garment_template import GarmentTemplate, named_loops
+from drapeline.geometry.mesh import boundary_loops, triangulate
+from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
 from tiny_sample import tube
 
 NAMES = ("waist", "hem")

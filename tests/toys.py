@@ -9,7 +9,7 @@ from skimage.measure import marching_cubes
 
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import JOINT_NAMES, PARENTS
-from drapeline.mesh import face_normals
+from drapeline.geometry.mesh import face_normals
 
 # Joint positions of a 1.7 m person, left side (x > 0), SMPL frame; the pelvis is not at the origin.
 _CENTRE = {

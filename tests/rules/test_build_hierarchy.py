@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drapeline.registration.hierarchy import POOLINGS, load_hierarchy
-from drapeline.registration.super_body import super_body
-from drapeline.registration.topology import build_topology, save_topology
+from drapeline.registration.to_body.hierarchy import POOLINGS, load_hierarchy
+from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.topology import build_topology, save_topology
 
 
 @pytest.fixture

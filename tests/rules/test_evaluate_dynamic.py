@@ -11,16 +11,16 @@ from PIL import Image
 
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
+from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import find_value, read_metrics
-from drapeline.nets.domain import STATIC_CVAR
-from drapeline.nets.dynamic_data import collect_dynamic
-from drapeline.nets.gcvae_training import DynamicVae, StaticVae
-from drapeline.nets.linear_vae import LinearDynamicVae
-from drapeline.nets.represent import Codes, save_codes
-from drapeline.outfits.kinds import GARMENTS
+from drapeline.models.gcvae.body_template import STATIC_CVAR
+from drapeline.models.gcvae.codes import Codes, save_codes
+from drapeline.models.gcvae.ppca_vae import LinearDynamicVae
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
-from drapeline.registration.topology import Topology, save_topology
+from drapeline.registration.to_body.topology import Topology, save_topology
 from drapeline.storage import save_npz, write_json
 from gcvae_files import SETTINGS, body_domain, save_model, shaken, torso_registration
 from tiny_sample import write_tiny_sample

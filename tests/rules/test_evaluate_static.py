@@ -10,9 +10,9 @@ from PIL import Image
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import find_value, read_metrics
-from drapeline.nets.represent import load_codes
-from drapeline.outfits.kinds import GARMENTS
-from drapeline.registration import topology as topology_module
+from drapeline.models.gcvae.codes import load_codes
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body import topology as topology_module
 from gcvae_files import save_model, save_static_data
 from gcvae_toys import VERTICES, tube, tube_faces
 

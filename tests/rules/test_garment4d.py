@@ -7,9 +7,9 @@ from PIL import Image
 from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Sequence
 from drapeline.frames import GENDERS
-from drapeline.metrics.garment4d import load_reconstruction
+from drapeline.metrics.sequence import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics
-from drapeline.nets.garment4d.training import CanonicalStage, MgnStage, PosedStage, load_stage
+from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PosedStage, load_stage
 from garment4d_toys import CANONICAL, KIND, POINTS, POSED, save_toy_data
 
 BODY_POINTS = 30

@@ -7,14 +7,18 @@ import pytest
 
 from drapeline.bodies.model import load_body, save_body
 from drapeline.dataset.reader import Sequence
-from drapeline.registration.dynamic import dressed, dynamic_offsets, load_sample_garment
+from drapeline.registration.to_body.dynamic_offsets import (
+    dressed,
+    dynamic_offsets,
+    load_sample_garment,
+)
 from tiny_sample import write_tiny_sample
 
 
 @pytest.fixture(scope="module")
 def supers(tmp_path_factory, toy_body):
-    from drapeline.registration.super_body import super_body
-    from drapeline.registration.topology import build_topology, save_topology
+    from drapeline.registration.to_body.super_body import super_body
+    from drapeline.registration.to_body.topology import build_topology, save_topology
 
     folder = tmp_path_factory.mktemp("super")
     refined = super_body({"female": toy_body, "male": toy_body}, 3000)

@@ -3,7 +3,7 @@
 import pytest
 
 from drapeline.dataset.collect import collect_dataset
-from drapeline.report.health import MEASURES
+from drapeline.report.dataset.health import MEASURES
 from tiny_sample import write_tiny_sample
 
 

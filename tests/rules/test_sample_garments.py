@@ -7,8 +7,8 @@ import pytest
 
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
-from drapeline.mesh import load_obj
-from drapeline.nets.represent import encode_garments, save_codes
+from drapeline.geometry.mesh import load_obj
+from drapeline.models.gcvae.codes import encode_garments, save_codes
 from gcvae_files import save_model, save_static_data
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import load_body, save_body
+from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.outfits.static import load_static
 from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates
-from drapeline.registration.static_data import StaticData, collect_static
-from drapeline.report.registration_table import write_registration_tables
+from drapeline.report.registration.registration_table import write_registration_tables
 
 KINDS = ["Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit"]
 

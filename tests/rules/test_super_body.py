@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import load_body, save_body
-from drapeline.registration.topology import load_topology
+from drapeline.registration.to_body.topology import load_topology
 
 
 @pytest.fixture

@@ -12,10 +12,11 @@ from drapeline.bodies.kinematics import mirrored_poses
 from drapeline.bodies.model import load_body
 from drapeline.dataset.reader import Sequence
 from drapeline.frames import GENDERS
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.dynamic_data import DynamicData, dynamic_garments
-from drapeline.nets.gcvae_data import as_tensors
-from drapeline.registration.dynamic import dressed, load_sample_garment
+from drapeline.learning_data.dynamic import DynamicData
+from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.training.batches import as_tensors
+from drapeline.registration.to_body.dynamic_offsets import dressed, load_sample_garment
 from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
 from tiny_sample import write_tiny_sample
 

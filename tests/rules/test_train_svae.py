@@ -5,9 +5,9 @@ import json
 import pytest
 import torch
 
-from drapeline.nets.checkpoints import load_vae
-from drapeline.nets.gcvae_data import as_tensors
-from drapeline.registration.static_data import StaticData
+from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.training.batches import as_tensors
 from gcvae_stages import VERTICES, train_static, write_stages
 
 

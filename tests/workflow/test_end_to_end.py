@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from drapeline.dataset.reader import Cloth3D
-from drapeline.mesh import edges
+from drapeline.geometry.mesh import edges
 from snakemake_run import ROOT, snakemake
 
 CONFIG = "tests/data/tiny.yaml"

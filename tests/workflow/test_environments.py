@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drapeline.source_digest import Sources
+from drapeline.experiment.source_digest import Sources
 from imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]

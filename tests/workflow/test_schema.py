@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drapeline.outfits.kinds import KINDS
-from drapeline.settings import checked_settings
+from drapeline.experiment.config import checked_settings
+from drapeline.outfits.garment_types import KINDS
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.settings import SimulationSettings
 

@@ -100,7 +100,7 @@ def test_changing_library_code_reruns_the_rules_that_use_it(tmp_path):
 
     def digests():
         code = (
-            "from pathlib import Path\nfrom drapeline.source_digest import Sources\n"
+            "from pathlib import Path\nfrom drapeline.experiment.source_digest import Sources\n"
             "sources = Sources('src')\n"
             "for p in sorted(Path('scripts').glob('*.py')):"
             " print(p.stem, sources.digest(p))"

@@ -16,7 +16,7 @@ os.environ.update(
 )
 
 from drapeline.errors import InputError
-from drapeline.feasibility import (
+from drapeline.experiment.checks import (
     planned_sequences,
     refuse_contradictions,
     require_sequences,
@@ -24,12 +24,12 @@ from drapeline.feasibility import (
 )
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
-from drapeline.nets.variants import dynamic_conditions, laid_over, pooling_of
+from drapeline.models.gcvae.variants import dynamic_conditions, laid_over, pooling_of
 from drapeline.outfits.static_plan import plan_static
-from drapeline.outfits.kinds import KINDS, TEMPLATE_TYPES
-from drapeline.planning import plan_samples
-from drapeline.settings import checked_settings
-from drapeline.source_digest import Sources
+from drapeline.outfits.garment_types import KINDS, TEMPLATE_TYPES
+from drapeline.experiment.samples import plan_samples
+from drapeline.experiment.config import checked_settings
+from drapeline.experiment.source_digest import Sources
 
 try:
     config.update(

@@ -1,4 +1,4 @@
-from drapeline.nets.garment4d.variants import posed_variants
+from drapeline.models.garment4d.variants import posed_variants
 
 G4D = f"{RESULTS}/garment4d"
 TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in TEMPLATE_TYPES}

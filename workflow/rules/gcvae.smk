@@ -1,4 +1,4 @@
-from drapeline.nets.variants import DVAE_VARIANTS, SVAE_VARIANTS
+from drapeline.models.gcvae.variants import DVAE_VARIANTS, SVAE_VARIANTS
 
 
 wildcard_constraints:

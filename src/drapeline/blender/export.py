@@ -10,12 +10,12 @@ import numpy as np
 from drapeline.blender.picture import add_mesh, new_scene
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
-from drapeline.dataset.parts import Part, sample_parts, y_up
 from drapeline.dataset.point_cache import point_cache_writer
 from drapeline.dataset.reader import Sequence
+from drapeline.dataset.sample_meshes import Part, sample_parts, y_up
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.mesh import Mesh, save_obj
+from drapeline.geometry.mesh import Mesh, save_obj
 from drapeline.storage import whole_folder
 
 

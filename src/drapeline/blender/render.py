@@ -9,12 +9,12 @@ from mathutils import Matrix
 from PIL import Image
 
 from drapeline.blender.picture import add_mesh, new_scene
-from drapeline.dataset.parts import Part, sample_parts
 from drapeline.dataset.reader import Sequence
+from drapeline.dataset.sample_meshes import Part, sample_parts
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.report.camera import Camera, look_at
-from drapeline.report.raycast import Seen, cast_rays
+from drapeline.rendering.camera import Camera, look_at
+from drapeline.rendering.modalities import Seen, cast_rays
 from drapeline.rule_log import progress
 from drapeline.storage import save_npz, whole_folder, write_json
 

@@ -17,11 +17,12 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence, collision_faces
 from drapeline.dataset.point_cache import PointCache, point_cache_writer, write_point_cache
 from drapeline.frames import FPS
-from drapeline.mesh import edges
+from drapeline.geometry.mesh import edges
+from drapeline.outfits.fabrics import FABRICS, cloth_parameters
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
+from drapeline.simulation.attachments import Carrier, gathering
 from drapeline.simulation.collider import thinned_faces
-from drapeline.simulation.fabrics import FABRICS, cloth_parameters
 from drapeline.simulation.health import (
     HealthBounds,
     HealthGarment,
@@ -30,10 +31,9 @@ from drapeline.simulation.health import (
     summary,
     surely_out_of_bounds,
 )
-from drapeline.simulation.holding import Carrier, gathering
 from drapeline.simulation.reach import parts_within_reach
-from drapeline.simulation.schedule import body_frames, start_position
 from drapeline.simulation.settings import SimulationSettings, steps_per_frame
+from drapeline.simulation.transitions import body_frames, start_position
 from drapeline.storage import save_npz, whole_folder, write_json
 
 LOGGER = logging.getLogger("drapeline")

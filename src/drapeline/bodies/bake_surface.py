@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from drapeline.mesh import boundary_loops, edges
+from drapeline.geometry.mesh import boundary_loops, edges
 
 CAVITIES = ("eye_cavity.L", "eye_cavity.R", "mouth_cavity")
 SOCKETS = CAVITIES[:2]

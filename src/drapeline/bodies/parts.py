@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import JOINT_NAMES
-from drapeline.mesh import edges
+from drapeline.geometry.mesh import edges
 
 TORSO = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
 LIMBS = {

@@ -15,9 +15,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from drapeline import __version__
-from drapeline.dataset.parts import Part, y_up
+from drapeline.dataset.sample_meshes import Part, y_up
 from drapeline.frames import FPS
-from drapeline.mesh import triangulate, vertex_normals
+from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.storage import whole_file
 
 _FLOAT, _UINT32 = 5126, 5125

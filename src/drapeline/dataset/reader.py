@@ -13,7 +13,7 @@ from drapeline.dataset.point_cache import PointCache
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
-from drapeline.mesh import Mesh, load_obj
+from drapeline.geometry.mesh import Mesh, load_obj
 from drapeline.storage import load_npz, read_json
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.bodies.model import BodyModel, posed_vertices, shaped
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
-from drapeline.mesh import load_obj
+from drapeline.geometry.mesh import load_obj
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz
 

@@ -15,7 +15,7 @@ from drapeline.dataset.point_cache import PointCache, point_cache_writer
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
-from drapeline.mesh import Mesh, edges, save_obj
+from drapeline.geometry.mesh import Mesh, edges, save_obj
 from drapeline.outfits.outfit import Garment, load_outfit
 from drapeline.storage import (
     link_or_copy,

@@ -7,38 +7,12 @@ import scipy.sparse as sp
 from scipy.ndimage import gaussian_filter, maximum_filter
 from scipy.spatial import KDTree
 
-from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.frames import REST_POSE
-from drapeline.outfits.signed_distance import SignedDistance
+from drapeline.geometry.signed_distance import SignedDistance
 
 RESIZE_PASSES = 40  # Laplacian passes over the displacements at edges of ...
 RESIZE_EDGE_M = 0.01  # ... this length; finer meshes take more for the same reach
 _ANGLE_BINS = 72
 _HEIGHT_BIN_M = 0.01
-
-
-def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:
-    """Vertices (V, 3) float64 of a shape in rest pose, root-relative, Z up."""
-    vertices, _ = posed_vertices(body, shape, REST_POSE[None].copy())
-    return vertices[0].astype(np.float64)
-
-
-def tightness_shape(shape: np.ndarray, tightness: np.ndarray, gender: str) -> np.ndarray:
-    """Shape a garment is made for (CLOTH3D 3.2): two offsets, the first with the gender's sign.
-
-    Args:
-        shape: (10,) the wearer's.
-        tightness: (2,) gamma; positive is tighter.
-    """
-    signed = signed_tightness(tightness, gender)
-    target = np.array(shape, dtype=np.float64)
-    target[:2] += signed
-    return target
-
-
-def signed_tightness(tightness: np.ndarray, gender: str) -> np.ndarray:
-    """(2,) gamma with the sign (-1)^(g + 1) on the first term, g = 0 female, 1 male."""
-    return np.asarray(tightness, dtype=np.float64) * [-1.0 if gender == "female" else 1.0, 1.0]
 
 
 def resized(

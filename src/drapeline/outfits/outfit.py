@@ -8,23 +8,11 @@ from typing import Any
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
-from drapeline.mesh import Mesh
-from drapeline.outfits.cutting import cut_garment, settled
-from drapeline.outfits.fit import (
-    RESIZE_EDGE_M,
-    RESIZE_PASSES,
-    laid_over,
-    left_body,
-    resized,
-    rest_body,
-    signed_tightness,
-    tightness_shape,
-)
-from drapeline.outfits.forms import Form
-from drapeline.outfits.own import mean_edge_m, own_garment, top_loop
-from drapeline.outfits.panels import Pattern
-from drapeline.outfits.parting import Keeper, kept_apart
-from drapeline.outfits.ranges import (
+from drapeline.bodies.rest_body import rest_body, signed_tightness, tightness_shape
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.signed_distance import SignedDistance
+from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.outfits.distributions import (
     FABRICS,
     UPPER_FABRICS,
     OutfitRanges,
@@ -33,9 +21,13 @@ from drapeline.outfits.ranges import (
     sample_upper,
     uniform,
 )
-from drapeline.outfits.relax import averaging_matrix
-from drapeline.outfits.signed_distance import SignedDistance
+from drapeline.outfits.dress_form import Form
+from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, laid_over, left_body, resized
+from drapeline.outfits.patterns.cutting import cut_garment, settled
+from drapeline.outfits.patterns.panels import Pattern
+from drapeline.outfits.patterns.separation import Keeper, kept_apart
 from drapeline.outfits.templates import Templates
+from drapeline.outfits.user_garment import mean_edge_m, own_garment, top_loop
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz, write_json
 

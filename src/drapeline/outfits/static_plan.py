@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.frames import GENDERS
-from drapeline.outfits.kinds import GARMENTS, kinds_by_gender
+from drapeline.outfits.garment_types import GARMENTS, kinds_by_gender
 from drapeline.seeding import rng_for
 
 _GOLDEN = (5**0.5 - 1) / 2

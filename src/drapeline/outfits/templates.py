@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from drapeline.bodies.model import BodyModel
-from drapeline.mesh import Mesh
-from drapeline.outfits.cutting import cut_garment
-from drapeline.outfits.forms import Field, Form, Tube, build_form
+from drapeline.geometry.mesh import Mesh
+from drapeline.outfits.dress_form import Field, Form, Tube, build_form
+from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.storage import load_npz, save_npz
 
 _TUBES = ("torso", "arm", "leg", "skirt")

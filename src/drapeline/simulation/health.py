@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
-from drapeline.mesh import edges, triangulate, vertex_normals
-from drapeline.simulation.holding import Carrier
+from drapeline.geometry.mesh import edges, triangulate, vertex_normals
+from drapeline.simulation.attachments import Carrier
 
 _SELF_EVERY = 10  # frames between counts of self-intersections
 _LAYER_REACH_M = 0.03

@@ -6,8 +6,8 @@ import trimesh
 
 from drapeline.blender.cloth import ClothPiece, Solver, simulate_cloth
 from drapeline.dataset.point_cache import write_point_cache
-from drapeline.mesh import triangulate
-from drapeline.simulation.fabrics import FABRICS, cloth_parameters
+from drapeline.geometry.mesh import triangulate
+from drapeline.outfits.fabrics import FABRICS, cloth_parameters
 from drapeline.simulation.health import beneath_share
 
 EDGE_M = 0.03

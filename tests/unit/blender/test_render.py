@@ -9,7 +9,7 @@ from PIL import Image
 from drapeline.blender.render import render_modalities
 from drapeline.dataset.reader import Sequence
 from drapeline.errors import InputError
-from drapeline.report.camera import Camera
+from drapeline.rendering.camera import Camera
 from tiny_sample import write_tiny_sample
 
 

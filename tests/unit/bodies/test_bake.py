@@ -7,7 +7,7 @@ from drapeline.bodies import bake
 from drapeline.bodies.bake_surface import mirror_map
 from drapeline.bodies.model import shaped
 from drapeline.frames import GENDERS, JOINT_NAMES
-from drapeline.mesh import edge_counts
+from drapeline.geometry.mesh import edge_counts
 
 LIMBS = [
     ("shoulder", "elbow", (1, 0, 0)),

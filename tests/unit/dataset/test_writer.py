@@ -17,7 +17,7 @@ from drapeline.dataset.writer import (
 )
 from drapeline.errors import InputError
 from drapeline.frames import PARENTS, REST_POSE
-from drapeline.mesh import Mesh, load_obj, triangulate
+from drapeline.geometry.mesh import Mesh, load_obj, triangulate
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz
 from tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.outfits.kinds import KINDS
+from drapeline.outfits.garment_types import KINDS
 from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.seeding import rng_for

@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.outfits.fit import (
-    laid_over,
-    left_body,
-    resized,
-    signed_tightness,
-    tightness_shape,
-)
-from drapeline.outfits.relax import averaging_matrix
-from drapeline.outfits.signed_distance import SignedDistance
+from drapeline.bodies.rest_body import signed_tightness, tightness_shape
+from drapeline.geometry.signed_distance import SignedDistance
+from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.outfits.fit import laid_over, left_body, resized
 
 
 def tube(radius, *, low=-0.5, high=0.5, around=40, rows=30):

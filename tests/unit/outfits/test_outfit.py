@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drapeline.bodies.rest_body import rest_body, tightness_shape
 from drapeline.errors import InputError
-from drapeline.mesh import boundary_loops, edge_counts, edges, triangulate
-from drapeline.outfits.fit import rest_body, tightness_shape
-from drapeline.outfits.kinds import GARMENTS, KINDS
+from drapeline.geometry.mesh import boundary_loops, edge_counts, edges, triangulate
+from drapeline.geometry.signed_distance import SignedDistance
+from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.garment_types import GARMENTS, KINDS
 from drapeline.outfits.outfit import load_outfit, sample_numbers, sample_outfit
-from drapeline.outfits.own import mean_edge_m
-from drapeline.outfits.ranges import OutfitRanges
-from drapeline.outfits.signed_distance import SignedDistance
 from drapeline.outfits.templates import load_templates
+from drapeline.outfits.user_garment import mean_edge_m
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 

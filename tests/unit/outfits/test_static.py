@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.outfits.kinds import KINDS
-from drapeline.outfits.ranges import OutfitRanges
+from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.garment_types import KINDS
 from drapeline.outfits.static import load_static, make_static, save_static
 from drapeline.outfits.static_plan import plan_static
 

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from drapeline.frames import FPS
-from drapeline.mesh import edges
+from drapeline.geometry.mesh import edges
 from drapeline.seeding import rng_for
 from drapeline.simulation.health import (
     HealthBounds,

@@ -1,0 +1,1 @@
+"""The experiment: its settings, its samples, and which code each rule runs."""

@@ -1,0 +1,174 @@
+"""What an experiment surely cannot do, found before any job runs."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from drapeline.errors import InputError
+from drapeline.experiment.samples import SamplePlan
+from drapeline.outfits.static_plan import StaticPlan
+
+# A shape space needs a mean and a direction.
+_SPACE_GARMENTS = 2
+
+
+def refuse_contradictions(settings: Mapping[str, Any]) -> None:
+    """Check settings that are each in range but contradict one another.
+
+    Args:
+        settings: the whole experiment, defaults filled in.
+
+    Raises:
+        InputError: names the keys, their values and what is expected.
+    """
+    solver = settings["simulation"]["settings"]
+    if solver["steps_min"] > solver["steps_max"]:
+        raise InputError(
+            f"simulation.settings.steps_min is {solver['steps_min']}, expected at most"
+            f" steps_max, which is {solver['steps_max']}"
+        )
+    low, high = settings["outfits"]["tightness_range"]
+    if low > high:
+        raise InputError(
+            f"outfits.tightness_range is [{low}, {high}], expected the lower end first"
+        )
+    val, test = (settings["static"][f"{split}_share"] for split in ("val", "test"))
+    if val + test >= 1:
+        raise InputError(
+            f"static.val_share is {val} and static.test_share {test}, expected a sum below 1"
+        )
+    for stage in ("canonical", "posed", "mgn"):
+        training = settings["garment4d"][stage]["training"]
+        strides = {f"garment4d.{stage}.training.stride": training["stride"]}
+        if stage != "canonical":
+            strides["garment4d.evaluation.stride"] = settings["garment4d"]["evaluation"]["stride"]
+        for key, stride in strides.items():
+            if stride > training["frames"]:
+                raise InputError(
+                    f"{key} is {stride}, expected at most garment4d.{stage}.training.frames, which"
+                    f" is {training['frames']}: no frame may lie between windows"
+                )
+
+
+def require_splits(
+    planned: Iterable[str], needed: Sequence[str], *, group: str, shares: Mapping[str, Any]
+) -> None:
+    """Check that a plan has something in each split that is going to be used.
+
+    Args:
+        planned: split of everything in the plan.
+        needed: splits that must not be empty.
+        group: of settings that the plan was made from, for the message.
+        shares: its `val_share` and `test_share`.
+
+    Raises:
+        InputError: one of the splits is empty.
+    """
+    found = Counter(planned)
+    for split in needed:
+        if not found[split]:
+            raise InputError(
+                f"{group}.val_share is {shares['val_share']} and {group}.test_share"
+                f" {shares['test_share']}, which puts none of {found.total()} into {split},"
+                " expected one or more; samples of one clip are never divided between splits"
+            )
+
+
+class PlannedSequence(NamedTuple):
+    """A garment that Garment4D is going to see in motion.
+
+    Attributes:
+        source: "simulated" or "skinned".
+        split: "train", "val" or "test".
+        frames: its length.
+    """
+
+    source: str
+    split: str
+    frames: int
+
+
+def planned_sequences(
+    garment: str,
+    samples: Iterable[SamplePlan],
+    outfits: Iterable[StaticPlan],
+    *,
+    frames: int,
+    step: int,
+) -> list[PlannedSequence]:
+    """Every sequence of a garment type, should no sample be rejected.
+
+    Args:
+        garment: type.
+        samples: simulated; static outfits move as those of their split do.
+        outfits: static, put into motion.
+        frames, step: of a static outfit in motion, and the frames of the sample between them.
+
+    Raises:
+        InputError: no sample is long enough for a static outfit to move through.
+    """
+    samples, outfits = list(samples), list(outfits)
+    span = (frames - 1) * step + 1
+    longest = max((one.stop - one.start for one in samples), default=0)
+    if outfits and longest < span:
+        raise InputError(
+            f"garment4d.skinned.frames is {frames} and step {step}, which take {span} frames of a"
+            f" sample, expected at most those of the longest, {longest}"
+        )
+    moving = {one.partition for one in samples if one.stop - one.start >= span}
+    return [
+        *(
+            PlannedSequence("simulated", one.partition, one.stop - one.start)
+            for one in samples
+            if garment in one.kind.split("+")
+        ),
+        *(
+            PlannedSequence("skinned", one.split, frames)
+            for one in outfits
+            if garment in one.kind.split("+") and one.split in moving
+        ),
+    ]
+
+
+def require_sequences(
+    garment: str,
+    planned: Iterable[PlannedSequence],
+    *,
+    stage: str,
+    sources: Sequence[str],
+    window: int,
+) -> None:
+    """Check that a stage of Garment4D has what it is trained and selected on.
+
+    Args:
+        garment: type.
+        planned: its sequences.
+        stage: of the settings, for the message.
+        sources: of the training sequences; validation takes any where these give none.
+        window: frames T.
+
+    Raises:
+        InputError: there are too few sequences, or one is shorter than a window.
+    """
+    planned = list(planned)
+    train = [one for one in planned if one.split == "train"]
+    val = [one for one in planned if one.split == "val"]
+    own = [one for one in train if one.source in sources]
+    for split, found, least, kinds in (
+        ("train", train, _SPACE_GARMENTS, "of any source"),
+        ("train", own, 1, f"of garment4d.{stage}.training.sources ({', '.join(sources)})"),
+        ("val", val, 1, "of any source"),
+    ):
+        if len(found) < least:
+            raise InputError(
+                f"the plan has {len(found)} sequences of a {garment} for {split} {kinds}, expected"
+                f" {least} or more; outfits.kinds, samples.count, the shares of the splits and"
+                " garment4d.skinned.shards decide"
+            )
+    seen = own + ([one for one in val if one.source in sources] or val)
+    shortest = min(seen, key=lambda one: one.frames)
+    if shortest.frames < window:
+        raise InputError(
+            f"garment4d.{stage}.training.frames is {window}, expected at most {shortest.frames},"
+            f" the frames of a {shortest.source} sequence of a {garment}"
+        )

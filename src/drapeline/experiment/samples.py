@@ -1,0 +1,169 @@
+"""The list of samples, made from frame counts and a seed before anything else exists."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+
+from drapeline.dataset.splits import SPLITS, SplitItem, split_samples
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.outfits.garment_types import kinds_by_gender
+from drapeline.seeding import rng_for
+
+
+@dataclass(frozen=True)
+class SamplePlan:
+    """What a sample is going to be.
+
+    Attributes:
+        sample: five-digit id.
+        sequence: motion clip it is cut from.
+        part: number k of the sub-sequence ``{sequence}_s{k}``.
+        start, stop: its frames in the clip at 30 fps.
+        gender: "female" or "male".
+        kind: garments from inner to outer, joined by "+".
+        partition: "train", "val" or "test".
+    """
+
+    sample: str
+    sequence: str
+    part: int
+    start: int
+    stop: int
+    gender: str
+    kind: str
+    partition: str
+
+    @property
+    def sub_sequence(self) -> str:
+        """CLOTH3D's name of the piece, such as ``walk_s0``."""
+        return f"{self.sequence}_s{self.part}"
+
+    @property
+    def removable(self) -> str:
+        """Which parts of the body the outfit surely leaves bare, for self-collisions (3.1)."""
+        return "forearms" if self.kind.startswith("Top") else "hands"
+
+
+def sub_sequences(
+    frames_of: Mapping[str, int], *, frames: int, frames_min: int
+) -> dict[str, list[tuple[int, int]]]:
+    """Cut every clip into (start, stop) pieces of `frames`; a short remainder may be left out."""
+    return {
+        name: [
+            (start, min(start + frames, count))
+            for start in range(0, count, frames)
+            if min(start + frames, count) - start >= frames_min
+        ]
+        for name, count in frames_of.items()
+    }
+
+
+def plan_samples(
+    seed: int,
+    frames_of: Mapping[str, int],
+    *,
+    frames: int,
+    frames_min: int,
+    count: int | None,
+    val_share: float,
+    test_share: float,
+    female_share: float,
+    kinds: Sequence[str],
+    male_skirts: bool,
+) -> dict[str, SamplePlan]:
+    """Plan every sample (CLOTH3D 3: one outfit and body per sub-sequence, genders 2:1).
+
+    Samples take turns over the clips, so that few samples still see many clips. When more are
+    wanted than there are sub-sequences, a sub-sequence is used again with another body and outfit.
+
+    Args:
+        frames_of: clip name -> frames at 30 fps.
+        frames, frames_min: longest and shortest sub-sequence.
+        count: number of samples; None means every sub-sequence once.
+        val_share, test_share: shares of the samples.
+        female_share: share of female bodies, met exactly up to rounding.
+        kinds: outfits to take turns over, in each split anew; one named twice is worn twice
+            as often.
+        male_skirts: whether male bodies wear skirts and dresses.
+
+    Raises:
+        InputError: `frames_min` is above `frames`, no sub-sequence is long enough, or no outfit
+            is left for male bodies.
+    """
+    if frames_min > frames:
+        raise InputError(
+            f"motions.frames_min is {frames_min}, expected at most motions.frames,"
+            f" which is {frames}"
+        )
+    pieces = sub_sequences(frames_of, frames=frames, frames_min=frames_min)
+    if not any(pieces.values()):
+        longest = max(frames_of.values(), default=0)
+        raise InputError(
+            f"motions.frames_min is {frames_min}, but the longest clip has {longest} frames"
+        )
+    turns = _turns(pieces)
+    total = len(turns) if count is None else count
+    chosen = list(islice(cycle(turns), total))
+    ids = [f"{number:05d}" for number in range(1, total + 1)]
+    # Every sample has a body of its own, so the clip alone joins samples into one split.
+    items = [SplitItem(sample, name, sample) for sample, (name, _) in zip(ids, chosen, strict=True)]
+    partition = split_samples(
+        rng_for(seed, "split"), items, val_share=val_share, test_share=test_share
+    )
+    splits = [partition[sample] for sample in ids]
+    genders = _genders(seed, splits, female_share)
+    outfits = _outfits(genders, splits, kinds, male_skirts)
+    plans = {}
+    for sample, (name, part), gender, kind in zip(ids, chosen, genders, outfits, strict=True):
+        start, stop = pieces[name][part]
+        plans[sample] = SamplePlan(sample, name, part, start, stop, gender, kind, partition[sample])
+    return plans
+
+
+def _turns(pieces: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[str, int]]:
+    """First pieces of all clips, then second pieces, and so on."""
+    longest = max(len(parts) for parts in pieces.values())
+    return [
+        (name, part)
+        for part in range(longest)
+        for name, parts in pieces.items()
+        if part < len(parts)
+    ]
+
+
+def _genders(seed: int, splits: Sequence[str], female_share: float) -> list[str]:
+    """The exact share, mixed evenly within each split: small splits see both genders too."""
+    total = len(splits)
+    females = round(total * female_share)
+    # Bresenham's line: female wherever the running share asks for the next one.
+    offset = rng_for(seed, "gender").integers(total) if total else 0
+    steps = [(index + 1) * females // total - index * females // total for index in range(total)]
+    genders = [""] * total
+    by_split = sorted(range(total), key=lambda i: SPLITS.index(splits[i]))
+    for place, i in enumerate(by_split):
+        genders[i] = GENDERS[0] if steps[(place + offset) % total] else GENDERS[1]
+    return genders
+
+
+def _outfits(
+    genders: Sequence[str], splits: Sequence[str], kinds: Sequence[str], male_skirts: bool
+) -> list[str]:
+    """Outfit of each sample: of those its gender may wear the one its split used least so far.
+
+    Small splits then wear the first kinds of the list, so that a type of garment which is tested
+    was trained too. In each split males choose first: what they cannot wear is left to females.
+    """
+    allowed = kinds_by_gender(kinds, male_skirts=male_skirts, males="male" in genders)
+    slots = {
+        gender: [(kind, list(kinds[:i]).count(kind)) for i, kind in enumerate(kinds) if kind in own]
+        for gender, own in allowed.items()
+    }
+    used: Counter[tuple[str, tuple[str, int]]] = Counter()
+    chosen = [""] * len(genders)
+    for i in sorted(range(len(genders)), key=lambda i: genders[i] == GENDERS[0]):
+        slot = min(slots[genders[i]], key=lambda slot: used[splits[i], slot])
+        used[splits[i], slot] += 1
+        chosen[i] = slot[0]
+    return chosen

@@ -1,0 +1,1 @@
+"""Meshes and what is computed on them."""

@@ -1,0 +1,1 @@
+"""What networks learn from: arrays, collected once and mapped. No torch here."""

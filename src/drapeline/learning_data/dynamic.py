@@ -1,0 +1,230 @@
+"""Garments in motion: frames of simulated samples as arrays that are mapped."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.rest_body import rest_body, signed_tightness
+from drapeline.dataset.reader import Sequence as Sample
+from drapeline.errors import InputError
+from drapeline.learning_data.static import static_cvar
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body.dynamic_offsets import (
+    Version,
+    dynamic_offsets,
+    load_sample_garment,
+)
+from drapeline.registration.to_body.topology import topology_codes
+from drapeline.rule_log import progress
+from drapeline.storage import load_npz, mapped, new_array, read_json, save_npz, whole_folder
+
+# A condition on f frames is on the pose of the frame and of f - 1 before it, every third.
+HISTORY_FRAMES, HISTORY_STEP = 4, 3
+
+
+_GARMENT_KEYS = ("sample", "split", "garment", "shape", "gender", "tightness")
+
+
+# Too much for memory where there are many samples: rows are frames, or garments.
+_FRAME_ARRAYS, _GARMENT_ARRAYS = ("offsets", "base", "poses"), ("mask", "static")
+
+
+@dataclass(frozen=True)
+class _Accepted:
+    """A sample to collect: its garments, and the frames that are taken of each."""
+
+    folder: Path
+    registration: Path
+    garments: list[str]
+    frames: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """One garment of one sample: what does not change from frame to frame, and its frames."""
+
+    about: dict[str, Any]
+    mask: np.ndarray
+    static: np.ndarray
+    poses: np.ndarray
+    offsets: np.ndarray
+    base: np.ndarray
+
+
+def collect_dynamic(
+    output: str | Path,
+    samples: Mapping[str | Path, str | Path],
+    bodies: Mapping[str, BodyModel],
+    *,
+    version: Version,
+    step: int,
+) -> int:
+    """Write every `step`-th frame of all accepted samples' garments as arrays.
+
+    Args:
+        output: folder, replaced as a whole.
+        samples: sample's folder -> its registration's folder.
+        bodies: super-resolved, by gender.
+        version: of the offsets.
+        step: of the frames taken.
+
+    Returns:
+        Number of frames written.
+
+    Raises:
+        InputError: no sample was accepted, or a file is unusable.
+    """
+    found = [
+        one
+        for sample, registration in samples.items()
+        for one in _accepted(Path(sample), Path(registration), step)
+    ]
+    if not found:
+        raise InputError(
+            f"{output}: none of {len(samples)} samples was accepted, expected one or more"
+        )
+    frames = [one.frames for one in found for _ in one.garments]
+    counts = [len(numbers) for numbers in frames]
+    vertices = (len(next(iter(bodies.values())).v_template), 3)
+    with whole_folder(output) as scratch:
+        arrays = {
+            key: new_array(scratch / f"{key}.npy", dtype, shape)
+            for key, dtype, shape in (
+                ("offsets", np.float32, (sum(counts), *vertices)),
+                ("base", np.float32, (sum(counts), *vertices)),
+                ("poses", np.float32, (sum(counts), HISTORY_FRAMES, 72)),
+                ("mask", np.bool_, (len(counts), vertices[0])),
+                ("static", np.float32, (len(counts), *vertices)),
+            )
+        }
+        about: list[dict[str, Any]] = []
+        start = 0
+        for one in progress(found, total=len(found), label="samples"):
+            for recording in _recordings(one, bodies, version):
+                end = start + len(one.frames)
+                for key in _FRAME_ARRAYS:
+                    arrays[key][start:end] = getattr(recording, key)
+                for key in _GARMENT_ARRAYS:
+                    arrays[key][len(about)] = getattr(recording, key)
+                about.append(recording.about)
+                start = end
+        for array in arrays.values():
+            array.flush()
+        save_npz(
+            scratch / "frames.npz",
+            frame=np.concatenate(frames),
+            wearer=np.repeat(np.arange(len(counts)), counts),
+        )
+        save_npz(
+            scratch / "garments.npz",
+            version=np.array(version),
+            **{key: np.stack([row[key] for row in about]) for key in _GARMENT_KEYS},
+        )
+    return sum(counts)
+
+
+def _accepted(folder: Path, registration: Path, step: int) -> Iterator[_Accepted]:
+    if read_json(registration / "status.json")["status"] == "accepted":
+        with Sample(folder) as sample:
+            frames = np.arange(0, sample.frame_count, step)
+            yield _Accepted(folder, registration, list(sample.garments), frames)
+
+
+def _recordings(
+    one: _Accepted, bodies: Mapping[str, BodyModel], version: Version
+) -> Iterator[_Recording]:
+    status, frames = read_json(one.registration / "status.json"), one.frames
+    with Sample(one.folder) as sample:
+        info, body = sample.info, bodies[sample.gender]
+        back = frames[:, None] - HISTORY_STEP * np.arange(HISTORY_FRAMES)
+        poses = info.poses[np.maximum(back, 0)].astype(np.float32)  # (n, 4, 72)
+        rest = rest_body(body, info.shape)
+        for name in one.garments:
+            garment = load_sample_garment(one.registration / f"{name}.npz")
+            cloth = sample.vertices(name, frame="root")[frames]
+            if version == "posed":
+                base = posed_vertices(body, info.shape, poses[:, 0])[0]
+            else:
+                base = np.repeat((rest + garment.offsets)[None], len(frames), 0)
+            yield _Recording(
+                about={
+                    "sample": np.array(status["id"]),
+                    "split": np.array(status["split"]),
+                    "garment": np.int8(GARMENTS.index(name)),
+                    "shape": np.asarray(info.shape, dtype=np.float32),
+                    "gender": np.int8(info.gender),
+                    "tightness": signed_tightness(sample.tightness, sample.gender).astype(
+                        np.float32
+                    ),
+                },
+                mask=garment.mask,
+                static=garment.offsets,
+                poses=poses,
+                offsets=dynamic_offsets(garment, cloth, body, info.shape, poses[:, 0], version),
+                base=base.astype(np.float32),
+            )
+
+
+class DynamicData:
+    """What `collect_dynamic` wrote; a row is one frame of one garment.
+
+    Attributes:
+        version: "posed" or "unposed".
+        offsets, base: (N, V, 3) float32 metres, memory-mapped: X, and what X is added to.
+        poses: (N, 4, 72) rad, memory-mapped, of the frame and of three before it, each three
+            frames earlier.
+        frame: (N,) number of the frame.
+        wearer: (N,) index into what follows.
+        sample, split, garment: (G,) of each garment.
+        shape, gender, tightness: (G, 10), (G,), (G, 2).
+        mask, static: (G, V) bool and (G, V, 3) float32 metres, memory-mapped, of the rest pose.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        """Open a folder.
+
+        Raises:
+            InputError: a file is missing or lacks an array.
+        """
+        folder = Path(folder)
+        frames = load_npz(folder / "frames.npz", "frame", "wearer")
+        garments = load_npz(folder / "garments.npz", "version", *_GARMENT_KEYS)
+        self.frame, self.wearer = frames["frame"], frames["wearer"]
+        self.version = str(garments.pop("version"))
+        for key in _GARMENT_KEYS:
+            setattr(self, key, garments[key])
+        for key in (*_FRAME_ARRAYS, *_GARMENT_ARRAYS):
+            setattr(self, key, mapped(folder / f"{key}.npy"))
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the frames of "train", "val" or "test"."""
+        return np.flatnonzero(self.split[self.wearer] == split)
+
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) codes of `TOPOLOGIES`."""
+        return topology_codes(self.garment[self.wearer[rows]])
+
+    def static_batch(self, wearers: np.ndarray) -> dict[str, Any]:
+        """Garments (g,) in the rest pose, as an SVAE takes them."""
+        kinds = self.garment[wearers]
+        return {
+            "offsets": np.asarray(self.static[wearers]),
+            "mask": np.asarray(self.mask[wearers]),
+            "cvar": self.cvar(wearers),
+            "topology": topology_codes(kinds),
+            "names": [
+                f"{sample}/{GARMENTS[kind]}"
+                for sample, kind in zip(self.sample[wearers], kinds, strict=True)
+            ],
+        }
+
+    def cvar(self, wearers: np.ndarray) -> np.ndarray:
+        """(g, 13) static conditions of garments (g,)."""
+        return static_cvar(self.shape[wearers], self.gender[wearers], self.tightness[wearers])

@@ -1,0 +1,141 @@
+"""Simulated garments with their registrations, sample by sample."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.splits import SPLITS
+from drapeline.errors import InputError
+from drapeline.registration.to_body.dynamic_offsets import (
+    SampleGarment,
+    load_sample_garment,
+)
+from drapeline.storage import read_json
+
+
+@dataclass(frozen=True)
+class MovingGarment:
+    """A garment of a simulated sample.
+
+    Attributes:
+        sample, split, name: which one; `name` is its type.
+        gender: of the wearer.
+        shape: (10,).
+        poses: (N, 72) rad.
+        registered: its registration in rest pose.
+        faces: (F, 3) triangles of the simulated garment.
+        cloth: (N, C, 3) float32 its vertices, root-relative metres.
+    """
+
+    sample: str
+    split: str
+    name: str
+    gender: str
+    shape: np.ndarray
+    poses: np.ndarray
+    registered: SampleGarment
+    faces: np.ndarray
+    cloth: np.ndarray
+
+    def points(self, frames: np.ndarray) -> np.ndarray:
+        """(n, M, 3) where the registered points are."""
+        return self.registered.points(self.cloth[frames])
+
+    def on_vertices(self, points: np.ndarray) -> np.ndarray:
+        """(M, 3) points -> (V, 3), zero outside of the mask."""
+        out = np.zeros((len(self.registered.mask), 3), dtype=np.float32)
+        out[self.registered.vertex] = points
+        return out
+
+
+@dataclass(frozen=True)
+class MovingFiles:
+    """Where a garment of a simulated sample lies, since not all of them fit into memory.
+
+    Attributes:
+        sample, split, name: as of `MovingGarment`.
+        folder: of the sample.
+        registration: folder of its registrations.
+    """
+
+    sample: str
+    split: str
+    name: str
+    folder: Path
+    registration: Path
+
+    def load(self) -> MovingGarment:
+        """Read it.
+
+        Raises:
+            InputError: a file is missing or damaged.
+        """
+        with Sample(self.folder) as sample:
+            return MovingGarment(
+                sample=self.sample,
+                split=self.split,
+                name=self.name,
+                gender=sample.gender,
+                shape=np.asarray(sample.info.shape),
+                poses=np.asarray(sample.info.poses),
+                registered=load_sample_garment(self.registration / f"{self.name}.npz"),
+                faces=sample.mesh(self.name).triangles,
+                cloth=sample.vertices(self.name, frame="root"),
+            )
+
+
+def moving_files(
+    samples: Iterable[str | Path], registrations: Iterable[str | Path], splits: Sequence[str]
+) -> Iterator[MovingFiles]:
+    """Garments of the accepted samples of some splits, sample by sample.
+
+    Args:
+        samples: folders as `write_sample` leaves them.
+        registrations: folders of the same samples as `register_sample` leaves them.
+        splits: wanted.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    for folder, registration in zip(map(Path, samples), map(Path, registrations), strict=True):
+        status = read_json(registration / "status.json")
+        if status["status"] == "accepted" and status["split"] in splits:
+            with Sample(folder) as sample:
+                names = sample.garments
+            for name in names:
+                yield MovingFiles(status["id"], status["split"], name, folder, registration)
+
+
+def load_moving(
+    samples: Iterable[str | Path], registrations: Iterable[str | Path], split: str
+) -> Iterator[MovingGarment]:
+    """Garments of the accepted samples of a split, each read when it is its turn.
+
+    Args:
+        samples, registrations: see `moving_files`.
+        split: to load.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    return (files.load() for files in moving_files(samples, registrations, [split]))
+
+
+def shown_moving(
+    samples: Sequence[str | Path], registrations: Sequence[str | Path]
+) -> list[MovingFiles]:
+    """All garments for pictures, those of the test split first and those of training last.
+
+    Raises:
+        InputError: a file is unusable, or no sample was accepted.
+    """
+    found = list(moving_files(samples, registrations, SPLITS))
+    if not found:
+        raise InputError(
+            f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
+            " expected one or more"
+        )
+    return sorted(found, key=lambda files: -SPLITS.index(files.split))

@@ -1,0 +1,348 @@
+"""Static outfits put into motion by their skinning weights: cheap sequences of many garments.
+
+The canonical stage of Garment4D learns what a garment is like from clouds of it, and needs many
+garments more than it needs true folds. A simulated sample takes minutes and is one outfit; here an
+outfit that was never simulated goes through a few frames of some sample's motion in a tenth of a
+second.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from drapeline.bodies.kinematics import rest_to_pose
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.weight_transfer import garment_weights
+from drapeline.dataset.point_clouds import (
+    CloudSampler,
+    CloudSettings,
+    cloud_rngs,
+    open_clouds,
+    rig_turn,
+)
+from drapeline.dataset.reader import BODY
+from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.record import read_record
+from drapeline.errors import InputError
+from drapeline.frames import FPS
+from drapeline.geometry.collision import Solid
+from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.outfits.garment_types import SKIRTS
+from drapeline.outfits.outfit import Garment, Outfit
+from drapeline.outfits.static import StaticOutfit, load_static
+from drapeline.registration.to_body.dynamic_offsets import moved
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
+
+# Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
+# this length they go from one leg to the other without a crease.
+_SKIRT_REACH_M = 0.12
+
+
+@dataclass(frozen=True)
+class SkinnedSettings:
+    """How static outfits are put into motion.
+
+    Attributes:
+        frames: T, of each outfit.
+        step: between them, in frames of the motion.
+        clouds: how the point clouds are taken; its seed also chooses the motions.
+    """
+
+    frames: int = 4
+    step: int = 1
+    clouds: CloudSettings = field(default_factory=CloudSettings)
+
+
+class Worn(NamedTuple):
+    """An outfit in motion, metres relative to the root joint.
+
+    Attributes:
+        body: (T, B, 3) float32.
+        garments: name -> (T, V, 3) float32.
+    """
+
+    body: np.ndarray
+    garments: dict[str, np.ndarray]
+
+
+def wear(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> Worn:
+    """Move an outfit's garments with its wearer by linear blend skinning, then out of the body.
+
+    Args:
+        outfit: in the rest pose.
+        body: of the wearer's gender, whole.
+        poses: (T, 72) rad.
+    """
+    rest = rest_body(body, outfit.shape)
+    posed = posed_vertices(body, outfit.shape, poses)[0]
+    motions = rest_to_pose(body, outfit.shape, poses)
+    solid = Solid(posed[0], body.faces)
+    garments, averages = {}, {}
+    for garment in outfit.garments:
+        weights = worn_weights(garment, rest, body)
+        garments[garment.name] = moved(garment.vertices, motions, weights).astype(np.float32)
+        averages[garment.name] = averaging_matrix(garment.faces, len(garment.vertices))
+    for frame, vertices in enumerate(posed):
+        solid.move(vertices)
+        for name, cloth in garments.items():
+            cloth[frame] = solid.left_by(cloth[frame], averages[name])
+    return Worn(posed, garments)
+
+
+def worn_weights(garment: Garment, rest: np.ndarray, body: BodyModel) -> np.ndarray:
+    """(V, 24) float32 skinning weights of a garment in the rest pose; skirts' are diffused.
+
+    Args:
+        garment: in the rest pose of `rest`.
+        rest: (B, 3) body.
+        body: its model.
+    """
+    triangles = triangulate(garment.faces)
+    weights = garment_weights(garment.vertices, triangles, rest, body.faces, body.weights)
+    if garment.name not in SKIRTS:
+        return weights
+    return _diffused(weights, garment.vertices, garment.faces)
+
+
+def _diffused(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Weights after one implicit step of diffusion over a length of `_SKIRT_REACH_M`.
+
+    (1 + t (1 - A)) w' = w, where A averages over the neighbours; a walk of t steps gets as far as
+    the square root of t edges.
+    """
+    average = averaging_matrix(faces, len(vertices))  # of quads: diagonals would drag hems aside
+    pairs = edges(faces)
+    edge = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1).mean()
+    time = (_SKIRT_REACH_M / float(edge)) ** 2
+    system = sp.identity(len(vertices)) * (1 + time) - time * average
+    used = weights.any(axis=0)
+    out = np.zeros_like(weights)
+    out[:, used] = splu(system.tocsc()).solve(weights[:, used].astype(np.float64))
+    return out
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A simulated sample's poses.
+
+    Attributes:
+        sample: its id.
+        split: "train", "val" or "test".
+        poses: (F, 72) rad.
+    """
+
+    sample: str
+    split: str
+    poses: np.ndarray
+
+
+def read_motions(samples: Sequence[str | Path]) -> list[Motion]:
+    """Poses of the accepted ones among simulated samples' folders, by id.
+
+    Raises:
+        InputError: a file of a sample is missing or damaged.
+    """
+    found = []
+    for folder in samples:
+        record = read_record(folder)
+        if record.accepted:
+            with Sample(folder) as sample:
+                poses = sample.info.poses
+            found.append(Motion(record.meta["id"], record.meta["split"], poses))
+    return sorted(found, key=lambda motion: motion.sample)
+
+
+def write_skinned(
+    folder: str | Path,
+    shard: str | Path,
+    samples: Sequence[str | Path],
+    bodies: Mapping[str, BodyModel],
+    settings: SkinnedSettings,
+    *,
+    garments: Sequence[str],
+) -> int:
+    """Put the outfits of a shard into motion and write their clouds and cloth.
+
+    An outfit moves as a simulated sample of its own split, so that no motion is in two splits;
+    outfits of a split without samples are left out and named in `about.json`.
+
+    Args:
+        folder: for `points.npy` (F, P, 3) and `labels.npy` (F, P), frames of all sequences one
+            after the other; `cloth.npy` (R, 3), their garments' vertices; `sequences.npz` and
+            `about.json`, which tell them apart. Replaced as a whole.
+        shard: `.npz` of static outfits.
+        samples: folders of simulated samples.
+        bodies: whole, by gender.
+        settings: see there.
+        garments: types wanted; outfits without any of them are left out.
+
+    Returns:
+        Number of outfits written.
+
+    Raises:
+        InputError: a file is unusable, or no sample is long enough.
+    """
+    motions = read_motions(samples)
+    span = (settings.frames - 1) * settings.step + 1
+    if motions and all(len(m.poses) < span for m in motions):
+        raise InputError(
+            f"{folder}: the longest of {len(motions)} samples has"
+            f" {max(len(m.poses) for m in motions)} frames, expected at least {span}"
+        )
+    motions = [m for m in motions if len(m.poses) >= span]
+    wanted = [o for o in load_static(shard) if {g.name for g in o.outfit.garments} & {*garments}]
+    splits = {m.split for m in motions}
+    outfits = [o for o in wanted if o.split in splits]
+    with whole_folder(folder) as scratch:
+        _write(scratch, outfits, motions, bodies, settings)
+        write_json(
+            scratch / "about.json",
+            {
+                "source": "skinned",
+                "settings": asdict(settings),
+                "fps": FPS,
+                "garments": [[g.name for g in o.outfit.garments] for o in outfits],
+                "left_out": [o.name for o in wanted if o.split not in splits],
+            },
+        )
+    return len(outfits)
+
+
+def _write(
+    folder: Path,
+    outfits: Sequence[StaticOutfit],
+    motions: Sequence[Motion],
+    bodies: Mapping[str, BodyModel],
+    settings: SkinnedSettings,
+) -> None:
+    span = settings.step * np.arange(settings.frames)
+    points, labels = open_clouds(folder, len(outfits) * settings.frames, settings.clouds.points)
+    sizes = [[len(g.vertices) for g in o.outfit.garments] for o in outfits]
+    rows = settings.frames * sum(map(sum, sizes))
+    cloth = np.lib.format.open_memmap(folder / "cloth.npy", "w+", np.float32, (rows, 3))
+    chosen: list[tuple[str, np.ndarray, np.ndarray]] = []
+    row = 0
+    for index, static in enumerate(progress(outfits, total=len(outfits), label="outfits")):
+        rng = rng_for(settings.clouds.seed, "skinned", static.name)
+        own = [m for m in motions if m.split == static.split]
+        motion = own[rng.integers(len(own))]
+        number = rng.integers(len(motion.poses) - span[-1]) + span
+        poses = motion.poses[number]
+        body = bodies[static.outfit.gender]
+        worn = wear(static.outfit, body, poses)
+        part = slice(index * settings.frames, (index + 1) * settings.frames)
+        points[part], labels[part] = _clouds(static, body, worn, settings.clouds)
+        for vertices in worn.garments.values():
+            flat = vertices.reshape(-1, 3)
+            cloth[row : row + len(flat)] = flat
+            row += len(flat)
+        chosen.append((motion.sample, number, poses))
+    for array in (points, labels, cloth):
+        array.flush()
+    save_npz(
+        folder / "sequences.npz",
+        name=np.array([o.name for o in outfits], dtype=str),
+        split=np.array([o.split for o in outfits], dtype=str),
+        gender=np.array([o.outfit.gender for o in outfits], dtype=str),
+        shape=np.array([o.outfit.shape for o in outfits]).reshape(-1, 10),
+        sample=np.array([sample for sample, _, _ in chosen], dtype=str),
+        number=np.array([number for _, number, _ in chosen]).reshape(-1, settings.frames),
+        poses=np.array([poses for _, _, poses in chosen]).reshape(-1, settings.frames, 72),
+        # Vertices of the two garments at most; 0 for none.
+        vertices=np.array([(size + [0])[:2] for size in sizes]).reshape(-1, 2),
+    )
+
+
+def _clouds(
+    static: StaticOutfit, body: BodyModel, worn: Worn, settings: CloudSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (T, P, 3) and labels (T, P) of an outfit in motion."""
+    garments = static.outfit.garments
+    sampler = CloudSampler(
+        [(body.faces, BODY), *((triangulate(g.faces), g.name) for g in garments)],
+        settings,
+        turn_rad=rig_turn(settings, static.name),
+    )
+    frames = [
+        sampler.sample(
+            [posed, *(worn.garments[g.name][frame] for g in garments)],
+            cloud_rngs(settings, static.name, frame),
+        )
+        for frame, posed in enumerate(worn.body)
+    ]
+    return np.array([points for points, _ in frames]), np.array([labels for _, labels in frames])
+
+
+class SkinnedSequence(NamedTuple):
+    """One outfit of a folder that `write_skinned` wrote.
+
+    Attributes:
+        name: of the static outfit.
+        split: "train", "val" or "test".
+        gender: "female" or "male".
+        shape: (10,).
+        sample: id of the simulated sample that it moves as.
+        number: (T,) of the frames in that sample.
+        poses: (T, 72) rad.
+        points, labels: (T, P, 3) float32 and (T, P) uint8, memory-mapped.
+        garments: name -> (T, V, 3) float32 root-relative vertices, memory-mapped.
+    """
+
+    name: str
+    split: str
+    gender: str
+    shape: np.ndarray
+    sample: str
+    number: np.ndarray
+    poses: np.ndarray
+    points: np.ndarray
+    labels: np.ndarray
+    garments: dict[str, np.ndarray]
+
+
+def load_skinned(folder: str | Path) -> Iterator[SkinnedSequence]:
+    """Go through what `write_skinned` wrote.
+
+    Raises:
+        InputError: a file is missing or damaged, or the files do not fit together.
+    """
+    folder = Path(folder)
+    names = read_json(folder / "about.json")["garments"]
+    table = load_npz(
+        folder / "sequences.npz",
+        *("name", "split", "gender", "shape", "sample", "number", "poses", "vertices"),
+    )
+    points, labels, cloth = (mapped(folder / f"{key}.npy") for key in ("points", "labels", "cloth"))
+    frames = table["number"].shape[1]
+    wanted = (frames * len(names), frames * int(table["vertices"].sum()))
+    if (len(points), len(cloth)) != wanted:
+        raise InputError(
+            f"{folder}: {len(points)} clouds and {len(cloth)} vertices, expected {wanted[0]} and"
+            f" {wanted[1]} as in sequences.npz"
+        )
+    row = 0
+    for index, worn in enumerate(names):
+        garments = {}
+        for name, count in zip(worn, table["vertices"][index], strict=False):
+            garments[name] = cloth[row : row + frames * count].reshape(frames, count, 3)
+            row += frames * int(count)
+        part = slice(index * frames, (index + 1) * frames)
+        yield SkinnedSequence(
+            *(str(table[key][index]) for key in ("name", "split", "gender")),
+            table["shape"][index],
+            str(table["sample"][index]),
+            table["number"][index],
+            table["poses"][index],
+            points[part],
+            labels[part],
+            garments,
+        )

@@ -1,0 +1,157 @@
+"""All registered static garments as arrays that are mapped, not read."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_body
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.learning_data.vertex_moments import body_statistics, offset_statistics
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body.topology import topology_codes
+from drapeline.rule_log import progress
+from drapeline.storage import load_npz, mapped, new_array, save_npz, whole_folder
+
+_ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
+
+
+def collect_static(
+    output: str | Path, shards: Sequence[str | Path], bodies: dict[str, BodyModel]
+) -> int:
+    """Join registered shards into one folder with statistics of the training rows.
+
+    Args:
+        output: folder, replaced as a whole.
+        shards: `.npz` files of `register_shard`.
+        bodies: super-resolved, by gender.
+
+    Returns:
+        Number of garments.
+
+    Raises:
+        InputError: a shard lacks arrays, counts other vertices than the bodies, or no row is for
+            training.
+    """
+    about = [load_npz(path, *_ROWS, only=True) for path in shards]
+    rows = {key: np.concatenate([part[key] for part in about]) for key in _ROWS}
+    chosen = np.flatnonzero(rows["split"] == "train")
+    if not len(chosen):
+        raise InputError(f"{output}: no garment is for training, expected one or more")
+    count = len(next(iter(bodies.values())).v_template)
+    _, first = np.unique(rows["outfit"][chosen], return_index=True)  # each body once
+    body_mean, body_std = body_statistics(
+        rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
+        for row in progress(chosen[first], total=len(first), label="bodies")
+    )
+    with whole_folder(output) as scratch:
+        shape = (len(rows["split"]), count)
+        offsets = new_array(scratch / "offsets.npy", np.float32, (*shape, 3))
+        mask = new_array(scratch / "mask.npy", np.bool_, shape)
+        start = 0
+        for path in progress(shards, total=len(shards), label="shards"):
+            part = load_npz(path, "offsets", "mask", only=True)
+            for array in part.values():
+                if array.shape[1] != count:
+                    raise InputError(
+                        f"{path}: counts {array.shape[1]} body vertices, expected {count};"
+                        " register it anew"
+                    )
+            end = start + len(part["mask"])
+            offsets[start:end], mask[start:end] = part["offsets"], part["mask"]
+            start = end
+        mean, std = offset_statistics((offsets[row], mask[row]) for row in chosen)
+        offsets.flush()
+        mask.flush()
+        save_npz(scratch / "rows.npz", **rows)
+        save_npz(
+            scratch / "statistics.npz", mean=mean, std=std, body_mean=body_mean, body_std=body_std
+        )
+    return len(rows["split"])
+
+
+def static_cvar(shape: np.ndarray, gender: np.ndarray, tightness: np.ndarray) -> np.ndarray:
+    """Static conditions (n, 13) float32: shape (n, 10), gender (n,), signed tightness (n, 2)."""
+    return np.concatenate([shape, gender[:, None], tightness], axis=1).astype(np.float32)
+
+
+class StaticData:
+    """What `collect_static` wrote.
+
+    Attributes:
+        offsets: (N, V, 3) float32 metres, memory-mapped.
+        mask: (N, V) bool, memory-mapped.
+        shape: (N, 10) float32.
+        gender: (N,) int8, 0 female, 1 male.
+        tightness: (N, 2) float32, with the gender's sign.
+        garment: (N,) int8, index into `GARMENTS`.
+        outfit, split: (N,) str.
+        mean, std: (V, 3) float32 of the offsets, over training rows where masked.
+        body_mean, body_std: (V, 3) float32 of the rest bodies, over training rows.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        """Open a folder of the rule `collect_static`.
+
+        Raises:
+            InputError: a file is missing or the files count different rows.
+        """
+        self.folder = Path(folder)
+        rows = load_npz(self.folder / "rows.npz", *_ROWS)
+        statistics = load_npz(
+            self.folder / "statistics.npz", "mean", "std", "body_mean", "body_std"
+        )
+        self.shape, self.gender, self.tightness = rows["shape"], rows["gender"], rows["tightness"]
+        self.garment, self.outfit, self.split = rows["garment"], rows["outfit"], rows["split"]
+        self.mean, self.std = statistics["mean"], statistics["std"]
+        self.body_mean, self.body_std = statistics["body_mean"], statistics["body_std"]
+        self.offsets, self.mask = self._mapped("offsets"), self._mapped("mask")
+
+    def __len__(self) -> int:
+        return len(self.garment)
+
+    def _mapped(self, name: str) -> np.ndarray:
+        path = self.folder / f"{name}.npy"
+        array = mapped(path)
+        if array.shape[:2] != (len(self), len(self.mean)):
+            raise InputError(
+                f"{path}: has shape {array.shape}, expected {len(self)} rows"
+                f" of {len(self.mean)} vertices"
+            )
+        return array
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of "train", "val" or "test"."""
+        return np.flatnonzero(self.split == split)
+
+    def cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, 13) float32 conditions: shape, gender, signed tightness."""
+        return static_cvar(self.shape[rows], self.gender[rows], self.tightness[rows])
+
+    def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, 13) float32 conditions of the rows' mirror images: those of the rows."""
+        return self.cvar(rows)
+
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) codes of `TOPOLOGIES`."""
+        return topology_codes(self.garment[rows])
+
+    def names(self, rows: np.ndarray) -> list[str]:
+        """Outfit and garment of rows, for messages."""
+        return [
+            f"{outfit}/{GARMENTS[kind]}"
+            for outfit, kind in zip(self.outfit[rows], self.garment[rows], strict=True)
+        ]
+
+    def batch(self, rows: np.ndarray) -> dict[str, np.ndarray | list[str]]:
+        """Arrays of rows: `offsets`, `mask`, `cvar`, `topology`, `garment` and `names`."""
+        return {
+            "offsets": np.asarray(self.offsets[rows]),
+            "mask": np.asarray(self.mask[rows]),
+            "cvar": self.cvar(rows),
+            "topology": self.topology(rows),
+            "garment": self.garment[rows],
+            "names": self.names(rows),
+        }

@@ -1,0 +1,199 @@
+"""Metrics of one predicted garment against its ground truth (CLOTH3D 5.1), and of its shape alone.
+
+A garment is the vertices (V, 3) of the super-resolved body plus their offsets, in metres, and a
+mask (V,) that says which of them are garment.
+"""
+
+import igl
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import Mesh, face_normals, faces_within
+
+DEEP_M = 0.01
+_BEFORE = 0.7  # cosine to the normal
+
+
+def surface_error_mm(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
+    """Mean Euclidean distance of corresponding vertices (V, 3) within the true mask (V,)."""
+    return float(1000 * np.linalg.norm(predicted[mask] - true[mask], axis=1).mean())
+
+
+def normal_error_deg(
+    predicted: np.ndarray, true: np.ndarray, faces: np.ndarray, mask: np.ndarray
+) -> float:
+    """Mean angle between the normals of the true garment's faces (equation 5).
+
+    Args:
+        predicted, true: (V, 3) vertices.
+        faces: (F, 3) of the garment's topology.
+        mask: (V,) true mask; a face with all corners in it is a garment face.
+
+    Returns:
+        Degrees. The cosine is clamped, and a face that shrank to nothing counts as 90 degrees.
+    """
+    garment = faces_within(faces, mask)
+    cosine = np.einsum("fi,fi->f", face_normals(predicted, garment), face_normals(true, garment))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+
+
+def mask_iou(predicted: np.ndarray, true: np.ndarray) -> float:
+    """Intersection over union of two masks (V,)."""
+    return float((predicted & true).sum() / (predicted | true).sum())
+
+
+def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
+    """The garment as a mesh of its own; mask vertices that no face joins are left out."""
+    garment = faces_within(faces, mask)
+    used, corners = np.unique(garment, return_inverse=True)
+    return Mesh(vertices[used].astype(np.float32), corners.reshape(garment.shape).astype(np.int32))
+
+
+def piece_of(mesh: Mesh) -> np.ndarray:
+    """(V,) number of the connected piece that each vertex belongs to, 0 for the largest."""
+    start, end = mesh.faces[:, :2].ravel(), mesh.faces[:, 1:3].ravel()
+    count = len(mesh.vertices)
+    links = coo_matrix((np.ones(len(start), dtype=bool), (start, end)), (count, count))
+    pieces, piece = connected_components(links, directed=False)
+    rank = np.zeros(pieces, dtype=np.int64)
+    rank[np.argsort(-np.bincount(piece, minlength=pieces), kind="stable")] = np.arange(pieces)
+    return rank[piece]
+
+
+def largest_piece(mesh: Mesh) -> Mesh:
+    """The connected piece with the most vertices."""
+    return garment_mesh(mesh.vertices, mesh.faces, piece_of(mesh) == 0)
+
+
+def surface_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
+    """Mean distance of predicted vertices to the true surface, and of true ones to the predicted.
+
+    The first does not see what is missing, the second not what is too much. Both are NaN where
+    nothing was predicted.
+    """
+    if not len(predicted.faces):
+        return float("nan"), float("nan")
+    return (
+        float(distances_mm(predicted.vertices, true).mean()),
+        float(distances_mm(true.vertices, predicted).mean()),
+    )
+
+
+def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
+    """Mean distance of the predicted surface to the true one over its area, and the other way.
+
+    Unlike `surface_distances_mm` it may compare meshes of any topologies, and sees what faces cut
+    off between vertices that lie on the other surface. Both are NaN where nothing was predicted.
+    """
+    if not len(predicted.faces):
+        return float("nan"), float("nan")
+    return area_distance_mm(predicted, true), area_distance_mm(true, predicted)
+
+
+def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
+    """Mean distance of a surface to another over its area.
+
+    Vertices, edge middles and face centres count as in the rule that integrates cubic functions
+    over a triangle exactly.
+    """
+    corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
+    middles = (corners + np.roll(corners, -1, axis=1)) / 2
+    places = (mesh.vertices, middles.reshape(-1, 3), corners.mean(axis=1))
+    distances = distances_mm(np.concatenate(places), other)
+    at_vertices, at_middles, at_centres = np.split(distances, np.cumsum([*map(len, places)])[:-1])
+    means = (
+        at_vertices[mesh.faces].sum(axis=1) / 20
+        + at_middles.reshape(-1, 3).sum(axis=1) * 2 / 15
+        + at_centres * 9 / 20
+    )
+    sides = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return float(np.average(means, weights=area))
+
+
+def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(P,) distance of points (P, 3) to the surface of a triangle mesh."""
+    place, _ = closest_points(points, mesh.vertices, mesh.faces)
+    return 1000 * np.linalg.norm(points - place, axis=1)
+
+
+def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
+    """How much of a garment is inside the body.
+
+    Args:
+        points: (P, 3) garment vertices.
+        body: (V, 3) body vertices in the same pose; winding numbers bear its open ends.
+        faces: (F, 3) of the body.
+
+    Returns:
+        `inside_share` of the points, `inside_1cm_share` deeper than `DEEP_M`, and
+        `inside_depth_mm` of the deepest; NaN without points.
+    """
+    if not len(points):
+        return dict.fromkeys(("inside_share", "inside_1cm_share", "inside_depth_mm"), float("nan"))
+    depth = inside_depth(points, body, faces)
+    return {
+        "inside_share": float((depth > 0).mean()),
+        "inside_1cm_share": float((depth > DEEP_M).mean()),
+        "inside_depth_mm": float(1000 * depth.max()),
+    }
+
+
+def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(P,) metres from points inside the body to its surface, 0 for those outside."""
+    place, face = closest_points(points, body, faces)
+    away = points - place
+    depth = np.linalg.norm(away, axis=1)
+    # Winding numbers are dear: none for points that are plainly before the face they are nearest.
+    height = np.einsum("pi,pi->p", away, face_normals(body, faces[face]))
+    doubtful = height < _BEFORE * depth
+    depth[~doubtful] = 0
+    if doubtful.any():
+        winding = igl.fast_winding_number(
+            np.ascontiguousarray(body, dtype=np.float64),
+            np.ascontiguousarray(faces, dtype=np.int64),
+            np.ascontiguousarray(points[doubtful], dtype=np.float64),
+        )
+        depth[doubtful] *= winding > 0.5
+    return depth
+
+
+def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:
+    """What can be said of a garment without its ground truth: pieces, and what is in the body."""
+    pieces = int(piece_of(mesh).max()) + 1 if len(mesh.faces) else 0
+    return {**inside_measures(mesh.vertices, body, body_faces), "pieces": float(pieces)}
+
+
+def garment_measures(
+    predicted: np.ndarray,
+    predicted_mask: np.ndarray | None,
+    true: np.ndarray,
+    mask: np.ndarray,
+    faces: np.ndarray,
+) -> dict[str, float]:
+    """Everything that compares a prediction with its ground truth.
+
+    Args:
+        predicted, true: (V, 3) vertices, metres.
+        predicted_mask: (V,) bool, or None from a model that predicts none: what needs it is left
+            out.
+        mask: (V,) bool.
+        faces: (F, 3) of the garment's topology.
+    """
+    found = {
+        "surface_error_mm": surface_error_mm(predicted, true, mask),
+        "normal_error_deg": normal_error_deg(predicted, true, faces, mask),
+    }
+    if predicted_mask is None:
+        return found
+    to_true, to_predicted = surface_distances_mm(
+        garment_mesh(predicted, faces, predicted_mask), garment_mesh(true, faces, mask)
+    )
+    return {
+        **found,
+        "mask_iou": mask_iou(predicted_mask, mask),
+        "predicted_to_true_mm": to_true,
+        "true_to_predicted_mm": to_predicted,
+    }

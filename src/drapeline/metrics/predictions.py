@@ -1,0 +1,49 @@
+"""Single garments with their predictions, for pictures."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.geometry.mesh import Mesh
+
+
+class GarmentCase(NamedTuple):
+    """A garment before registration, after it, and as predicted.
+
+    Attributes:
+        label: what it is called in a picture.
+        original: the garment as made or simulated, triangles, root-relative metres.
+        true: (V, 3) registered vertices, garment within `mask` (V,).
+        mask: (V,) bool.
+        predicted: (V, 3).
+        predicted_mask: (V,) bool; the true one where nothing predicts it.
+        faces: (F, 3) of the garment's topology.
+        wearer: the whole body in the same pose.
+        root_rotation: (3,) axis-angle of the wearer's root joint, rad.
+    """
+
+    label: str
+    original: Mesh
+    true: np.ndarray
+    mask: np.ndarray
+    predicted: np.ndarray
+    predicted_mask: np.ndarray
+    faces: np.ndarray
+    wearer: Mesh
+    root_rotation: np.ndarray
+
+
+class WornGarment(NamedTuple):
+    """A garment on its wearer.
+
+    Attributes:
+        kind: type of the garment.
+        garment: root-relative metres.
+        wearer: the whole body in the same pose.
+        root_rotation: (3,) axis-angle of the wearer's root joint, rad.
+    """
+
+    kind: str
+    garment: Mesh
+    wearer: Mesh
+    root_rotation: np.ndarray

@@ -1,0 +1,510 @@
+"""The canonical stage: which points are garment, and what shape the garment has at rest.
+
+T(alpha) = G + C alpha (Garment4D 2.1), where alpha is found from the garment's points in all frames
+of a window (2.3), and trained by equation 4. The point order of a cloud does not matter: points are
+first sorted by a hash of their coordinates, so "the first" ones are a random but repeatable choice.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from drapeline.dataset.point_clouds import LABELS
+from drapeline.models.garment4d.body_maps import MapRegression, body_map, map_cells
+from drapeline.models.garment4d.losses import (
+    CotangentLaplacian,
+    interpenetration,
+    laplacian_difference,
+)
+from drapeline.models.layers.chebyshev import linear
+from drapeline.models.layers.point_search import farthest_points, gathered
+from drapeline.models.layers.pointnet import (
+    FeaturePropagation,
+    PointLevel,
+    RunningNorm,
+    SetAbstraction,
+    perceptron,
+    pooled,
+)
+from drapeline.models.layers.precision import full_precision
+from drapeline.registration.to_template.garment_space import GarmentSpace
+
+# Points per cloud in the released code.
+_POINTS = 6890
+# Cells of the maps of the body that labels are made from, and coefficients.
+_LABEL_CELL_M, _SHAPE_CELL_M = 0.05, 0.025
+_MAP_WIDTH = 64
+
+
+@dataclass(frozen=True)
+class Abstraction:
+    """One set abstraction; the last three have an entry for each of its ball sizes.
+
+    Attributes:
+        centres: points that are kept.
+        radii: of the balls, metres.
+        neighbours: most points per ball.
+        widths: features after each layer.
+    """
+
+    centres: int
+    radii: tuple[float, ...]
+    neighbours: tuple[int, ...]
+    widths: tuple[tuple[int, ...], ...]
+
+    @property
+    def outputs(self) -> int:
+        """Features per centre."""
+        return sum(layers[-1] for layers in self.widths)
+
+
+@dataclass(frozen=True)
+class CanonicalSettings:
+    """Sizes of the canonical network; defaults are those of the released code.
+
+    Attributes:
+        segmentation: abstractions of all points, finest first.
+        propagation: features after each layer on the way back, coarsest first.
+        garment_points: most points per cloud that the garment encoder sees.
+        garment: abstractions of the garment's points, finest first.
+        overall: features after each layer before the maximum over points and frames.
+        head: features after each layer between that maximum and the coefficients.
+        located: whether points also say where on the known body they are, see `Wearer.located`;
+            labels then know maps of the body made of them, and alpha begins with what a regression
+            reads from such maps. The paper's networks do without.
+    """
+
+    segmentation: tuple[Abstraction, ...] = (
+        Abstraction(1024, (0.05, 0.1), (16, 32), ((16, 16, 32), (32, 32, 64))),
+        Abstraction(256, (0.1, 0.2), (16, 32), ((32, 32, 64), (64, 64, 128))),
+        Abstraction(64, (0.2, 0.4), (32, 64), ((64, 64, 128), (128, 128, 256))),
+    )
+    propagation: tuple[tuple[int, ...], ...] = ((512, 256), (256, 128), (128, 64))
+    garment_points: int = 1722
+    garment: tuple[Abstraction, ...] = (
+        Abstraction(512, (0.05, 0.1), (16, 32), ((32, 32), (64, 64))),
+        Abstraction(64, (0.2, 0.4), (32, 64), ((128, 128), (256, 256))),
+    )
+    overall: tuple[int, ...] = (512, 512)
+    head: tuple[int, ...] = (128, 64)
+    located: bool = False
+
+    def scaled(self, points: int, width: float) -> "CanonicalSettings":
+        """The same network for sparser clouds, and thinner.
+
+        Points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
+        radii grow by f, so that balls hold as many points as before, and the others, whose centres
+        number 1 / f as many, by sqrt(f).
+
+        Args:
+            points: per cloud.
+            width: factor on the features of all layers.
+        """
+        spread = math.sqrt(_POINTS / points)
+
+        def thinner(widths: Sequence[int]) -> tuple[int, ...]:
+            return tuple(max(round(width * size), 4) for size in widths)
+
+        def fewer(levels: Sequence[Abstraction]) -> tuple[Abstraction, ...]:
+            return tuple(
+                replace(
+                    level,
+                    centres=max(round(level.centres / spread), 1),
+                    radii=tuple(r * spread ** (0.5 if coarser else 1) for r in level.radii),
+                    widths=tuple(thinner(layers) for layers in level.widths),
+                )
+                for coarser, level in enumerate(levels)
+            )
+
+        return replace(
+            self,
+            segmentation=fewer(self.segmentation),
+            propagation=tuple(thinner(layers) for layers in self.propagation),
+            garment_points=max(round(self.garment_points / spread**2), 1),
+            garment=fewer(self.garment),
+            overall=thinner(self.overall),
+            head=thinner(self.head),
+        )
+
+
+@dataclass(frozen=True)
+class CanonicalWeights:
+    """lambda_1 ... lambda_5 of equation 4; defaults are those of the released code.
+
+    Attributes:
+        laplacian_form: "paper" or "released", see `laplacian_difference`.
+        balance: points count by their label's share of the training points to the power of minus
+            this: 0 as in the paper, 1 for labels that all count the same.
+    """
+
+    segmentation: float = 0.05
+    coefficients: float = 0.001
+    vertices: float = 40.0
+    interpenetration: float = 50.0
+    laplacian: float = 1.0
+    laplacian_form: str = "paper"
+    balance: float = 0.0
+
+
+class CanonicalOutput(NamedTuple):
+    """What the stage says about B windows of T clouds with P points.
+
+    Attributes:
+        logits: (B, T, P, L) of the labels `dataset.clouds.LABELS`; None without segmentation.
+        coefficients: (B, D) alpha.
+        vertices: (B, N, 3) T(alpha), metres, root frame.
+        levels: the garment's points, finest first, of B * T clouds.
+    """
+
+    logits: torch.Tensor | None
+    coefficients: torch.Tensor
+    vertices: torch.Tensor
+    levels: list[PointLevel]
+
+
+def hashed_order(points: torch.Tensor) -> torch.Tensor:
+    """Indices (B, P) that sort points (B, P, 3) by a hash of their float32 coordinates.
+
+    The order looks random but belongs to the points, not to the order they come in.
+    """
+    bits = (points.detach().float() + 0.0).view(torch.int32).long()  # + 0.0: -0 is 0
+    code = bits[..., 0] * 73856093 ^ bits[..., 1] * 19349663 ^ bits[..., 2] * 83492791
+    for shift in (32, 29):  # low bits of round numbers are all zero: let high ones reach them
+        code = (code ^ (code >> shift)) * -7046029254386353131
+    return code.argsort(dim=1)
+
+
+def given_features(settings: CanonicalSettings) -> int:
+    """Features that points come with: where they are, or where on the body they are."""
+    return 4 if settings.located else 3
+
+
+def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
+    """Windows (B, T, P, 3 or 7) as B * T clouds in an order of their own, and that order."""
+    rows = points.flatten(0, 1)
+    order = hashed_order(rows[..., :3])
+    rows = gathered(rows, order)
+    places = rows[..., :3].contiguous()
+    features = rows[..., 3:] if rows.shape[-1] > 3 else places
+    valid = torch.ones(rows.shape[:2], dtype=torch.bool, device=rows.device)
+    return PointLevel(places, features, valid), order
+
+
+class Segmentation(nn.Module):
+    """PointNet++ with three levels and back: features and logits of every point.
+
+    Args:
+        settings: sizes.
+        rng: source of the initial weights.
+    """
+
+    def __init__(self, settings: CanonicalSettings, rng: torch.Generator) -> None:
+        super().__init__()
+        self.centres = [level.centres for level in settings.segmentation]
+        widths = [given_features(settings), *(level.outputs for level in settings.segmentation)]
+        self.down = nn.ModuleList(
+            SetAbstraction(inputs, level.radii, level.neighbours, level.widths, rng)
+            for inputs, level in zip(widths, settings.segmentation, strict=False)
+        )
+        self.up = nn.ModuleList()
+        coarse = widths.pop()
+        for fine, layers in zip(reversed(widths), settings.propagation, strict=True):
+            self.up.append(FeaturePropagation(coarse, fine, layers, rng))
+            coarse = layers[-1]
+        # Tops are told from t-shirts by sleeves that are out of a ball's reach.
+        self.overview = None
+        if settings.located:
+            self.overview = nn.Sequential(
+                linear(map_cells(_LABEL_CELL_M), _MAP_WIDTH, rng),
+                nn.ReLU(),
+                linear(_MAP_WIDTH, settings.segmentation[-1].outputs, rng),
+            )
+        self.outputs = coarse
+        self.head = nn.Sequential(
+            perceptron((coarse, coarse // 2), rng), linear(coarse // 2, len(LABELS), rng)
+        )
+
+    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """P points of C clouds, T of a window -> features (C, P, outputs), logits (C, P, L)."""
+        levels = abstracted(level, self.down, self.centres)
+        coarse = levels.pop()
+        if self.overview is not None:
+            heights = body_map(level.features, level.features[..., 3:], frames, _LABEL_CELL_M)
+            seen = self.overview(heights).repeat_interleave(frames, dim=0)
+            coarse = coarse._replace(features=coarse.features + seen[:, None])
+        while levels:
+            fine = levels.pop()
+            features = self.up[len(self.up) - 1 - len(levels)](fine, coarse)
+            coarse = fine._replace(features=features)
+        return coarse.features, self.head(coarse.features)
+
+
+def abstracted(
+    level: PointLevel, down: Sequence[SetAbstraction], centres: Sequence[int]
+) -> list[PointLevel]:
+    """A level and its abstractions, finest first.
+
+    The farthest points of farthest points are the first of them, so one search serves all levels.
+    """
+    levels = [level]
+    chosen = farthest_points(level.points, centres[0], level.valid)
+    for abstraction, count in zip(down, centres, strict=True):
+        levels.append(abstraction(levels[-1], chosen[:, :count]))
+        chosen = torch.arange(count, device=chosen.device).expand(len(chosen), -1)
+    return levels
+
+
+class ShapeEncoder(nn.Module):
+    """From the points of a garment in T frames to its coefficients.
+
+    Args:
+        inputs: features per point.
+        components: D.
+        settings: sizes.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, inputs: int, components: int, settings: CanonicalSettings, rng: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.centres = [level.centres for level in settings.garment]
+        self.widths = [inputs, *(level.outputs for level in settings.garment)]
+        self.down = nn.ModuleList(
+            SetAbstraction(width, level.radii, level.neighbours, level.widths, rng)
+            for width, level in zip(self.widths, settings.garment, strict=False)
+        )
+        self.overall = perceptron((3 + self.widths[-1], *settings.overall), rng)
+        width = settings.overall[-1]
+        self.seen = RunningNorm(width)
+        self.head = perceptron((width, *settings.head), rng)
+        self.coefficients = linear(settings.head[-1], components, rng)
+        with torch.no_grad():  # begin near the mean garment, or what maps say
+            self.coefficients.weight.mul_(0.1)
+
+    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, list[PointLevel]]:
+        """Level of B * T clouds, T of a window -> coefficients (B, D), and the levels."""
+        levels = abstracted(level, self.down, self.centres)
+        last = levels[-1]
+        rows = self.overall(torch.cat([last.points, last.features], dim=-1))
+        # Features are not negative, so a cloud without garment points (all zero) has no say.
+        window = pooled(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
+        return self.coefficients(self.head(self.seen(window))), levels
+
+
+class _ShapeNetwork(nn.Module):
+    """A network that ends in T(alpha) = G + C alpha.
+
+    Args:
+        space: G and C of the garment's type.
+        settings: sizes.
+
+    Attributes:
+        regression: what alpha begins with where points are located; None where they are not.
+    """
+
+    def __init__(self, space: GarmentSpace, settings: CanonicalSettings) -> None:
+        super().__init__()
+        self.regression = None
+        if settings.located:
+            cells = map_cells(_SHAPE_CELL_M)
+            self.regression = MapRegression(3, cells, len(space.components))
+        self.register_buffer("mean", torch.from_numpy(np.array(space.mean, dtype=np.float32)))
+        components = torch.from_numpy(np.array(space.components, dtype=np.float32))
+        self.register_buffer("components", components)
+
+    @full_precision
+    def vertices(self, coefficients: torch.Tensor) -> torch.Tensor:
+        """Alpha (B, D) -> T(alpha) (B, N, 3)."""
+        return self.mean + torch.tensordot(coefficients, self.components, dims=1)
+
+    def begun(
+        self,
+        alpha: torch.Tensor,
+        points: torch.Tensor,
+        chosen: torch.Tensor,
+        regressed: torch.Tensor | None,
+    ) -> torch.Tensor:
+        """Alpha (B, D) on top of what it begins with: `regressed`, or what `regression` says."""
+        if self.regression is None:
+            return alpha
+        if regressed is None:
+            regressed = self.regression(self.maps(points, chosen))
+        return alpha + regressed
+
+    def maps(self, points: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
+        """What `regression` sees of windows.
+
+        Args:
+            points: (B, T, P, 7), located.
+            chosen: (B, T, P) bool, which are the garment's.
+
+        Returns:
+            (B, 3, cells): share of the points that are the garment's, 0 where there are none; how
+            far points are in front of the middle or behind it, and how high above the body, NaN
+            where there are none.
+        """
+        features = points[..., 3:].flatten(0, 1)
+        depth, height = features[..., 1].abs(), features[..., 3]
+        share = chosen.flatten(0, 1).to(height)
+        values = torch.stack([torch.ones_like(height), share, depth, height], dim=-1)
+        means = body_map(features, values, points.shape[1], _SHAPE_CELL_M).unflatten(1, (4, -1))
+        seen = means[:, :1] > 0
+        return torch.cat([means[:, 1:2], means[:, 2:].where(seen, torch.nan)], dim=1)
+
+
+class CanonicalNetwork(_ShapeNetwork):
+    """Segments every cloud, and estimates alpha from what it takes for the garment.
+
+    Args:
+        settings: sizes.
+        space: G and C of the garment's type.
+        label: the type's index in `dataset.clouds.LABELS`.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, settings: CanonicalSettings, space: GarmentSpace, label: int, rng: torch.Generator
+    ) -> None:
+        super().__init__(space, settings)
+        self.label = label
+        self.garment_points = settings.garment_points
+        self.segmentation = Segmentation(settings, rng)
+        given = given_features(settings) if settings.located else 0
+        inputs = self.segmentation.outputs + given
+        self.located = settings.located
+        self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
+
+    @property
+    def level_channels(self) -> list[int]:
+        """Features per point of the levels, finest first."""
+        return self.encoder.widths
+
+    def chosen(self, labels: torch.Tensor) -> torch.Tensor:
+        """Which points with these labels (...) alpha is made from, (...) bool."""
+        return labels == self.label
+
+    def forward(
+        self,
+        points: torch.Tensor,
+        labels: torch.Tensor | None = None,
+        regressed: torch.Tensor | None = None,
+    ) -> CanonicalOutput:
+        """Estimate B garments from windows of T clouds.
+
+        Args:
+            points: (B, T, P, 3) metres, root frame; or (B, T, P, 7) if settings say `located`.
+            labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
+            regressed: (B, D) alpha to begin with instead of what `regression` says.
+        """
+        level, order = as_level(points)  # B * T clouds
+        features, logits = self.segmentation(level, points.shape[1])
+        logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
+        chosen = self.chosen(logits.argmax(-1) if labels is None else labels)
+        if self.located:
+            features = torch.cat([features, level.features], dim=-1)
+        valid = chosen.flatten(0, 1).gather(1, order)
+        garment = first_of(level._replace(features=features, valid=valid), self.garment_points)
+        alpha, levels = self.encoder(garment, points.shape[1])
+        alpha = self.begun(alpha, points, chosen, regressed)
+        return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
+
+
+class PointNetRegressor(_ShapeNetwork):
+    """Baseline PN++ of table 2: alpha from all points, whatever they belong to.
+
+    Args:
+        settings: sizes; those of the segmentation are not used.
+        space: G and C of the garment's type.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator
+    ) -> None:
+        super().__init__(space, settings)
+        inputs = given_features(settings)
+        self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
+
+    def chosen(self, labels: torch.Tensor) -> torch.Tensor:
+        """All of them, (...) bool."""
+        return torch.ones_like(labels, dtype=torch.bool)
+
+    def forward(
+        self, points: torch.Tensor, regressed: torch.Tensor | None = None
+    ) -> CanonicalOutput:
+        """Estimate B garments from windows of T clouds, see `CanonicalNetwork`."""
+        level, _ = as_level(points)
+        alpha, levels = self.encoder(level, points.shape[1])
+        everything = torch.ones(points.shape[:3], dtype=torch.bool, device=points.device)
+        alpha = self.begun(alpha, points, everything, regressed)
+        return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
+
+
+def first_of(level: PointLevel, count: int) -> PointLevel:
+    """The first `count` valid points of each cloud, padded with zeros where there are fewer."""
+    index = (~level.valid).to(torch.uint8).argsort(dim=1, stable=True)[:, :count]
+    valid = level.valid.gather(1, index)
+    points, features = gathered(level.points, index), gathered(level.features, index)
+    return PointLevel(points * valid[..., None], features * valid[..., None], valid)
+
+
+def balanced(share: np.ndarray, balance: float) -> torch.Tensor:
+    """(L,) weights of labels with shares (L,) of the training points; 1 on average over these.
+
+    Small garments would be the last to be told from others. A label that no point has weighs 0.
+    """
+    weights = np.zeros(len(share))
+    weights[share > 0] = share[share > 0] ** -balance
+    return torch.from_numpy(weights / (weights * share).sum()).float()
+
+
+def canonical_loss(
+    output: CanonicalOutput,
+    labels: torch.Tensor,
+    coefficients: torch.Tensor,
+    canonical: torch.Tensor,
+    body: torch.Tensor,
+    body_normals: torch.Tensor,
+    laplacian: CotangentLaplacian,
+    weights: CanonicalWeights,
+    label_weights: torch.Tensor | None = None,
+) -> dict[str, torch.Tensor]:
+    """Equation 4.
+
+    Args:
+        output: of B windows.
+        labels: (B, T, P) int64 of the points.
+        coefficients: (B, D) true alpha.
+        canonical: (B, N, 3) true canonical garments, metres.
+        body: (B, M, 3) vertices of the bodies in the rest pose, metres.
+        body_normals: (B, M, 3) their outward unit normals.
+        laplacian: of the garment's mesh.
+        weights: of the terms.
+        label_weights: (L,) of points by their true label, see `balanced`; None for equal ones.
+
+    Returns:
+        Each term before it is weighed, and their weighed sum as "total". There is no term
+        "segmentation" if the network has none.
+    """
+    terms = {
+        "coefficients": (output.coefficients - coefficients).square().sum(-1).mean(),
+        "vertices": (output.vertices - canonical).square().sum(-1).mean(),
+        "interpenetration": interpenetration(output.vertices, body, body_normals),
+        "laplacian": laplacian_difference(
+            laplacian, output.vertices, canonical, weights.laplacian_form
+        ),
+    }
+    if output.logits is not None:
+        surprise = F.cross_entropy(
+            output.logits.flatten(0, 2), labels.flatten(), label_weights, reduction="none"
+        )
+        terms["segmentation"] = surprise.mean()
+    terms["total"] = sum(getattr(weights, name) * term for name, term in terms.items())
+    return terms

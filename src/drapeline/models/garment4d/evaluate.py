@@ -1,0 +1,393 @@
+"""How good trained Garment4D networks are: all variants of one garment type, row by row."""
+
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.dataset.point_clouds import with_holes, with_wrong_labels
+from drapeline.geometry.mesh import Mesh
+from drapeline.metrics import sequence as metrics
+from drapeline.metrics.sequence import Measured
+from drapeline.metrics.table import ALL, MetricRow
+from drapeline.models.garment4d.body_input import Wearer
+from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.reconstruct import (
+    Estimate,
+    Reconstruction,
+    estimate,
+    pictured,
+    reconstruct,
+    refine,
+    training_habits,
+)
+from drapeline.models.garment4d.refine import Habits, RefineSettings
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
+from drapeline.models.training.digests import tensors_digest
+from drapeline.rule_log import LOGGER, progress
+from drapeline.seeding import rng_for
+from drapeline.storage import whole_folder
+
+_KEPT_BYTES = 1 << 30  # of what canonical networks said about sequences
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """What is evaluated besides the plain reconstruction.
+
+    Attributes:
+        stride: frames from one window to the next, at most T; 0 for T.
+        neighbours: values of K to skin proposals with (figure 8).
+        missing: shares of points in holes (figure 9).
+        accuracy: shares of points with the right label (figure 10).
+        noise_pose_rad: deviation of what is added to every angle of the poses given, the same in
+            all frames of a sequence.
+        noise_shape: deviation of what is added to the shapes given.
+        seed: of holes, labels, noise and intervals.
+    """
+
+    stride: int = 0
+    neighbours: tuple[int, ...] = (1, 16, 64, 256)
+    missing: tuple[float, ...] = (0.1, 0.3, 0.5, 0.8)
+    accuracy: tuple[float, ...] = (1.0, 0.9, 0.7, 0.5)
+    noise_pose_rad: float = 0.05
+    noise_shape: float = 0.5
+    seed: int = 0
+
+
+class Evaluation:
+    """Measures of all variants on one split, sequence by sequence.
+
+    Args:
+        data: sequences of one type.
+        split: "train", "val" or "test".
+        settings: see there.
+    """
+
+    def __init__(self, data: SequenceData, split: str, settings: EvaluationSettings) -> None:
+        self.data, self.split, self.settings = data, split, settings
+        self._measured: dict[str, list[Measured]] = {}
+        self._estimates: dict[tuple, Estimate] = {}
+        self._room = _KEPT_BYTES
+        simulated = data.of_split(split, ("simulated",))
+        self.sequences = data.of_split(split)
+        # What is only skinned has no true folds; it is better than nothing to measure at all.
+        self.moving = simulated if len(simulated) else self.sequences
+        if len(self.sequences) and not len(simulated):
+            LOGGER.warning(
+                "no simulated %s in the %s split: posed garments are measured on %d skinned ones,"
+                " without accelerations where frames are not consecutive",
+                data.kind,
+                split,
+                len(self.moving),
+            )
+
+    def rows(self) -> list[MetricRow]:
+        """Rows of the table of metrics."""
+        found = [
+            row
+            for variant, measured in self._measured.items()
+            for row in metrics.sequence_summary(
+                measured, variant=variant, split=self.split, seed=self.settings.seed
+            )
+        ]
+        # A table holds one type; several of them are joined, and "all" would be there twice.
+        return [row for row in found if row.garment != ALL]
+
+    def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
+        """Note measures of a variant on a sequence."""
+        one = Measured(str(self.data.name[sequence]), self.data.kind, measures)
+        self._measured.setdefault(variant, []).append(one)
+
+    def canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
+        """M1 of stages by variant and of what needs none, on sequences of all sources.
+
+        Without a stage there are the mean garment; "pca", the garment from its own coefficients,
+        as good as the space can be; and "truth", where registration put the garment as made.
+        """
+        data = self.data
+        for sequence in progress(self.sequences, total=len(self.sequences), label="canonical"):
+            self._canonical("mean_garment", sequence, data.space.mean)
+            self._canonical("pca", sequence, data.space.vertices(data.coefficients[sequence]))
+            self._canonical("truth", sequence, data.canonical[sequence], true=False)
+            for variant, stage in stages.items():
+                found = self._estimated(stage, sequence)
+                self._canonical(variant, sequence, found.canonical)
+                if found.labels is not None:
+                    true = data.labels[data.rows(sequence)]
+                    right = metrics.segmentation_accuracy(found.labels, true)
+                    self.add(variant, sequence, {"segmentation_accuracy": right})
+
+    def _canonical(
+        self, variant: str, sequence: int, garment: np.ndarray, *, true: bool = True
+    ) -> None:
+        """All measures of a canonical garment (N, 3); without `true` those that need no truth."""
+        garment = Mesh(garment, self.data.space.faces)
+        original = self.data.originals.get(str(self.data.name[sequence]))
+        registered = self.data.canonical[sequence] if true else None
+        self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
+
+    def posed(self, variant: str, stage: PosedStage) -> Iterator[tuple[int, Reconstruction]]:
+        """Measure a stage; each sequence with its reconstruction, none of which is kept."""
+        for sequence in progress(self.moving, total=len(self.moving), label=variant):
+            made = self._reconstructed(stage, sequence)
+            self.garment(variant, sequence, made.final, seconds=made.seconds)
+            yield int(sequence), made
+
+    def ours(
+        self, sequence: int, made: Reconstruction, refining: RefineSettings, habits: Habits | None
+    ) -> np.ndarray:
+        """Measure our variant and return it, (F, N, 3)."""
+        data, started = self.data, time.perf_counter()
+        poses, wearer = data.poses[data.rows(sequence)], data.wearer(sequence)
+        found = self._refined(sequence, made, poses, wearer, refining, habits)
+        seconds = made.seconds + time.perf_counter() - started
+        self.garment("ours", sequence, found, seconds=seconds)
+        return found
+
+    def _refined(
+        self,
+        sequence: int,
+        made: Reconstruction,
+        poses: np.ndarray,
+        wearer: Wearer,
+        refining: RefineSettings,
+        habits: Habits | None,
+    ) -> np.ndarray:
+        points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
+        return refine(made, points, poses, wearer, self.data.label, faces, refining, habits)
+
+    def garment(
+        self,
+        variant: str,
+        sequence: int,
+        garment: np.ndarray,
+        *,
+        seconds: float | None = None,
+        true: bool = True,
+    ) -> None:
+        """All measures of a posed garment (F, N, 3); without `true` those that need no truth."""
+        data, wearer = self.data, self.data.wearer(sequence)
+        rows = data.rows(sequence)
+
+        def body(frame: int) -> np.ndarray:
+            return posed_vertices(wearer.model, wearer.shape, data.poses[rows][frame][None])[0][0]
+
+        measures = metrics.sequence_measures(
+            garment,
+            data.garment[rows] if true else None,
+            wearer=metrics.Wearer(body, wearer.model.faces),
+            points=data.points[rows],
+            consecutive=data.consecutive(sequence),
+        )
+        if seconds is not None:
+            measures["inference_s_per_frame"] = seconds / len(garment)
+        self.add(variant, sequence, measures)
+
+    def shown(self, sequence: int, made: Reconstruction) -> metrics.Reconstruction:
+        """A reconstruction with all that figures need."""
+        data, rows = self.data, self.data.rows(sequence)
+        return pictured(
+            made,
+            name=str(data.name[sequence]),
+            garment=data.kind,
+            faces=data.space.faces,
+            points=data.points[rows],
+            poses=data.poses[rows],
+            wearer=data.wearer(sequence),
+            number=data.number[rows],
+            true=data.garment[rows],
+            true_canonical=data.canonical[sequence],
+        )
+
+    def sweeps(self, stage: PosedStage) -> None:
+        """Figures 8, 9 and 10."""
+        settings, plain = self.settings, stage.settings.skinning
+        for sequence in progress(self.moving, total=len(self.moving), label="sweeps"):
+            name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
+            points, labels = self.data.points[rows], self.data.labels[rows]
+            for count in settings.neighbours:
+                made = self._reconstructed(
+                    stage, sequence, skinning=replace(plain, neighbours=count)
+                )
+                self._errors(f"neighbours_{count}", sequence, made.final, made.seconds)
+            for share in settings.missing:
+                rng = rng_for(settings.seed, "missing", name, share)
+                holed = np.stack(
+                    [
+                        with_holes(*frame, share, rng)[0]
+                        for frame in zip(points, labels, strict=True)
+                    ]
+                )
+                made = self._reconstructed(stage, sequence, points=holed)
+                variant = f"missing_{round(100 * share)}"
+                self._errors(variant, sequence, made.final, made.seconds)
+            for share in settings.accuracy:
+                rng = rng_for(settings.seed, "accuracy", name, share)
+                wrong = with_wrong_labels(labels.ravel(), share, self.data.label, rng)
+                made = self._reconstructed(stage, sequence, labels=wrong.reshape(labels.shape))
+                variant = f"accuracy_{round(100 * share)}"
+                self._errors(variant, sequence, made.final, made.seconds)
+
+    def noisy_bodies(
+        self,
+        canonical: Mapping[str, CanonicalStage],
+        posed: Mapping[str, PosedStage],
+        refining: RefineSettings,
+        habits: Habits | None,
+    ) -> None:
+        """Errors with a body that is not quite known, in variants that end in "noisy_body".
+
+        Canonical stages are measured if their points say where on the body they are; others do not
+        look at it. Of posed stages the full model, which alone has no name before the ending, what
+        comes before and after it, and MGN*.
+        """
+        for sequence in progress(self.sequences, total=len(self.sequences), label="noisy bodies"):
+            for variant, stage in canonical.items():
+                if stage.located:
+                    found = self._estimated(stage, sequence, noisy=True)
+                    self._canonical(f"{variant}_noisy_body", sequence, found.canonical)
+        for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
+            poses, wearer = self._body(sequence, noisy=True)
+            made = self._reconstructed(posed["posed"], sequence, noisy=True)
+            ours = self._refined(sequence, made, poses, wearer, refining, habits)
+            self._errors("noisy_body", sequence, made.final)
+            self._errors("lbs_noisy_body", sequence, made.proposal)
+            self._errors("ours_noisy_body", sequence, ours)
+            if "mgn" in posed:
+                made = self._reconstructed(posed["mgn"], sequence, noisy=True)
+                self._errors("mgn_noisy_body", sequence, made.final)
+
+    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, Wearer]:
+        """Poses (F, 72) and wearer of a sequence as networks are given them."""
+        data, settings = self.data, self.settings
+        poses = data.poses[data.rows(sequence)]
+        if not noisy:
+            return poses, data.wearer(sequence)
+        rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
+        poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
+        shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
+        return poses, data.wearers.of(int(data.gender[sequence]), shape)
+
+    def _errors(
+        self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
+    ) -> None:
+        """M2 and M3 alone."""
+        true = self.data.garment[self.data.rows(sequence)]
+        consecutive = self.data.consecutive(sequence)
+        measures = metrics.sequence_measures(garment, true, consecutive=consecutive)
+        if seconds is not None:
+            measures["inference_s_per_frame"] = seconds / len(true)
+        self.add(variant, sequence, measures)
+
+    def _estimated(
+        self,
+        stage: CanonicalStage,
+        sequence: int,
+        *,
+        noisy: bool = False,
+        frames: int | None = None,
+        stride: int | None = None,
+    ) -> Estimate:
+        """What a canonical network says about a sequence; see `estimate`.
+
+        Stages of a sequence in motion hold the same network, so it is kept for the next of them.
+        """
+        frames = frames or stage.settings.training.frames
+        key = (tensors_digest(stage.state_dict()), int(sequence), noisy, frames, stride or frames)
+        if key in self._estimates:
+            return self._estimates[key]
+        points, body = self.data.points[self.data.rows(sequence)], self._body(sequence, noisy=noisy)
+        found = estimate(stage, points, *body, frames=frames, stride=stride)
+        size = sum(x.nbytes for one in found.outputs for x in _tensors(one))
+        if sequence in self.moving and size <= self._room:
+            self._estimates[key] = found
+            self._room -= size
+        return found
+
+    def _reconstructed(
+        self, stage: PosedStage, sequence: int, *, noisy: bool = False, **changed: object
+    ) -> Reconstruction:
+        rows = self.data.rows(sequence)
+        poses, wearer = self._body(sequence, noisy=noisy)
+        stride = self.settings.stride or None
+        if not {"points", "labels"} & set(changed):
+            frames = stage.settings.training.frames
+            changed["estimated"] = self._estimated(
+                stage.canonical, sequence, noisy=noisy, frames=frames, stride=stride
+            )
+        given = {
+            "points": self.data.points[rows],
+            "poses": poses,
+            "wearer": wearer,
+            "stride": stride,
+            "consecutive": self.data.consecutive(sequence),
+        }
+        return reconstruct(stage, **{**given, **changed})
+
+
+def _tensors(values: object) -> Iterator[torch.Tensor]:
+    """All tensors in nested tuples and lists."""
+    if isinstance(values, torch.Tensor):
+        yield values
+    elif isinstance(values, tuple | list):
+        for value in values:
+            yield from _tensors(value)
+
+
+def evaluate(
+    data: SequenceData,
+    canonical: Mapping[str, CanonicalStage],
+    posed: Mapping[str, PosedStage],
+    splits: Sequence[str],
+    settings: EvaluationSettings,
+    refining: RefineSettings,
+    *,
+    pictures: str | Path,
+    vertex_sampled: SequenceData | None = None,
+) -> list[MetricRow]:
+    """Rows of the table of metrics for all variants of one type, and reconstructions for pictures.
+
+    Args:
+        data: sequences of the type.
+        canonical: variant -> trained stage; "canonical" and "pointnet".
+        posed: variant -> trained stage; "posed", "mgn" and ablations.
+        splits: to evaluate; sweeps and noisy bodies are of the test split alone.
+        settings, refining: see there.
+        pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
+            `metrics.garment4d.Reconstruction`; replaced as a whole.
+        vertex_sampled: the same sequences with points sampled as in the released code.
+    """
+    found, habits = [], training_habits(data, posed["posed"].settings.skinning)
+    with whole_folder(pictures) as scratch:
+        for split in splits:
+            evaluation = Evaluation(data, split, settings)
+            evaluation.canonicals(canonical)
+            for variant, stage in posed.items():
+                for sequence, made in evaluation.posed(variant, stage):
+                    if variant != "posed":
+                        continue
+                    name, rows = str(data.name[sequence]), data.rows(sequence)
+                    evaluation.garment("lbs", sequence, made.proposal)
+                    ours = evaluation.ours(sequence, made, refining, habits)
+                    evaluation.garment("truth", sequence, data.garment[rows], true=False)
+                    simulated = float(data.source[sequence] == "simulated")
+                    evaluation.add("truth", sequence, {"simulated_share": simulated})
+                    if split == "test":
+                        shown = evaluation.shown(sequence, made)
+                        shown.save(scratch / f"{name}.npz")
+                        replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
+            if split == "test":
+                evaluation.sweeps(posed["posed"])
+                evaluation.noisy_bodies(canonical, posed, refining, habits)
+                if vertex_sampled is not None:
+                    released = Evaluation(vertex_sampled, split, settings)
+                    deque(released.posed("vertex_sampled", posed["posed"]), maxlen=0)
+                    found += released.rows()
+            found += evaluation.rows()
+    return found

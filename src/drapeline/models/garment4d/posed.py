@@ -1,0 +1,389 @@
+"""The posed stage: displacements that take skinned garments onto the points of every frame.
+
+Around each vertex of the current garment, garment points and body vertices are gathered in balls;
+graph convolutions turn what they tell into a displacement, and the moved garment is where the next
+iteration gathers. Between iterations frames look at one another (Garment4D 2.4).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import torch
+from scipy import sparse
+from torch import nn
+
+from drapeline.geometry.mesh import edge_graph, edges
+from drapeline.models.garment4d.losses import (
+    CotangentLaplacian,
+    UniformLaplacian,
+    interpenetration,
+    laplacian_difference,
+    roughness,
+    temporal_difference,
+)
+from drapeline.models.layers.chebyshev import SparseMatrix, linear
+from drapeline.models.layers.lbs import skinned
+from drapeline.models.layers.point_search import gathered, nearest_neighbours
+from drapeline.models.layers.pointnet import Neighbourhoods, PointLevel, pooled
+from drapeline.models.layers.precision import full_precision
+
+_PULL_PASSES = 3
+_SHARE = 0.3  # of the way to the points that an untrained iteration goes
+TRANSFORMERS = ("paper", "per_vertex", "none")
+
+
+@dataclass(frozen=True)
+class PosedSettings:
+    """Sizes of the posed network; numbers of the released code (trousers there have fewer points).
+
+    Attributes:
+        iterations: J.
+        hidden: features of the graph convolutions.
+        layers: graph convolutions per iteration, the one that makes the displacement included.
+        features: per ball size, of either encoder.
+        ball_layers: of the perceptron within each ball.
+        pull_neighbours: garment points whose mean each vertex is told the way to, and a learned
+            share of which it goes in each iteration; 0, as in the paper: it learns that too.
+        smooth_passes: how often displacements of a whole sequence are averaged over frames with
+            weights (1, 2, 1) / 4, once all its windows are done; 0 as in the paper. Points are new
+            in every frame, and displacements would follow their noise.
+        garment_radii_m, garment_counts: of the balls of garment points, one per level.
+        body_radii_m, body_counts: of the balls of body vertices.
+        body_encoder: whether the body is looked at; the ablation of figure 6.
+        transformer: "paper": one attention weight per pair of frames, for all vertices together;
+            "per_vertex": one per pair of frames and vertex; "none": frames stay apart.
+    """
+
+    iterations: int = 3
+    hidden: int = 128
+    layers: int = 4
+    features: int = 32
+    ball_layers: int = 2
+    pull_neighbours: int = 0
+    smooth_passes: int = 0
+    garment_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
+    garment_counts: tuple[int, ...] = (32, 16, 8)
+    body_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
+    body_counts: tuple[int, ...] = (8, 16, 32)
+    body_encoder: bool = True
+    transformer: str = "paper"
+
+
+@dataclass(frozen=True)
+class PosedWeights:
+    """Weights of the loss of equation 7; numbers of the released code.
+
+    Attributes:
+        vertices: lambda_6, per square metre.
+        interpenetration: lambda_7, per metre.
+        laplacian: lambda_8.
+        temporal: lambda_9.
+        laplacian_form: "paper": `laplacian_difference`; "released": `roughness` of the garment
+            alone.
+        temporal_form: "paper": squared distances, of all iterations; "released": distances, of
+            the last iteration alone.
+    """
+
+    vertices: float = 20.0
+    interpenetration: float = 100.0
+    laplacian: float = 10.0
+    temporal: float = 5.0
+    laplacian_form: str = "paper"
+    temporal_form: str = "paper"
+
+
+class PosedNetwork(nn.Module):
+    """Proposal-guided hierarchical features, iterative graph convolutions, temporal transformer.
+
+    Begins as the identity: untrained it gives the proposal back, but for the pull of points.
+
+    Args:
+        settings: sizes.
+        faces: (F, 3) of the template.
+        vertex_count: N.
+        level_channels: features per point of each level of garment points.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self,
+        settings: PosedSettings,
+        faces: np.ndarray,
+        vertex_count: int,
+        level_channels: Sequence[int],
+        rng: torch.Generator,
+    ) -> None:
+        super().__init__()
+        if settings.transformer not in TRANSFORMERS:
+            raise ValueError(
+                f"transformer is '{settings.transformer}', expected one of {TRANSFORMERS}"
+            )
+        self.settings = settings
+        self.adjacency = SparseMatrix(mean_of_neighbours(faces, vertex_count))
+        widths = (settings.features,) * settings.ball_layers
+        self.garment = nn.ModuleList(
+            Neighbourhoods(channels, widths, radius, count, rng)
+            for channels, radius, count in zip(
+                level_channels, settings.garment_radii_m, settings.garment_counts, strict=True
+            )
+        )
+        self.body = nn.ModuleList(
+            Neighbourhoods(3, widths, radius, count, rng)
+            for radius, count in zip(settings.body_radii_m, settings.body_counts, strict=True)
+            if settings.body_encoder
+        )
+        inputs = 3 + settings.features * (len(self.garment) + len(self.body))
+        inputs += 3 if settings.pull_neighbours else 0
+        fused = 0 if settings.transformer == "none" else settings.hidden
+        self.graphs, self.attention = nn.ModuleList(), nn.ModuleList()
+        self.shares = nn.ParameterList()
+        for iteration in range(settings.iterations):
+            first = inputs + (fused if iteration else 0)
+            self.graphs.append(GraphLayers(first, settings.hidden, settings.layers, rng))
+            if settings.pull_neighbours:
+                self.shares.append(nn.Parameter(torch.tensor(_SHARE)))
+            if iteration and fused:
+                self.attention.append(
+                    FrameAttention(fused, settings.transformer == "per_vertex", rng)
+                )
+
+    def forward(
+        self,
+        proposal: torch.Tensor,
+        levels: Sequence[PointLevel],
+        body: torch.Tensor,
+        body_normals: torch.Tensor,
+    ) -> list[torch.Tensor]:
+        """Garments after each iteration.
+
+        Args:
+            proposal: (B, T, N, 3) skinned garments, root frame, metres.
+            levels: garment points of B * T clouds.
+            body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
+
+        Returns:
+            `iterations` tensors (B, T, N, 3), the last one is the result.
+        """
+        size, frames = proposal.shape[:2], proposal.shape[1]
+        skin = PointLevel(
+            body.flatten(0, 1),
+            body_normals.flatten(0, 1),
+            torch.ones(body.shape[0] * frames, body.shape[2], dtype=torch.bool, device=body.device),
+        )
+        garment = proposal.flatten(0, 1)  # (B * T, N, 3)
+        hidden, out = None, []
+        for iteration, graph in enumerate(self.graphs):
+            features = [garment]
+            features += [ball(skin, garment) for ball in self.body]
+            features += [
+                ball(level, garment) for ball, level in zip(self.garment, levels, strict=True)
+            ]
+            if self.settings.pull_neighbours:
+                features.append(self.pull(levels[0], garment))
+            rows = torch.cat(features, dim=-1).transpose(0, 1)  # (N, B * T, inputs)
+            if iteration and self.attention:
+                rows = torch.cat([rows, self.attention[iteration - 1](hidden, frames)], dim=-1)
+            hidden, displacement = graph(rows, self.adjacency)
+            garment = garment + displacement.transpose(0, 1)
+            if self.settings.pull_neighbours:
+                garment = garment + self.shares[iteration] * features[-1]
+            out.append(garment.unflatten(0, size))
+        return out
+
+    def pull(self, level: PointLevel, garment: torch.Tensor) -> torch.Tensor:
+        """Smoothed way (B * T, N, 3) from each vertex to the mean of the points nearest to it."""
+        squared, index = nearest_neighbours(
+            level.points, garment, self.settings.pull_neighbours, level.valid
+        )
+        found = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
+        near = (gathered(level.points, index) * found).sum(2)
+        count = found.sum(2)
+        way = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
+        for _ in range(_PULL_PASSES):
+            way = self.adjacency(way)
+        return way.transpose(0, 1)
+
+
+class GraphLayers(nn.Module):
+    """H' = ReLU(D^-1 (A + I) H W + b) several times, and once without the ReLU for three numbers.
+
+    Args:
+        inputs: features per vertex.
+        hidden: features of the layers between.
+        layers: how many, the last one included.
+        rng: source of the initial weights.
+    """
+
+    def __init__(self, inputs: int, hidden: int, layers: int, rng: torch.Generator) -> None:
+        super().__init__()
+        widths = [inputs, *[hidden] * (layers - 1)]
+        self.layers = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(widths))
+        self.last = nn.Linear(widths[-1], 3)
+        nn.init.zeros_(self.last.weight)
+        nn.init.zeros_(self.last.bias)
+
+    def forward(
+        self, x: torch.Tensor, adjacency: SparseMatrix
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """(N, C, inputs) -> features of the second last layer (N, C, hidden), and (N, C, 3)."""
+        for layer in self.layers:
+            # Rows of the matrix sum to 1, so the bias may come before it; it is applied to
+            # whichever of x and x W is narrower.
+            wide = layer.in_features > layer.out_features
+            x = adjacency(layer(x)) if wide else layer(adjacency(x))
+            x = torch.relu(x)
+        return x, adjacency(self.last(x))
+
+
+class FrameAttention(nn.Module):
+    """V' = softmax(Q K^T / sqrt(scale)) V among the frames of a window (Garment4D 2.4).
+
+    As the paper has it, Q, K and V of a frame are the features of all vertices in one row and the
+    scale is T. The products grow with the number of vertices, so that each frame soon looks at a
+    single one; for each vertex by itself the scale is the number of features, which is usual.
+
+    Args:
+        width: features per vertex.
+        per_vertex: one attention for each vertex, rather than for all.
+        rng: source of the initial weights.
+    """
+
+    def __init__(self, width: int, per_vertex: bool, rng: torch.Generator) -> None:
+        super().__init__()
+        self.per_vertex = per_vertex
+        self.projection = linear(width, 3 * width, rng)
+        self.projection.bias = None
+
+    def forward(self, x: torch.Tensor, frames: int) -> torch.Tensor:
+        """(N, B * T, width) -> (N, B * T, width)."""
+        count, width = len(x), x.shape[-1]
+        query, key, value = self.projection(x).unflatten(1, (-1, frames)).chunk(3, dim=-1)
+        if self.per_vertex:
+            return attended(query, key, value, width).flatten(1, 2)
+        query, key, value = (
+            part.permute(1, 2, 0, 3).flatten(2) for part in (query, key, value)
+        )  # (B, T, N * width)
+        rows = attended(query, key, value, frames)
+        return rows.unflatten(2, (count, width)).permute(2, 0, 1, 3).flatten(1, 2)
+
+
+@full_precision
+def attended(
+    query: torch.Tensor, key: torch.Tensor, value: torch.Tensor, scale: int
+) -> torch.Tensor:
+    """softmax(Q K^T / sqrt(scale)) V of (..., T, C) each; in 16 bits long products overflow."""
+    return torch.softmax(query @ key.mT / scale**0.5, dim=-1) @ value
+
+
+def mean_of_neighbours(faces: np.ndarray, count: int) -> sparse.csr_matrix:
+    """D^-1 (A + I), (N, N): the mean over a vertex and its neighbours."""
+    matrix = (edge_graph(edges(faces), count) + sparse.identity(count)).tocsr()
+    return (sparse.diags(1 / np.asarray(matrix.sum(axis=1)).ravel()) @ matrix).tocsr()
+
+
+def posed_loss(
+    predictions: Sequence[torch.Tensor],
+    target: torch.Tensor,
+    body: torch.Tensor,
+    body_normals: torch.Tensor,
+    laplacian: CotangentLaplacian | UniformLaplacian,
+    weights: PosedWeights,
+    iteration_weights: Sequence[float] | None = None,
+) -> Mapping[str, torch.Tensor]:
+    """Equation 7, summed over iterations.
+
+    Args:
+        predictions: (B, T, N, 3) after each iteration, metres.
+        target: (B, T, N, 3).
+        body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
+        laplacian: of the template; the cotangent one for the paper's form, else the uniform one.
+        weights: of the terms.
+        iteration_weights: w_j, 1 each if None.
+
+    Returns:
+        `vertices` (m^2), `interpenetration` (m), `laplacian` and `temporal`, each summed over
+        iterations with the weights w_j but without those of the terms, and `total`.
+    """
+    shares = iteration_weights or [1.0] * len(predictions)
+    terms = dict.fromkeys(("vertices", "interpenetration", "laplacian", "temporal"), 0.0)
+    skin, normals = body.flatten(0, 1), body_normals.flatten(0, 1)
+    last_alone = weights.temporal_form == "released"
+    for number, (share, garment) in enumerate(zip(shares, predictions, strict=True), 1):
+        parts = {
+            "vertices": (garment - target).square().sum(-1).mean(),
+            "interpenetration": interpenetration(garment.flatten(0, 1), skin, normals),
+            "laplacian": roughness(laplacian, garment)
+            if weights.laplacian_form == "released"
+            else laplacian_difference(laplacian, garment, target),
+        }
+        if number == len(predictions) or not last_alone:
+            parts["temporal"] = temporal_difference(garment, weights.temporal_form)
+        terms |= {name: terms[name] + share * part for name, part in parts.items()}
+    return {**terms, "total": sum(getattr(weights, name) * term for name, term in terms.items())}
+
+
+@dataclass(frozen=True)
+class MgnSettings:
+    """Sizes of the MGN* baseline; numbers of the released code.
+
+    Attributes:
+        widths: of the layers, the first one is that of a cloud's feature.
+        scale_m: displacement per unit of output, metres.
+    """
+
+    widths: tuple[int, ...] = (512, 1024, 2048)
+    scale_m: float = 0.05
+
+
+class MgnNetwork(nn.Module):
+    """Multi-Garment Net on point clouds: one feature per frame gives all displacements at once.
+
+    The displaced canonical garment of every frame is skinned with weights of the nearest body
+    vertex (K = 1), as in SMPL+D. Begins as skinning alone.
+
+    Args:
+        settings: sizes.
+        vertex_count: N.
+        level_channels: features per point of each level; the last is looked at.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self,
+        settings: MgnSettings,
+        vertex_count: int,
+        level_channels: Sequence[int],
+        rng: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.scale_m = settings.scale_m
+        self.point = linear(3 + level_channels[-1], settings.widths[0], rng)
+        self.layers = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(settings.widths))
+        self.last = nn.Linear(settings.widths[-1], 3 * vertex_count)
+        nn.init.zeros_(self.last.weight)
+        nn.init.zeros_(self.last.bias)
+
+    def forward(
+        self,
+        canonical: torch.Tensor,
+        levels: Sequence[PointLevel],
+        weights: torch.Tensor,
+        transforms: torch.Tensor,
+    ) -> torch.Tensor:
+        """Posed garments (B, T, N, 3), root frame, metres.
+
+        Args:
+            canonical: (B, N, 3).
+            levels: garment points of B * T clouds.
+            weights: (B, N, 24) of the nearest body vertices.
+            transforms: (B, T, 24, 4, 4), see `skinning.skinned`.
+        """
+        level = levels[-1]
+        rows = torch.relu(self.point(torch.cat([level.points, level.features], dim=-1)))
+        x = pooled(rows, level.valid)  # (B * T, widths[0])
+        for layer in self.layers:
+            x = torch.relu(layer(x))
+        moved = self.scale_m * self.last(x).view(*transforms.shape[:2], -1, 3)
+        return skinned(canonical[:, None] + moved, weights, transforms)

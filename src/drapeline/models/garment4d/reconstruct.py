@@ -1,0 +1,338 @@
+"""Whole sequences through trained Garment4D networks, on the device that these are on.
+
+Coordinates are metres relative to the root joint, Z up. F frames, P points, N vertices.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from scipy.ndimage import convolve1d
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.rest_body import rest_body
+from drapeline.metrics import sequence as metrics
+from drapeline.models.garment4d.body_input import SkinningSettings, Wearer, proposals
+from drapeline.models.garment4d.canonical import CanonicalOutput
+from drapeline.models.garment4d.data import SequenceData, window_starts
+from drapeline.models.garment4d.refine import Habits, RefineSettings, habits_of, refined
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
+
+_BATCH = 4  # windows at once
+
+
+class Reconstruction(NamedTuple):
+    """A garment through a sequence, stage by stage; metres, root frame.
+
+    Attributes:
+        labels: (F, P) uint8 of the points, or None from a network that does not tell.
+        canonical: (N, 3) T(alpha').
+        proposal: (F, N, 3) interpolated skinning of it.
+        final: (F, N, 3) with the displacements.
+        seconds: for everything.
+    """
+
+    labels: np.ndarray | None
+    canonical: np.ndarray
+    proposal: np.ndarray
+    final: np.ndarray
+    seconds: float
+
+
+class Estimate(NamedTuple):
+    """What a canonical network says about a sequence.
+
+    Attributes:
+        labels: (F, P) uint8 of the points, or None from a network that does not tell.
+        canonical: (N, 3) metres, T of the mean alpha' of all windows.
+        outputs: of one batch of windows after the other.
+        seconds: for everything.
+    """
+
+    labels: np.ndarray | None
+    canonical: np.ndarray
+    outputs: list[CanonicalOutput]
+    seconds: float
+
+
+@torch.inference_mode()
+def estimate(
+    stage: CanonicalStage,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    *,
+    frames: int | None = None,
+    stride: int | None = None,
+    labels: np.ndarray | None = None,
+) -> Estimate:
+    """The canonical garment of a whole sequence.
+
+    Args:
+        stage: trained.
+        points: (F, P, 3) clouds, metres, root frame.
+        poses: (F, 72) rad of the wearer; a stage that is not `located` does not look at it.
+        wearer: the body.
+        frames: T of a window; that of the stage's training if None.
+        stride: from one window to the next, at most T; T if None.
+        labels: (F, P) to choose the garment's points by, instead of the network's own.
+
+    Raises:
+        InputError: the sequence is shorter than a window, or the stride longer than one.
+    """
+    started = time.perf_counter()
+    windows = _Windows(len(points), frames or stage.settings.training.frames, stride)
+    seen = wearer.located(points, poses) if stage.located else points
+    outputs = list(_outputs(stage, windows, seen, labels))
+    alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
+    canonical = stage.network.vertices(alpha[None])[0].cpu().numpy()
+    found = _labels(outputs, windows)
+    return Estimate(found, canonical, outputs, time.perf_counter() - started)
+
+
+@torch.inference_mode()
+def reconstruct(
+    stage: PosedStage,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    *,
+    stride: int | None = None,
+    skinning: SkinningSettings | None = None,
+    labels: np.ndarray | None = None,
+    consecutive: bool = True,
+    estimated: Estimate | None = None,
+) -> Reconstruction:
+    """Both stages on a whole sequence; a frame in several windows is their mean.
+
+    Args:
+        stage: trained; it holds the canonical network.
+        points: (F, P, 3) clouds, metres, root frame.
+        poses: (F, 72) rad of the wearer.
+        wearer: the body.
+        stride: from one window to the next, at most T; T if None. The last window is shifted back
+            to end with the sequence.
+        skinning: of the proposals, where not as in training.
+        labels: (F, P) to choose the garment's points by, instead of the network's own.
+        consecutive: whether no frames are missing between these; others are not smoothed.
+        estimated: what its canonical network said about all this, where that is known.
+
+    Raises:
+        InputError: the sequence is shorter than a window, or the stride longer than one.
+    """
+    frames_of_window, faces = stage.settings.training.frames, stage.space.faces
+    if estimated is None:
+        estimated = estimate(
+            stage.canonical,
+            points,
+            poses,
+            wearer,
+            frames=frames_of_window,
+            stride=stride,
+            labels=labels,
+        )
+    started = time.perf_counter()
+    windows = _Windows(len(points), frames_of_window, stride)
+    canonical = estimated.canonical
+    weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)
+    transforms = wearer.transforms(poses)
+    proposal = proposals(canonical[None], weights[None], transforms[None])[0]
+    body, normals = wearer.shown(poses)
+    frames = {
+        "proposal": proposal,
+        "body": body,
+        "body_normals": normals,
+        "transforms": transforms,
+    }
+    mean = windows.mean(canonical.shape)
+    for chosen, output in zip(windows.parts(), estimated.outputs, strict=True):
+        batch = {key: torch.from_numpy(windows.of(chosen, x)) for key, x in frames.items()}
+        for key, value in (("worn", canonical), ("weights", weights)):
+            batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
+        batch = {key: value.to(stage.device) for key, value in batch.items()}
+        mean.add(chosen, stage.predictions(batch, output.levels)[-1].cpu().numpy())
+    final = mean()
+    if consecutive and stage.smooth_passes:
+        final = proposal + smoothed(final - proposal, stage.smooth_passes)
+    seconds = estimated.seconds + time.perf_counter() - started
+    return Reconstruction(estimated.labels, canonical, proposal, final, seconds)
+
+
+def smoothed(values: np.ndarray, passes: int) -> np.ndarray:
+    """(F, ...) averaged over frames with weights (1, 2, 1) / 4, so many times; ends repeat."""
+    for _ in range(passes):
+        values = convolve1d(values, [0.25, 0.5, 0.25], axis=0, mode="nearest")
+    return values
+
+
+class _Windows:
+    """Windows that cover a sequence."""
+
+    def __init__(self, count: int, frames: int, stride: int | None = None) -> None:
+        self.count, self.frames = count, frames
+        starts = window_starts(count, frames, stride or frames, "to reconstruct")
+        self.starts = np.array(starts)
+
+    def parts(self) -> Iterator[np.ndarray]:
+        """First frames of the windows of one batch after the other."""
+        for first in range(0, len(self.starts), _BATCH):
+            yield self.starts[first : first + _BATCH]
+
+    def of(self, starts: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Values (F, ...) of windows, (B, T, ...)."""
+        rows = starts[:, None] + np.arange(self.frames)
+        return np.ascontiguousarray(values[rows])
+
+    def mean(self, shape: Sequence[int]) -> "_Mean":
+        """To fill with values of `shape` per frame."""
+        return _Mean(self, shape)
+
+
+class _Mean:
+    """Mean over all windows that hold a frame."""
+
+    def __init__(self, windows: _Windows, shape: Sequence[int]) -> None:
+        self._frames = windows.frames
+        self._sum = np.zeros((windows.count, *shape), dtype=np.float32)
+        self._held = np.zeros(windows.count, dtype=np.float32)
+
+    def add(self, starts: np.ndarray, values: np.ndarray) -> None:
+        """Values (B, T, ...) of windows."""
+        for start, value in zip(starts, values, strict=True):
+            self._sum[start : start + self._frames] += value
+            self._held[start : start + self._frames] += 1
+
+    def __call__(self) -> np.ndarray:
+        return self._sum / self._held.reshape(-1, *[1] * (self._sum.ndim - 1))
+
+
+def _outputs(
+    stage: CanonicalStage, windows: _Windows, points: np.ndarray, labels: np.ndarray | None
+) -> Iterator:
+    for starts in windows.parts():
+        cloud = torch.from_numpy(windows.of(starts, points)).to(stage.device)
+        if labels is None:
+            yield stage.network(cloud)
+        else:
+            given = windows.of(starts, np.asarray(labels, dtype=np.int64))
+            yield stage.network(cloud, torch.from_numpy(given).to(stage.device))
+
+
+def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
+    if outputs[0].logits is None:
+        return None
+    mean = windows.mean(outputs[0].logits.shape[2:])
+    for starts, output in zip(windows.parts(), outputs, strict=True):
+        mean.add(starts, output.logits.cpu().numpy())
+    return mean().argmax(axis=-1).astype(np.uint8)
+
+
+def refine(
+    made: Reconstruction,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    label: int,
+    faces: np.ndarray,
+    settings: RefineSettings,
+    habits: Habits | None = None,
+) -> np.ndarray:
+    """Our variant: a reconstruction fitted to the points that the network takes for the garment.
+
+    Args:
+        made: of both stages.
+        points, poses, wearer: as it was made from.
+        label: the garment's code in `LABELS`.
+        faces: (E, 3) of the template.
+        settings: weights.
+        habits: of the type's training sequences, see `training_habits`.
+
+    Returns:
+        (F, N, 3) metres, root frame.
+    """
+    chosen = made.labels == label
+    return refined(
+        made.final,
+        points,
+        chosen,
+        faces,
+        made.canonical,
+        *wearer.shown(poses),
+        settings,
+        proposal=made.proposal,
+        habits=habits,
+    )
+
+
+def pictured(
+    made: Reconstruction,
+    *,
+    name: str,
+    garment: str,
+    faces: np.ndarray,
+    points: np.ndarray,
+    poses: np.ndarray,
+    wearer: Wearer,
+    number: np.ndarray,
+    true: np.ndarray | None = None,
+    true_canonical: np.ndarray | None = None,
+) -> metrics.Reconstruction:
+    """A reconstruction with all that figures need; the floor is below the lowest vertex.
+
+    Args:
+        made: with labels.
+        name: of the sequence.
+        garment: type.
+        faces: (E, 3) of its template.
+        points, poses, wearer: as it was made from.
+        number: (F,) of the frames.
+        true, true_canonical: (F, N, 3) and (N, 3); None for scans.
+    """
+    body = posed_vertices(wearer.model, wearer.shape, poses)[0]
+    return metrics.Reconstruction(
+        name=name,
+        garment=garment,
+        faces=faces,
+        canonical=made.canonical,
+        proposal=made.proposal,
+        final=made.final,
+        true=made.final[:0] if true is None else true,
+        true_canonical=made.canonical[:0] if true_canonical is None else true_canonical,
+        points=points,
+        labels=made.labels,
+        body=body,
+        rest_body=rest_body(wearer.model, wearer.shape),
+        body_faces=wearer.model.faces,
+        root_rotation=poses[:, :3],
+        root_height=-body[..., 2].min(axis=1),
+        number=number,
+    )
+
+
+def training_habits(data: SequenceData, skinning: SkinningSettings) -> Habits | None:
+    """What simulated training sequences tell of worn garments; None where there are none.
+
+    Static outfits in motion hang as skinning has it, so they would tell nothing of cloth.
+
+    Args:
+        data: sequences of the type.
+        skinning: of the proposals that garments are compared with.
+    """
+    chosen = data.of_split("train", ("simulated",))
+    if not len(chosen):
+        return None
+
+    def skinned(sequence: int) -> np.ndarray:
+        canonical, wearer = data.canonical[sequence], data.wearer(sequence)
+        weights = wearer.weights(canonical, data.space.faces, skinning)
+        transforms = wearer.transforms(data.poses[data.rows(sequence)])
+        return proposals(canonical[None], weights[None], transforms[None])[0]
+
+    return habits_of(
+        (data.garment[data.rows(sequence)] for sequence in chosen),
+        (skinned(sequence) for sequence in chosen),
+        (data.canonical[sequence] for sequence in chosen),
+        data.space.faces,
+    )

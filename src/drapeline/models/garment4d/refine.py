@@ -1,0 +1,330 @@
+"""Our last step after the posed network: garments of a whole sequence, fitted to its points.
+
+The network's garments come in windows and need not touch the points. Cloth hardly stretches and
+moves smoothly, so with the lengths of the canonical garment's edges and all frames at once there is
+a system of equations to solve for the vertices: linear, and the same one in every round.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import edges
+from drapeline.geometry.sparse import symmetric_factor
+
+_APART_M = 4.0  # between frames, where they are searched together
+_ROW = 16  # frames per row of such a layout
+_SMALL_M = 1e-9
+_MOMENTUM = 0.9  # share of the last round's step that the next one begins with
+_REACH_M = 0.06  # a point this far from the garment pulls half as hard as a close one
+_DEEP_M = 0.05  # what is nearest to vertices further inside is likely another limb
+_BODY_EVERY = 5  # rounds between searches for the nearest body vertices
+_USUAL_ERROR_M = 0.08  # of proposals, where nothing is known of them
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """Weights of the terms, per vertex, relative to the pull of the points.
+
+    Attributes:
+        rounds: how often points find their places on the garment anew.
+        stretch: of the edges' lengths.
+        bend: of the distances across edges.
+        smooth: of accelerations, between frames.
+        keep_m: a vertex that starts with this error is drawn back as hard as points pull it.
+        gap_m: least distance from the body.
+    """
+
+    rounds: int = 15
+    stretch: float = 2.0
+    bend: float = 0.2
+    smooth: float = 0.5
+    keep_m: float = 0.008
+    gap_m: float = 0.003
+
+
+class Habits(NamedTuple):
+    """What the worn garments of training tell of a type; see `habits_of`.
+
+    Attributes:
+        shares: (K,) lengths of the springs of `Cloth` when worn, by those in the canonical garment.
+        error_m: (N,) root mean square error of the proposals, metres.
+        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
+    """
+
+    shares: np.ndarray
+    error_m: np.ndarray
+    follow: np.ndarray
+
+
+def refined(
+    vertices: np.ndarray,
+    points: np.ndarray,
+    chosen: np.ndarray,
+    faces: np.ndarray,
+    rest: np.ndarray,
+    body: np.ndarray,
+    body_normals: np.ndarray,
+    settings: RefineSettings,
+    proposal: np.ndarray | None = None,
+    habits: Habits | None = None,
+) -> np.ndarray:
+    """Garments near the points, with the canonical garment's lengths, smooth in time.
+
+    Each round pulls every vertex by the mean offset of the points whose nearest places on the
+    garment it is a corner of, and out of the body; then the sum of squares of pulls, changes of
+    length, accelerations and changes from the start is least for what one linear system gives.
+    Its matrix is constant, so it is factorised once, for each frequency in time by itself.
+
+    Args:
+        vertices: (F, N, 3) garments of all frames of a sequence, root frame, metres.
+        points: (F, P, 3).
+        chosen: (F, P) bool, which points are the garment's; a frame may have none.
+        faces: (E, 3) of the garment.
+        rest: (N, 3) the canonical garment.
+        body, body_normals: (F, M, 3) body vertices and outward unit normals.
+        settings: weights.
+        proposal: (F, N, 3) skinned garments that accelerations are compared with; `vertices` if
+            None.
+        habits: of the type; if None, lengths are those at rest, all vertices start equally well,
+            and accelerations are compared with zero.
+
+    Returns:
+        (F, N, 3) float32.
+    """
+    if habits is None:
+        count = len(rest)
+        habits = Habits(np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count))
+    cloth = Cloth(rest, faces, settings, habits.shares)
+    keep = (settings.keep_m / np.maximum(habits.error_m, settings.keep_m)) ** 2
+    start = np.asarray(vertices, dtype=np.float64)
+    solver = SpaceTime(cloth.stiffness, 1 + keep, len(start), settings.smooth)
+    constant = keep[:, None] * start
+    constant += habits.follow[:, None] * solver.bent(start if proposal is None else proposal)
+    garment, before = start, start
+    for number in range(settings.rounds):
+        ahead = garment + _MOMENTUM * (garment - before)
+        if number % _BODY_EVERY == 0:
+            nearest = _nearest_rows(body, ahead)
+        pull = point_pull(ahead, points, chosen, faces, _REACH_M)
+        pull += body_push(ahead, body, body_normals, nearest, settings.gap_m)
+        before, garment = garment, solver(constant + ahead + pull + cloth.lengths(ahead))
+    return garment.astype(np.float32)
+
+
+def habits_of(
+    garments: Iterable[np.ndarray],
+    proposals: Iterable[np.ndarray],
+    canonicals: Iterable[np.ndarray],
+    faces: np.ndarray,
+) -> Habits:
+    """Means over training sequences, as if one more had the mean at all vertices and springs.
+
+    Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
+    the body where others hang.
+
+    Args:
+        garments: (F, N, 3) worn garments of each sequence, truly simulated, metres.
+        proposals: (F, N, 3) the same sequences by skinning alone.
+        canonicals: (N, 3) of the same sequences.
+        faces: (E, 3).
+    """
+    pairs = springs(faces)[0]
+    share, squared, both, skinned = [], [], 0.0, 0.0
+    for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
+        share.append(
+            _lengths(garment, pairs).mean(axis=0) / np.maximum(_lengths(rest, pairs), _SMALL_M)
+        )
+        squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
+        made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
+        both, skinned = both + (made * true).sum((0, 2)), skinned + (made**2).sum((0, 2))
+    follow = (both + np.mean(both) / len(share)) / np.maximum(
+        skinned + np.mean(skinned) / len(share), _SMALL_M**2
+    )
+    return Habits(_with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1))
+
+
+def _with_mean(rows: list[np.ndarray]) -> np.ndarray:
+    return (np.sum(rows, axis=0) + np.mean(rows)) / (len(rows) + 1)
+
+
+class Cloth:
+    """Springs along edges and across them, at rest in the canonical garment.
+
+    Args:
+        rest: (N, 3) metres.
+        faces: (E, 3).
+        settings: `stretch` and `bend`.
+        shares: (K,) or (1,) of their lengths at rest that the springs have when worn.
+    """
+
+    def __init__(
+        self, rest: np.ndarray, faces: np.ndarray, settings: RefineSettings, shares: np.ndarray
+    ) -> None:
+        pairs, across = springs(faces)
+        weights = np.where(across, float(settings.bend), float(settings.stretch))
+        self._length = _lengths(rest, pairs) * shares
+        rows = np.arange(len(pairs))
+        ones = np.ones(len(pairs))
+        self._difference = sparse.csr_matrix(
+            (np.r_[ones, -ones], (np.r_[rows, rows], pairs.T.ravel())),
+            shape=(len(pairs), len(rest)),
+        )
+        self._back = (self._difference.T @ sparse.diags(weights)).tocsr()
+        self.stiffness = (self._back @ self._difference).tocsc()
+
+    def lengths(self, garment: np.ndarray) -> np.ndarray:
+        """(F, N, 3) sums of each vertex's weighted springs, turned as they are but at rest."""
+        frames, count, _ = garment.shape
+        rows = garment.transpose(1, 0, 2).reshape(count, -1)
+        spring = (self._difference @ rows).reshape(-1, frames, 3)
+        length = np.linalg.norm(spring, axis=-1, keepdims=True)
+        spring *= self._length[:, None, None] / np.maximum(length, _SMALL_M)
+        out = self._back @ spring.reshape(len(spring), -1)
+        return out.reshape(count, frames, 3).transpose(1, 0, 2)
+
+
+def springs(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertex pairs (K, 2): all edges, then corners that face one another; (K,) bool the latter."""
+    along, across = edges(faces), pairs_across(faces)
+    return np.concatenate([along, across]), np.arange(len(along) + len(across)) >= len(along)
+
+
+def _lengths(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(..., K) distances of pairs (K, 2) of vertices (..., N, 3)."""
+    away = vertices[..., pairs[:, 0], :] - vertices[..., pairs[:, 1], :]
+    return np.linalg.norm(away, axis=-1)
+
+
+def pairs_across(faces: np.ndarray) -> np.ndarray:
+    """(K, 2) corners that face one another across an inner edge."""
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    apex = np.roll(faces, 1, axis=1).ravel()
+    half = np.sort(half, axis=1)
+    order = np.lexsort((half[:, 1], half[:, 0]))
+    half, apex = half[order], apex[order]
+    twin = (half[1:] == half[:-1]).all(axis=1)
+    return np.stack([apex[:-1][twin], apex[1:][twin]], axis=1)
+
+
+class SpaceTime:
+    """(K + diag(d) + smooth D^T D) x = b, for all frames at once.
+
+    D^T D, the squared second differences in time, is diagonal in its own vectors, so the system
+    falls apart into one of N rows for each of them.
+
+    Args:
+        stiffness: K, (N, N).
+        diagonal: d, (N,).
+        frames: F.
+        smooth: weight of the second differences.
+    """
+
+    def __init__(
+        self, stiffness: sparse.csc_matrix, diagonal: np.ndarray, frames: int, smooth: float
+    ) -> None:
+        second = np.diff(np.eye(frames), 2, axis=0) if frames > 2 else np.zeros((1, frames))
+        self._bend = smooth * second.T @ second
+        values, self._vectors = np.linalg.eigh(self._bend)
+        self._factors = [
+            symmetric_factor(stiffness + sparse.diags(diagonal + max(value, 0.0)))
+            for value in values
+        ]
+
+    def bent(self, garment: np.ndarray) -> np.ndarray:
+        """smooth D^T D x, (F, N, 3)."""
+        return np.tensordot(self._bend, garment, axes=(1, 0))
+
+    def __call__(self, right: np.ndarray) -> np.ndarray:
+        """x (F, N, 3) for b (F, N, 3)."""
+        modes = np.tensordot(self._vectors, right, axes=(0, 0))
+        solved = [factor.solve(mode) for factor, mode in zip(self._factors, modes, strict=True)]
+        return np.tensordot(self._vectors, np.stack(solved), axes=(1, 0))
+
+
+def point_pull(
+    garment: np.ndarray,
+    points: np.ndarray,
+    chosen: np.ndarray,
+    faces: np.ndarray,
+    reach_m: float,
+) -> np.ndarray:
+    """Mean offset from the garment to the points around each vertex, (F, N, 3) metres.
+
+    Args:
+        garment: (F, N, 3).
+        points: (F, P, 3).
+        chosen: (F, P) bool.
+        faces: (E, 3).
+        reach_m: distance at which a point counts half.
+    """
+    frames, count, _ = garment.shape
+    frame, column = np.nonzero(chosen)
+    if not len(frame):
+        return np.zeros(garment.shape)
+    number = np.arange(frames)
+    place = _APART_M * np.stack([number % _ROW, number // _ROW, 0 * number], axis=1)
+    cloud = points[frame, column].astype(np.float64)
+    all_faces = (faces + count * number[:, None, None]).reshape(-1, 3)
+    nearest, face = closest_points(
+        cloud + place[frame], (garment + place[:, None]).reshape(-1, 3), all_faces
+    )
+    corners = all_faces[face]
+    shares = barycentric(nearest - place[frame], garment.reshape(-1, 3)[corners])
+    # From the shares rather than from `nearest`, which is rounded at some metres.
+    offset = cloud - (garment.reshape(-1, 3)[corners] * shares[..., None]).sum(1)
+    weight = shares / (1 + (np.linalg.norm(offset, axis=1) / reach_m) ** 2)[:, None]
+    gather = sparse.csr_matrix(
+        (weight.ravel(), corners.ravel(), np.arange(0, weight.size + 1, 3)),
+        shape=(len(cloud), frames * count),
+    )
+    # A vertex with less than the usual share of points follows its neighbours more.
+    usual = np.repeat(chosen.sum(1) / count, count)
+    total = np.maximum(np.bincount(corners.ravel(), weight.ravel(), frames * count), usual)
+    return (gather.T @ offset / np.maximum(total, _SMALL_M)[:, None]).reshape(garment.shape)
+
+
+def barycentric(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(P, 3) shares of the corners (P, 3, 3) of triangles in points (P, 3) on them."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = points - corners[:, 0]
+    aa, ab, bb = (np.einsum("pi,pi->p", u, v) for u, v in ((a, a), (a, b), (b, b)))
+    pa, pb = np.einsum("pi,pi->p", p, a), np.einsum("pi,pi->p", p, b)
+    area = np.maximum(aa * bb - ab**2, _SMALL_M**2)
+    second, third = (bb * pa - ab * pb) / area, (aa * pb - ab * pa) / area
+    shares = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+def body_push(
+    garment: np.ndarray,
+    body: np.ndarray,
+    normals: np.ndarray,
+    nearest: np.ndarray,
+    gap_m: float,
+) -> np.ndarray:
+    """Offsets that take vertices to `gap_m` above the body, (F, N, 3) metres.
+
+    Vertices deep inside are left to the points.
+
+    Args:
+        garment: (F, N, 3).
+        body, normals: (F, M, 3).
+        nearest: (F, N) the body vertex whose tangent plane counts.
+        gap_m: wanted, metres.
+    """
+    place = np.take_along_axis(body, nearest[..., None], axis=1)
+    normal = np.take_along_axis(normals, nearest[..., None], axis=1)
+    height = ((garment - place) * normal).sum(-1, keepdims=True)
+    push = np.maximum(gap_m - height, 0) * (height > -_DEEP_M)
+    return push * normal
+
+
+def _nearest_rows(body: np.ndarray, garment: np.ndarray) -> np.ndarray:
+    """(F, N) the nearest body vertex of each frame."""
+    return np.stack([cKDTree(b).query(g)[1] for b, g in zip(body, garment, strict=True)])

@@ -1,0 +1,119 @@
+"""Sequences of a garment type: simulated samples, and static outfits that were put into motion."""
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.dataset.point_clouds import load_clouds
+from drapeline.dataset.reader import Sequence as Sample
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.learning_data.skinned import load_skinned
+from drapeline.models.garment4d.data import GarmentSequence
+from drapeline.outfits.static import load_static
+from drapeline.registration.to_template.remesh import RemeshTable, remeshed
+
+
+def simulated_sequences(
+    garment: str,
+    samples: Iterable[str | Path],
+    clouds: Iterable[str | Path],
+    tables: Mapping[str, RemeshTable],
+) -> list[GarmentSequence]:
+    """A type's garments among accepted simulated samples.
+
+    Args:
+        garment: the type.
+        samples: folders as `write_sample` leaves them.
+        clouds: folders of the same samples as `write_clouds` leaves them.
+        tables: sample's id -> where the template lies on its garment.
+
+    Raises:
+        InputError: a file is unusable, or a garment has no table.
+    """
+    found = []
+    for folder, clouds_folder in zip(samples, clouds, strict=True):
+        cloud = load_clouds(clouds_folder)
+        if not cloud.accepted or garment not in cloud.about["garments"]:
+            continue
+        sample = Sample(folder)
+        table, mesh, info = _table(tables, sample.id, garment), sample.mesh(garment), sample.info
+        found.append(
+            GarmentSequence(
+                name=sample.id,
+                source="simulated",
+                split=cloud.about["split"],
+                gender=int(info.gender),
+                shape=np.asarray(info.shape),
+                poses=np.asarray(info.poses),
+                number=np.arange(sample.frame_count),
+                points=cloud.points,
+                labels=cloud.labels,
+                canonical=remeshed(mesh.vertices, table),
+                original=Mesh(mesh.vertices, mesh.triangles),
+                garment=partial(_posed_sample, sample, garment, table),
+            )
+        )
+    return found
+
+
+def _posed_sample(sample: Sample, garment: str, table: RemeshTable) -> np.ndarray:
+    with sample:
+        return remeshed(sample.vertices(garment, frame="root"), table)
+
+
+def skinned_sequences(
+    garment: str,
+    folders: Iterable[str | Path],
+    shards: Iterable[str | Path],
+    tables: Mapping[str, RemeshTable],
+) -> list[GarmentSequence]:
+    """A type's garments among static outfits put into motion.
+
+    Args:
+        garment: the type.
+        folders: as `write_skinned` leaves them.
+        shards: `.npz` of the static outfits of the same folders.
+        tables: outfit's name -> where the template lies on its garment.
+
+    Raises:
+        InputError: a file is unusable, or a garment has no table.
+    """
+    found = []
+    for folder, shard in zip(folders, shards, strict=True):
+        rest = {
+            static.name: worn
+            for static in load_static(shard)
+            for worn in static.outfit.garments
+            if worn.name == garment
+        }
+        for one in load_skinned(folder):
+            if garment not in one.garments:
+                continue
+            table, worn = _table(tables, one.name, garment), rest[one.name]
+            found.append(
+                GarmentSequence(
+                    name=one.name,
+                    source="skinned",
+                    split=one.split,
+                    gender=GENDERS.index(one.gender),
+                    shape=one.shape,
+                    poses=one.poses,
+                    number=one.number,
+                    points=one.points,
+                    labels=one.labels,
+                    canonical=remeshed(worn.vertices, table),
+                    original=Mesh(worn.vertices, triangulate(worn.faces)),
+                    garment=partial(remeshed, one.garments[garment], table),
+                )
+            )
+    return found
+
+
+def _table(tables: Mapping[str, RemeshTable], name: str, garment: str) -> RemeshTable:
+    if name not in tables:
+        raise InputError(f"{name}: its {garment} is not registered, expected a remesh table")
+    return tables[name]

@@ -1,0 +1,54 @@
+"""The conditioning autoencoder Gamma: its middle layer is what the networks are conditioned on."""
+
+import torch
+from torch import nn
+
+from drapeline.models.layers.chebyshev import linear
+
+
+class ConditioningAutoencoder(nn.Module):
+    """{cvar, cvar^z} = Gamma(cvar), an autoencoder with one skip connection (CLOTH3D 4.2).
+
+    The skip runs from the input to the middle layer. One past the middle layer would let the
+    reconstruction do without cvar^z, which is all that the other networks see.
+
+    Args:
+        inputs: size of cvar.
+        hidden, middle: widths of the hidden layers and of cvar^z.
+        mean, std: (inputs,) of cvar over the training set.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self,
+        inputs: int,
+        hidden: int,
+        middle: int,
+        *,
+        mean: torch.Tensor,
+        std: torch.Tensor,
+        rng: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.into = nn.Sequential(
+            linear(inputs, hidden, rng), nn.ReLU(), linear(hidden, middle, rng)
+        )
+        self.skip = linear(inputs, middle, rng)
+        self.out = nn.Sequential(
+            linear(middle, hidden, rng), nn.ReLU(), linear(hidden, inputs, rng)
+        )
+        self.register_buffer("mean", mean.clone())
+        self.register_buffer("std", std.clone())
+
+    def normalised(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> (B, C) with zero mean and unit deviation over the training set."""
+        return (cvar - self.mean) / self.std
+
+    def forward(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> cvar^z (B, middle)."""
+        x = self.normalised(cvar)
+        return self.into(x) + self.skip(x)
+
+    def loss(self, cvar: torch.Tensor) -> torch.Tensor:
+        """L1 between normalised cvar and its reconstruction."""
+        return (self.out(self(cvar)) - self.normalised(cvar)).abs().mean()

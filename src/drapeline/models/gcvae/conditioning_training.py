@@ -1,0 +1,165 @@
+"""Training of the conditioning autoencoder, alone and before the networks that it conditions."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
+from drapeline.models.training.batches import Batch, GarmentData, cvar_statistics, refuse_unfinite
+from drapeline.models.training.lightning import fit
+from drapeline.models.training.module import Trained, Training, plain
+from drapeline.seeding import rng_for
+
+_TRAINING = Training(epochs=60, learning_rate=3e-3, schedule="one_cycle")
+
+
+@dataclass(frozen=True)
+class ConditioningSettings:
+    """How the autoencoder is built and trained.
+
+    Attributes:
+        condition: size of cvar^z.
+        training: how long and how fast.
+    """
+
+    condition: int = 32
+    training: Training = field(default=_TRAINING)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "ConditioningSettings":
+        """From nested mappings; what is missing from the training is as by default."""
+        return cls(values["condition"], replace(_TRAINING, **values["training"]))
+
+
+class Conditions(Protocol):
+    """Rows with conditions."""
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of a split."""
+
+    def cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, C)."""
+
+    def names(self, rows: np.ndarray) -> list[str]:
+        """What the rows are called in messages."""
+
+
+class _Rows:
+    """Conditions as batches without garments."""
+
+    def __init__(self, conditions: Conditions) -> None:
+        self.rows, self.cvar, self.names = conditions.rows, conditions.cvar, conditions.names
+
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        return np.zeros(len(rows), dtype=np.int64)
+
+    def batch(self, rows: np.ndarray) -> Batch:
+        return {"cvar": self.cvar(rows).astype(np.float32), "names": self.names(rows)}
+
+
+class ConditioningTraining(Trained):
+    """Gamma with its L1 loss.
+
+    Args:
+        settings: sizes and training.
+        mean, std: (C,) of the conditions over the training rows.
+    """
+
+    def __init__(self, settings: ConditioningSettings, mean: np.ndarray, std: np.ndarray) -> None:
+        super().__init__()
+        self.settings = settings
+        rng = rng_for(settings.training.seed, "conditioning")
+        self.autoencoder = ConditioningAutoencoder(
+            len(mean),
+            2 * settings.condition,
+            settings.condition,
+            mean=torch.from_numpy(mean),
+            std=torch.from_numpy(std),
+            rng=torch.Generator().manual_seed(int(rng.integers(2**62))),
+        )
+
+    def training_step(self, batch: Batch) -> torch.Tensor:
+        """L1 of the reconstruction."""
+        loss = self.autoencoder.loss(batch["cvar"])
+        self.stop_if_unfinite(loss, {"reconstruction": loss}, batch["names"])
+        self.log_means("train", {"loss": loss}, len(batch["cvar"]))
+        return loss
+
+    def validation_step(self, batch: Batch) -> None:
+        """The same on validation rows."""
+        loss = self.autoencoder.loss(batch["cvar"])
+        self.log_means("val", {"loss": loss}, len(batch["cvar"]))
+
+    def about(self) -> dict[str, Any]:
+        """Kind and settings; the statistics are among the weights."""
+        return {"kind": "conditioning", "settings": plain(asdict(self.settings))}
+
+
+def train_conditioning(
+    folder: str | Path,
+    conditions: Conditions,
+    settings: ConditioningSettings,
+    *,
+    code: str,
+    progress: str | Path,
+    threads: int,
+) -> None:
+    """Train on the training rows and leave a folder as `fit` does.
+
+    Args:
+        folder, progress, threads: see `fit`.
+        conditions: of training and validation rows.
+        settings: sizes and training.
+        code: digest of the code; a training is taken up again by the same code alone.
+
+    Raises:
+        InputError: a condition, or later the loss, is not finite; names the samples.
+    """
+    rows, training = conditions.rows("train"), settings.training
+    cvar = conditions.cvar(rows)
+    refuse_unfinite(cvar, conditions.names(rows), "conditions")
+    mean, std = cvar_statistics(cvar)
+    fit(
+        ConditioningTraining(settings, mean, std),
+        GarmentData(_Rows(conditions), batch=training.batch, seed=training.seed),
+        folder,
+        progress=progress,
+        epochs=training.epochs,
+        monitor="val_loss",
+        settings={
+            **plain(asdict(settings)),
+            "mean": mean.tolist(),
+            "std": std.tolist(),
+            "code": code,
+        },
+        trainer={"accelerator": "cpu", "devices": 1},
+        threads=threads,
+    )
+
+
+def load_conditioning(
+    checkpoint: dict[str, Any], into: ConditioningAutoencoder, path: Path
+) -> None:
+    """Give a network trained conditions.
+
+    Raises:
+        InputError: the checkpoint is of another network or another size.
+    """
+    prefix = "autoencoder."
+    state = {
+        key.removeprefix(prefix): value
+        for key, value in checkpoint["state_dict"].items()
+        if key.startswith(prefix)
+    }
+    try:
+        into.load_state_dict(state)
+    except RuntimeError as error:
+        raise InputError(
+            f"{path}: holds a conditioning network of another size than the settings ask for"
+            f" ({str(error).splitlines()[-1].strip()})"
+        ) from error

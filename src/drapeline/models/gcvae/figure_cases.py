@@ -1,0 +1,219 @@
+"""Held-out garments for pictures: their reconstructions, and their wrinkles on other garments.
+
+CLOTH3D figures 7 and 10.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.learning_data.dynamic import HISTORY_FRAMES
+from drapeline.learning_data.moving import MovingFiles, MovingGarment
+from drapeline.metrics.garment import garment_mesh, surface_error_mm
+from drapeline.metrics.predictions import GarmentCase, WornGarment
+from drapeline.models.gcvae.codes import (
+    Codes,
+    StaticGarments,
+    decode_codes,
+    encode_garments,
+    rows_of,
+    shown_points,
+    static_truth,
+)
+from drapeline.models.gcvae.dynamic_garments import DynamicGarments
+from drapeline.models.gcvae.sample import smoothed
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.outfits.garment_types import GARMENTS, first_of_each
+from drapeline.outfits.static import load_static
+from drapeline.registration.to_body.topology import Topology
+
+_MEAN_FRAMES = 64  # that the mean wrinkle code of a type is taken of
+
+
+def static_cases(
+    model: StaticVae,
+    garments: StaticGarments,
+    codes: Codes,
+    shards: Iterable[str | Path],
+    bodies: Mapping[str, BodyModel],
+) -> list[GarmentCase]:
+    """The first test garment of each type.
+
+    Args:
+        codes: of all rows.
+        shards: files of the static outfits.
+        bodies: whole bodies, by gender.
+
+    Raises:
+        InputError: a shard is missing or damaged.
+    """
+    rows = first_of_each((GARMENTS[garments.garment[r]], int(r)) for r in garments.rows("test"))
+    wanted = {str(garments.outfit[row]) for row in rows}
+    outfits = {
+        static.name: static.outfit
+        for shard in shards
+        for static in load_static(shard)
+        if static.name in wanted
+    }
+    truth = static_truth(model, garments)
+    chosen = np.array(rows)
+    decoded = decode_codes(
+        model, codes.mean[chosen], garments.cvar(chosen), garments.topology(chosen)
+    )
+    cases = []
+    for row, (offsets, mask) in zip(rows, decoded, strict=True):
+        kind, outfit = GARMENTS[garments.garment[row]], outfits[str(garments.outfit[row])]
+        original = next(g for g in outfit.garments if g.name == kind)
+        body, true_mask = truth.body(row), np.asarray(truth.mask[row])
+        true, predicted = body + truth.offsets[row], body + offsets
+        wearer = bodies[GENDERS[int(garments.cvar(np.array([row]))[0, 10])]]
+        cases.append(
+            GarmentCase(
+                label=f"{kind}\n{surface_error_mm(predicted, true, true_mask):.1f} mm",
+                original=Mesh(original.vertices, triangulate(original.faces)),
+                true=true,
+                mask=true_mask,
+                predicted=predicted,
+                predicted_mask=true_mask if mask is None else mask,
+                faces=truth.faces(row),
+                wearer=Mesh(
+                    posed_vertices(wearer, outfit.shape, REST_POSE[None])[0][0], wearer.faces
+                ),
+                root_rotation=REST_POSE[:3],
+            )
+        )
+    return cases
+
+
+def moving_cases(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    files: Sequence[MovingFiles],
+    super_bodies: Mapping[str, BodyModel],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+) -> list[GarmentCase]:
+    """The middle frame of the first garment of each type in motion.
+
+    Args:
+        files: held-out garments first.
+        super_bodies, bodies: super-resolved and whole bodies, by gender.
+    """
+    cases = []
+    for one in first_of_each((one.name, one) for one in files):
+        moving = one.load()
+        rows = rows_of(garments, moving)
+        row = rows[[len(rows) // 2]]
+        z = encode_garments(model, garments, row).mean
+        body = super_bodies[moving.gender]
+        frame = garments.data.frame[row]
+        points = shown_points(model, garments, row, moving, body, topology, z)
+        (true,) = moving.points(frame)
+        mask = moving.registered.mask
+        true, predicted = moving.on_vertices(true), moving.on_vertices(points[0])
+        pose = moving.poses[frame[0]]
+        where = "in motion" if moving.split == "test" else f"in motion ({moving.split})"
+        cases.append(
+            GarmentCase(
+                label=f"{moving.name}\n{where}\n{surface_error_mm(predicted, true, mask):.1f} mm",
+                original=Mesh(moving.cloth[frame[0]], moving.faces),
+                true=true,
+                mask=mask,
+                predicted=predicted,
+                predicted_mask=mask,
+                faces=topology.faces_of(moving.name),
+                wearer=_wearer(bodies, moving, pose),
+                root_rotation=pose[:3],
+            )
+        )
+    return cases
+
+
+def wrinkle_rows(
+    rng: np.random.Generator,
+    model: DynamicVae,
+    garments: DynamicGarments,
+    files: Sequence[MovingFiles],
+    super_bodies: Mapping[str, BodyModel],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+    columns: int,
+) -> dict[str, list[WornGarment]]:
+    """The rows of figure 10, all from one held-out frame.
+
+    Args:
+        rng: draws the codes of the last two rows.
+        files: held-out garments first; the one of them that moves most gives frame, pose and
+            wrinkle code.
+        super_bodies, bodies: super-resolved and whole bodies, by gender.
+        columns: pictures per row.
+
+    Returns:
+        Name -> garments: "pose" keeps code and garment, "garment" keeps code and pose, "codes,
+        at rest" and "codes, in motion" keep garment and pose under codes near those of training
+        frames.
+    """
+    data = garments.data
+    rows_by = [rows_of(garments, one) for one in files]
+    bend = [np.linalg.norm(data.poses[rows, 0, 3:], axis=1) for rows in rows_by]
+    held_out = [k for k, one in enumerate(files) if one.split == files[0].split]
+    chosen = max(held_out, key=lambda k: np.ptp(bend[k]))
+    rows = rows_by[chosen]
+    lively = rows[[bend[chosen].argmax()]]
+    z = encode_garments(model, garments, lively).mean
+    first = first_of_each((one.name, k) for k, one in enumerate(files))
+    shown = {k: files[k].load() for k in {chosen, *first}}
+
+    def worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
+        other = shown[which]
+        own = np.repeat(rows_by[which][:1], len(codes))
+        body = super_bodies[other.gender]
+        points = shown_points(model, garments, own, other, body, topology, codes, poses)
+        faces, mask = topology.faces_of(other.name), other.registered.mask
+        return [
+            WornGarment(
+                other.name,
+                garment_mesh(other.on_vertices(p), faces, mask),
+                _wearer(bodies, other, pose),
+                pose[:3],
+            )
+            for p, pose in zip(points, poses[:, 0], strict=True)
+        ]
+
+    spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
+    drawn = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
+    rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
+    return {
+        "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
+        "garment": [w for k in first for w in worn(k, z, data.poses[lively])],
+        "codes,\nat rest": worn(chosen, drawn, rest),
+        "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
+    }
+
+
+def _wrinkle_codes(
+    rng: np.random.Generator,
+    model: DynamicVae,
+    garments: DynamicGarments,
+    name: str,
+    count: int,
+) -> np.ndarray:
+    """(count, Z) codes near those of training frames of a type, or of any if it has none.
+
+    A smoothed bootstrap, as for garments at rest: the prior mixes the wrinkles of all types.
+    """
+    data, rows = garments.data, garments.rows("train")
+    of_type = rows[data.garment[data.wearer[rows]] == GARMENTS.index(name)]
+    drawn = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
+    codes = encode_garments(model, garments, drawn).mean
+    mean = codes.mean(axis=0)
+    return smoothed(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
+
+
+def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:
+    body = bodies[moving.gender]
+    return Mesh(posed_vertices(body, moving.shape, pose[None])[0][0], body.faces)

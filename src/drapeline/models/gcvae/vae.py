@@ -1,0 +1,402 @@
+"""The static and the dynamic garment VAE, their losses and their schedules."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.models.gcvae.body_template import Domain, rest_bodies
+from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
+from drapeline.models.gcvae.loss import (
+    GcvaeLoss,
+    distance_sums,
+    kl_nat,
+    mask_sums,
+    normal_sums,
+    offset_sums,
+)
+from drapeline.models.gcvae.networks import Code, Gcvae, GcvaeNetwork
+from drapeline.models.layers.mesh_normals import FaceNormals
+from drapeline.models.training.batches import Batch, Garments, as_tensors, refuse_unfinite
+from drapeline.models.training.module import Trained, Training, plain
+from drapeline.registration.to_body.topology import TOPOLOGIES
+from drapeline.seeding import rng_for
+
+
+@dataclass(frozen=True)
+class GcvaeTraining(Training):
+    """How a garment VAE is trained; numbers as printed in CLOTH3D where it prints any.
+
+    Attributes:
+        model: "gcvae", the paper's SVAE; "dynamic", the paper's DVAE; or ours of each, "linear"
+            and "linear_dynamic".
+        normal_parts: each step takes the normals of one of so many parts of all faces.
+        mask: whether the decoder predicts the mask.
+        version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
+            the static garment. An SVAE has "rest".
+    """
+
+    model: str = "gcvae"
+    normal_parts: int = 4
+    mask: bool = True
+    version: str = "rest"
+
+
+@dataclass(frozen=True)
+class VaeSettings:
+    """All that a garment VAE is built from besides its domain."""
+
+    network: GcvaeNetwork = field(default_factory=GcvaeNetwork)
+    loss: GcvaeLoss = field(default_factory=GcvaeLoss)
+    training: GcvaeTraining = field(default_factory=GcvaeTraining)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Mapping[str, Any]]) -> "VaeSettings":
+        """From nested mappings as they stand in a config or a checkpoint."""
+        network = {k: tuple(v) if k == "widths" else v for k, v in values["network"].items()}
+        return cls(
+            GcvaeNetwork(**network),
+            GcvaeLoss(**values["loss"]),
+            GcvaeTraining(**values["training"]),
+        )
+
+
+# Deviations from the mean at which the encoder's input is cut: outside of its mask a garment has
+# no offset, and at vertices where all others have much that is dozens of deviations away.
+_FAR = 5.0
+_FIRST_BATCH = 64
+
+
+class Part(NamedTuple):
+    """The samples of a batch that share a topology, in coordinate planes.
+
+    Attributes:
+        rows: (B_t,) their places in the batch.
+        names: of the samples.
+        cvar: (B_t, C) conditions.
+        offsets: (V, 3, B_t) metres.
+        mask: (V, B_t) bool.
+        base: (V, 3, B_t) metres, what the offsets are added to.
+        inputs: (V, C, B_t) normalised encoder input.
+        target: (V, 3, B_t) normalised offsets.
+    """
+
+    rows: torch.Tensor
+    names: list[str]
+    cvar: torch.Tensor
+    offsets: torch.Tensor
+    mask: torch.Tensor
+    base: torch.Tensor
+    inputs: torch.Tensor
+    target: torch.Tensor
+
+
+class GarmentVae(Trained):
+    """What SVAE and DVAE share: network, loss, schedules and metrics.
+
+    Args:
+        settings: sizes, loss and training.
+        domain: graphs, faces, statistics and rest bodies.
+        inputs: encoder channels per vertex.
+    """
+
+    kind = ""
+
+    def __init__(self, settings: VaeSettings, domain: Domain, *, inputs: int) -> None:
+        super().__init__()
+        self.settings, self.domain = settings, domain
+        seed = settings.training.seed
+        rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
+        self.build(domain, inputs, rng)
+        self.normals = torch.nn.ModuleDict(
+            {
+                name: FaceNormals(
+                    domain.faces[name],
+                    len(domain.offset_mean),
+                    parts=settings.training.normal_parts,
+                    rng=rng_for(seed, "faces", name),
+                )
+                for name in TOPOLOGIES
+            }
+        )
+        for name in ("offset", "base", "body"):
+            for moment in ("mean", "std"):
+                self._constant(f"{name}_{moment}")
+        self._constant("body_basis")
+
+    def _constant(self, name: str) -> None:
+        table = torch.from_numpy(np.asarray(getattr(self.domain, name), dtype=np.float32))
+        self.register_buffer(name, table, persistent=False)
+
+    # ---- what kinds of networks do differently
+
+    def build(self, domain: Domain, inputs: int, rng: torch.Generator) -> None:
+        """Make the networks."""
+        size = self.settings.network
+        self.conditioning = ConditioningAutoencoder(
+            len(domain.cvar_mean),
+            2 * size.condition,
+            size.condition,
+            mean=torch.from_numpy(domain.cvar_mean),
+            std=torch.from_numpy(domain.cvar_std),
+            rng=rng,
+        ).requires_grad_(False)
+        self.network = Gcvae(domain, size, inputs=inputs, mask=self.settings.training.mask, rng=rng)
+
+    def prepare(self, garments: Garments) -> None:
+        """Set what is found from the training rows before training."""
+        rows = garments.rows("train")
+        rng = rng_for(self.settings.training.seed, "first batch")
+        chosen = np.sort(rng.permutation(rows)[:_FIRST_BATCH])
+        chosen = chosen[np.argsort(garments.topology(chosen), kind="stable")]
+        batch = garments.batch(chosen)
+        refuse_unfinite(batch["offsets"], batch["names"], "offsets")
+        parts = self.parts(as_tensors(batch))
+        self.network.normalise_by(network_inputs(parts))
+
+    @abstractmethod
+    def base_and_inputs(
+        self, batch: Batch, rows: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """What offsets are added to, and what the encoder sees besides them: (V, 3, B_t) each."""
+
+    # ---- from batches to parts and back
+
+    def parts(self, batch: Batch) -> dict[str, Part]:
+        """The batch by topology; a topology without samples is left out."""
+        parts = {}
+        for code, name in enumerate(TOPOLOGIES):
+            rows = torch.nonzero(batch["topology"] == code)[:, 0]
+            if len(rows) == 0:
+                continue
+            offsets = planes(batch["offsets"][rows])
+            base, inputs = self.base_and_inputs(batch, rows)
+            target = self.normalised(offsets, "offset")
+            parts[name] = Part(
+                rows=rows,
+                names=[batch["names"][row] for row in rows.tolist()],
+                cvar=batch["cvar"][rows],
+                offsets=offsets,
+                mask=batch["mask"][rows].T,
+                base=base,
+                inputs=torch.cat([target, *inputs], 1).clamp(-_FAR, _FAR),
+                target=target,
+            )
+        return parts
+
+    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+        """Codes in the order of the parts."""
+        return self.network.encode(network_inputs(parts))
+
+    def decode_parts(
+        self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
+    ) -> dict[str, torch.Tensor]:
+        """Topology -> (V, 3 or 4, B_t) normalised offsets and mask logit."""
+        out = self.network.decode(z, self.conditioning(cvar), counts)
+        return {name: x.transpose(1, 2).contiguous() for name, x in out.items()}
+
+    @torch.no_grad()
+    def encode(self, batch: Batch) -> Code:
+        """Codes of the samples of a batch, in its order."""
+        parts = self.parts(batch)
+        code = self.encode_parts(parts)
+        order = torch.argsort(torch.cat([part.rows for part in parts.values()]))
+        return Code(*(x[order] for x in code))
+
+    def decode(
+        self, z: torch.Tensor, cvar: torch.Tensor, topology: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor | None]:
+        """Garments of codes; nothing of an input garment is needed.
+
+        Args:
+            z: (B, latent).
+            cvar: (B, C) conditions.
+            topology: (B,) codes of `TOPOLOGIES`.
+
+        Returns:
+            Offsets (B, V, 3) in metres, and the mask's probability (B, V) or None without a mask
+            branch.
+        """
+        rows = {name: torch.nonzero(topology == code)[:, 0] for code, name in enumerate(TOPOLOGIES)}
+        rows = {name: part for name, part in rows.items() if len(part)}
+        order = torch.cat(list(rows.values()))
+        counts = {name: len(part) for name, part in rows.items()}
+        parts = self.decode_parts(z[order], cvar[order], counts)
+        out = torch.cat(list(parts.values()), 2)[..., torch.argsort(order)]
+        offsets = self.metres(out[:, :3]).permute(2, 0, 1)
+        return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
+
+    def normalised(self, x: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) metres -> by the mean and deviation per vertex of `name`."""
+        mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
+        return (x - mean[..., None]) / std[..., None]
+
+    def metres(self, normalised: torch.Tensor) -> torch.Tensor:
+        """(V, 3, B) normalised offsets -> metres."""
+        return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
+
+    # ---- training
+
+    def training_step(self, batch: Batch) -> torch.Tensor:
+        """Loss of equation 3 for one batch."""
+        parts = self.parts(batch)
+        cvar, counts = conditions_of(parts)
+        code = self.encode_parts(parts)
+        z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
+        out = self.decode_parts(z, cvar, counts)
+        terms = self.garment_terms(parts, out, self.at.step % len(self.normals["body"].edges))
+        terms |= self.code_terms(code, cvar)
+        scale = {
+            "offsets": 1.0,
+            "kl": self.settings.loss.kl_weight(self.at.epoch / self.settings.training.epochs),
+        }
+        loss = sum(
+            (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
+            for key, term in terms.items()
+        )
+        self.stop_if_unfinite(loss, terms, batch["names"])
+        self.log_means("train", {"loss": loss, **terms}, len(cvar))
+        return loss
+
+    def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The other terms of equation 3."""
+        return {
+            "condition": (code.condition - self.conditioning(cvar)).abs().mean(),
+            "kl": kl_nat(code.mean, code.log_variance).mean() / code.mean.shape[1],
+        }
+
+    def garment_terms(
+        self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor], faces: int
+    ) -> dict[str, torch.Tensor]:
+        """Offsets, normals and mask terms of equation 4, over all topologies together."""
+        weights = self.settings.loss
+        sums = {key: out[next(iter(out))].new_zeros(2) for key in ("offsets", "normals", "mask")}
+        for name, part in parts.items():
+            x = out[name]
+            inside = part.mask if weights.offsets_within == "mask" else None
+            if weights.offsets_form == "l1":
+                sums["offsets"] = sums["offsets"] + offset_sums(x[:, :3], part.target, inside)
+            else:
+                made = self.metres(x[:, :3])
+                sums["offsets"] = sums["offsets"] + distance_sums(made, part.offsets, inside)
+            if weights.normals:
+                normals = self.normals[name]
+                true = normals(part.base + part.offsets, faces)
+                made = normals(part.base + self.metres(x[:, :3]), faces)
+                among = normals.mask(part.mask, faces)
+                sums["normals"] = sums["normals"] + normal_sums(made, true, among)
+            if x.shape[1] > 3:
+                sums["mask"] = sums["mask"] + mask_sums(x[:, 3], part.mask, weights.mask_form)
+        return {key: total / count.clamp_min(1) for key, (total, count) in sums.items()}
+
+    def validation_step(self, batch: Batch) -> None:
+        """L_o + 0.1 KL, by which the best weights are chosen, and metrics; all at the mean code."""
+        parts = self.parts(batch)
+        cvar, counts = conditions_of(parts)
+        code = self.encode_parts(parts)
+        out = self.decode_parts(code.mean, cvar, counts)
+        nats = kl_nat(code.mean, code.log_variance).mean()
+        offsets = self.garment_terms(parts, out, 0)["offsets"]
+        values = {
+            "selection": offsets + 0.1 * nats / code.mean.shape[1],
+            "offsets": offsets,
+            "kl_nat": nats,
+            **self._metrics(parts, out),
+        }
+        self.log_means("val", values, len(cvar))
+
+    def _metrics(
+        self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor]
+    ) -> dict[str, torch.Tensor]:
+        """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
+        errors, overlaps = [], []
+        for name, part in parts.items():
+            distance = (self.metres(out[name][:, :3]) - part.offsets).norm(dim=1)
+            errors.append((distance * part.mask).sum(0) / part.mask.sum(0).clamp_min(1))
+            if out[name].shape[1] > 3:
+                made = out[name][:, 3] > 0
+                overlaps.append((made & part.mask).sum(0) / (made | part.mask).sum(0).clamp_min(1))
+        values = {"surface_error_mm": 1000 * torch.cat(errors).mean()}
+        if overlaps:
+            values["mask_iou"] = torch.cat(overlaps).mean()
+        return values
+
+    def _noise(self, like: torch.Tensor) -> torch.Tensor:
+        """Standard normal numbers of seed, step and rank alone, so that a resume draws the same."""
+        rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
+        return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
+
+    def about(self) -> dict[str, Any]:
+        """All that is needed to build the network again, as plain values and tensors."""
+        return {
+            "kind": self.kind,
+            "settings": plain(asdict(self.settings)),
+            "domain": self.domain.tensors(),
+        }
+
+
+def network_inputs(parts: Mapping[str, Part]) -> dict[str, torch.Tensor]:
+    """Topology -> (V, B_t, C), as the graph network takes it."""
+    return {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
+
+
+def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:
+    """Conditions (B, C) in the order of the parts, and how many samples each part has."""
+    cvar = torch.cat([part.cvar for part in parts.values()])
+    return cvar, {name: len(part.rows) for name, part in parts.items()}
+
+
+def planes(x: torch.Tensor) -> torch.Tensor:
+    """(B, V, C) -> (V, C, B), contiguous."""
+    return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
+
+
+class StaticVae(GarmentVae):
+    """SVAE: garments in rest pose, conditioned on shape, gender and tightness."""
+
+    kind = "static"
+
+    def __init__(self, settings: VaeSettings, domain: Domain) -> None:
+        super().__init__(settings, domain, inputs=6)
+
+    def base_and_inputs(
+        self, batch: Batch, rows: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """Offsets are added to the rest body T, which the encoder sees too."""
+        body = rest_bodies(self.body_basis, batch["cvar"][rows])
+        return body, [self.normalised(body, "base")]
+
+
+class DynamicVae(GarmentVae):
+    """DVAE: garments in motion, conditioned on poses and on the garment's static code as well.
+
+    The mask is that of the static garment, so there is no mask branch. Version "posed": offsets
+    C_d - T_d are added to the posed body, which the encoder sees too. Version "unposed": offsets
+    K^-1(C_d) - C_s are added to the static garment, and the encoder sees it and the rest body.
+    A batch brings what its offsets are added to as `base` (B, V, 3).
+
+    Attributes:
+        settles: whether its garments go through `settled` after decoding, which the paper has not.
+    """
+
+    kind = "dynamic"
+    settles = False
+
+    def __init__(self, settings: VaeSettings, domain: Domain) -> None:
+        super().__init__(
+            settings, domain, inputs=9 if settings.training.version == "unposed" else 6
+        )
+
+    def base_and_inputs(
+        self, batch: Batch, rows: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """The posed body; or the static garment, with the rest body besides."""
+        base = planes(batch["base"][rows])
+        inputs = [self.normalised(base, "base")]
+        if self.settings.training.version == "unposed":
+            body = rest_bodies(self.body_basis, batch["cvar"][rows])
+            inputs.append(self.normalised(body, "body"))
+        return base, inputs

@@ -1,0 +1,187 @@
+"""Layers of PointNet++ (Qi et al. 2017): features of points from the points around them.
+
+Nothing here normalises over a batch, so a batch gives what its clouds give one by one: features
+are normalised point by point, after the maximum over a neighbourhood, where rows are few, and what
+is pooled from a whole window by what training has shown so far.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from drapeline.models.layers.chebyshev import linear
+from drapeline.models.layers.point_search import ball_neighbours, gathered, nearest_neighbours
+from drapeline.models.layers.precision import full_precision
+
+_SMALL = 1e-8
+_MOMENTUM, _FLOOR = 0.02, 1e-4
+
+
+class PointLevel(NamedTuple):
+    """A point set per cloud, with features.
+
+    Attributes:
+        points: (B, n, 3) metres.
+        features: (B, n, C), zero where a point is not valid.
+        valid: (B, n) bool, false for padding.
+    """
+
+    points: torch.Tensor
+    features: torch.Tensor
+    valid: torch.Tensor
+
+
+class Neighbourhoods(nn.Module):
+    """max_j h([(x_j - c) / r, f_j]) over points x_j in the ball of radius r around each centre c.
+
+    h is a perceptron with a ReLU after each layer. Its first layer is linear in the point and in
+    the centre, so it is computed once for each of them and not once for each pair.
+
+    Args:
+        inputs: features per point.
+        widths: of the layers of h.
+        radius: r, metres.
+        count: most points per ball, see `points.ball_neighbours`.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self, inputs: int, widths: Sequence[int], radius: float, count: int, rng: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.radius = radius
+        self.count = count
+        self.first = linear(3 + inputs, widths[0], rng)
+        self.others = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(widths))
+
+    def forward(self, level: PointLevel, centres: torch.Tensor) -> torch.Tensor:
+        """Features (B, Q, widths[-1]) at centres (B, Q, 3); zero where no point is valid."""
+        place, feature = self.first.weight[:, :3] / self.radius, self.first.weight[:, 3:]
+        points = placed(level.points, place)
+        points = points + F.linear(level.features, feature, self.first.bias)
+        middle = placed(centres, place)
+        index = ball_neighbours(level.points, centres, self.radius, self.count, level.valid)
+        rows = gathered(points, index)  # (B, Q, count, widths[0])
+        if self.others:
+            rows = rows - middle[:, :, None]
+            for layer in self.others:
+                rows = layer(rows.relu_())
+            rows = rows.max(2).values
+        else:
+            rows = rows.max(2).values - middle
+        return rows.relu() * level.valid.any(1)[:, None, None]
+
+
+@full_precision
+def placed(points: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """(B, n, 3) -> (B, n, C), exact enough that points of one ball can be told apart."""
+    return F.linear(points, weight)
+
+
+class SetAbstraction(nn.Module):
+    """Neighbourhoods of several sizes around some of the points, side by side.
+
+    Args:
+        inputs: features per point.
+        radii, counts, widths: of each size.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self,
+        inputs: int,
+        radii: Sequence[float],
+        counts: Sequence[int],
+        widths: Sequence[Sequence[int]],
+        rng: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.scales = nn.ModuleList(
+            Neighbourhoods(inputs, layers, radius, count, rng)
+            for radius, count, layers in zip(radii, counts, widths, strict=True)
+        )
+        self.outputs = sum(layers[-1] for layers in widths)
+        self.norm = nn.LayerNorm(self.outputs)
+
+    def forward(self, level: PointLevel, chosen: torch.Tensor) -> PointLevel:
+        """The level of the points at indices (B, Q)."""
+        centres, valid = gathered(level.points, chosen), level.valid.gather(1, chosen)
+        features = torch.cat([scale(level, centres) for scale in self.scales], dim=-1)
+        return PointLevel(centres, self.norm(features) * valid[..., None], valid)
+
+
+class FeaturePropagation(nn.Module):
+    """Features of a coarse level at the points of a fine one, joined with those of the fine one.
+
+    The three nearest coarse points count by their inverse squared distances. The interpolation is
+    linear, so the first layer comes before it, where points are fewer.
+
+    Args:
+        coarse, fine: features per point of the two levels.
+        widths: of the layers.
+        rng: source of the initial weights.
+    """
+
+    def __init__(self, coarse: int, fine: int, widths: Sequence[int], rng: torch.Generator) -> None:
+        super().__init__()
+        self.coarse = coarse
+        self.first = linear(coarse + fine, widths[0], rng)
+        self.norm = nn.LayerNorm(widths[0])
+        self.others = perceptron(widths, rng)
+
+    def forward(self, fine: PointLevel, coarse: PointLevel) -> torch.Tensor:
+        """Features (B, n, widths[-1]) at the n points of the fine level."""
+        rows = F.linear(coarse.features, self.first.weight[:, : self.coarse])
+        own = F.linear(fine.features, self.first.weight[:, self.coarse :], self.first.bias)
+        features = interpolated(coarse._replace(features=rows), fine.points) + own
+        return self.others(self.norm(features).relu())
+
+
+def interpolated(level: PointLevel, places: torch.Tensor) -> torch.Tensor:
+    """Features (B, Q, C) at places (B, Q, 3) from the three nearest points of each cloud."""
+    squared, index = nearest_neighbours(level.points, places, 3, level.valid)
+    share = 1 / (squared + _SMALL)
+    share = (share / share.sum(-1, keepdim=True).clamp_min(_SMALL)).to(level.features.dtype)
+    return (gathered(level.features, index) * share[..., None]).sum(-2)
+
+
+def perceptron(widths: Sequence[int], rng: torch.Generator) -> nn.Sequential:
+    """Linear layers from widths[0] to widths[-1], each with a LayerNorm and a ReLU after it."""
+    layers: list[nn.Module] = []
+    for a, b in pairwise(widths):
+        layers += [linear(a, b, rng), nn.LayerNorm(b), nn.ReLU()]
+    return nn.Sequential(*layers)
+
+
+class RunningNorm(nn.Module):
+    """Features less their mean over what training has shown so far, by their deviation.
+
+    Most of what is pooled from a whole cloud is the same for all garments; a layer after it has to
+    see the rest. Only training with gradients adds to the statistics.
+    """
+
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(features))
+        self.register_buffer("square", torch.ones(features))
+        self.register_buffer("steps", torch.zeros(()))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> (B, C)."""
+        if self.training and torch.is_grad_enabled():
+            with torch.no_grad():
+                self.steps += 1
+                share = torch.clamp(1 / self.steps, min=_MOMENTUM)
+                self.mean += share * (x.mean(0) - self.mean)
+                self.square += share * (((x - self.mean) ** 2).mean(0) - self.square)
+        return (x - self.mean) / (self.square + _FLOOR).sqrt()
+
+
+def pooled(features: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+    """Largest features (B, C) over the valid of (B, n, C) points; zero if there is none."""
+    most = features.masked_fill(~valid[..., None], -torch.inf).amax(1)
+    return most.masked_fill(~valid.any(1, keepdim=True), 0)

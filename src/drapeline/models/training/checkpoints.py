@@ -1,0 +1,30 @@
+"""Trained networks from their checkpoint files; nothing in a file is executed."""
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from drapeline.errors import InputError
+
+
+def read_checkpoint(path: str | Path) -> dict[str, Any]:
+    """A checkpoint of ours as plain values and tensors.
+
+    Raises:
+        InputError: the file is missing, is no checkpoint, or is not one of ours.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a checkpoint")
+    try:
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"{path}: not readable as a checkpoint of plain weights ({reason})"
+        ) from error
+    if not isinstance(checkpoint, dict) or "drapeline" not in checkpoint:
+        raise InputError(f"{path}: not a checkpoint of drapeline, which has a 'drapeline' entry")
+    return checkpoint

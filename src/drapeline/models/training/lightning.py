@@ -1,0 +1,264 @@
+"""Training that survives being killed: a Lightning trainer, its checkpoints and its history."""
+
+import ctypes
+import hashlib
+import json
+import logging
+import math
+import shutil
+import sys
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as lightning
+import torch
+from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
+from pytorch_lightning.loggers import TensorBoardLogger
+from torch.utils.data import DataLoader
+
+from drapeline.models.training.batches import Batch, GarmentData
+from drapeline.models.training.module import BEST, LAST, Position, Trained
+from drapeline.rule_log import LOGGER
+from drapeline.storage import whole_file, whole_folder, write_json
+
+# What Lightning has to say (devices, tips, that it is done) is for the rule's log, where ours goes.
+for _name in ("pytorch_lightning", "lightning_fabric"):
+    _chatter = logging.getLogger(_name)
+    _chatter.handlers.clear()
+    _chatter.parent, _chatter.propagate = LOGGER, True
+
+HISTORY, SETTINGS = "history.tsv", "settings.json"
+CURVES = "tensorboard"
+
+
+class History(lightning.Callback):
+    """A row per epoch, in the checkpoint so that a resumed training keeps the earlier ones."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.rows = path, []
+        self._started = time.perf_counter()
+
+    def on_train_epoch_start(self, *_: Any) -> None:
+        """Start the clock."""
+        self._started = time.perf_counter()
+
+    def on_train_epoch_end(self, trainer: lightning.Trainer, _: Any) -> None:
+        """Write the epoch's row, and a line of it into the log."""
+        values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
+        seconds = time.perf_counter() - self._started
+        self.rows.append({"epoch": trainer.current_epoch, "seconds": round(seconds, 3), **values})
+        if not trainer.is_global_zero:
+            return
+        self._write()
+        LOGGER.info(
+            "epoch %d of %d, %.1f s: %s",
+            trainer.current_epoch + 1,
+            trainer.max_epochs,
+            seconds,
+            ", ".join(f"{key} {value:.4g}" for key, value in values.items()),
+        )
+
+    def _write(self) -> None:
+        with whole_file(self.path) as scratch:
+            lines = ["\t".join(self.rows[0])]
+            lines += ["\t".join(f"{value:.7g}" for value in row.values()) for row in self.rows]
+            scratch.write_text("\n".join(lines) + "\n")
+
+    def state_dict(self) -> dict[str, Any]:
+        """For the checkpoint."""
+        return {"rows": self.rows}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """From the checkpoint."""
+        self.rows = list(state["rows"])
+
+
+class _Loop(lightning.LightningModule):
+    """What Lightning trains: a network that knows nothing of it, and the batches for it.
+
+    In checkpoints are the network's weights alone.
+    """
+
+    def __init__(self, trained: Trained, data: GarmentData) -> None:
+        super().__init__()
+        self.trained, self.data = trained, data
+
+    def state_dict(self, *args: Any, **kwargs: Any) -> Any:
+        """The network's."""
+        return self.trained.state_dict(*args, **kwargs)
+
+    def load_state_dict(self, *args: Any, **kwargs: Any) -> Any:
+        """Into the network."""
+        return self.trained.load_state_dict(*args, **kwargs)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Put in all that is needed to build the network again."""
+        checkpoint["drapeline"] = self.trained.about()
+
+    def train_dataloader(self) -> DataLoader:
+        """This process's share of the training batches."""
+        return self._loader("train")
+
+    def val_dataloader(self) -> DataLoader:
+        """This process's share of the validation batches."""
+        return self._loader("val")
+
+    def _loader(self, split: str) -> DataLoader:
+        among = self.trainer
+        return self.data.loader(split, processes=among.world_size, rank=among.global_rank)
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """The network's own."""
+        return self.trained.optimizer()
+
+    def on_train_batch_start(self, *_: Any) -> None:
+        """Set the learning rate from the step alone."""
+        training = self.trained.settings.training
+        share = self.global_step / self.trainer.estimated_stepping_batches
+        rate = learning_rate(training.learning_rate, training.schedule, share)
+        for group in self.optimizers().param_groups:
+            group["lr"] = rate
+
+    def training_step(self, batch: Batch, _: int) -> torch.Tensor:
+        """Loss of one batch."""
+        return self._step(self.trained.training_step, batch)
+
+    def validation_step(self, batch: Batch, _: int) -> None:
+        """What one batch of the validation rows comes to."""
+        self._step(self.trained.validation_step, batch)
+
+    def _step(self, step: Callable[[Batch], Any], batch: Batch) -> Any:
+        trained = self.trained
+        trained.position = Position(self.current_epoch, self.global_step, self.global_rank)
+        out = step(batch)
+        while trained.logged:
+            values, count = trained.logged.pop()
+            self.log_dict(values, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
+        return out
+
+
+def fit(
+    module: Trained,
+    data: GarmentData,
+    folder: str | Path,
+    *,
+    progress: str | Path,
+    epochs: int,
+    monitor: str,
+    settings: Mapping[str, Any],
+    trainer: Mapping[str, Any],
+    threads: int,
+) -> None:
+    """Train, or go on with a training that was stopped, and leave the finished folder.
+
+    Args:
+        module, data: what is trained on what.
+        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json` and `tensorboard`.
+        progress: folder for a training under way; taken up again if its settings are `settings`.
+        epochs: of training.
+        monitor: logged value whose least epoch is the best one.
+        settings: all that the result depends on, as JSON values.
+        trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
+        threads: of the processor.
+
+    With several devices each has a process of its own that calls this; the first one writes.
+    """
+    keep_freed_memory()
+    torch.set_num_threads(threads)
+    # Named after the settings, so that no process looks at what another one clears away.
+    text = json.dumps(settings, sort_keys=True)
+    under_way = Path(progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
+    engine = _trainer(under_way, epochs, monitor, trainer)
+    if engine.is_global_zero:
+        begin(under_way, settings)
+    last = under_way / LAST
+    resumed = last.exists()
+    if resumed:
+        LOGGER.info("going on from %s", last)
+    with warnings.catch_warnings():
+        # The progress folder is meant to hold files; the other is Lightning's own business.
+        warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
+        warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
+        loop = _Loop(module, data)
+        engine.fit(loop, ckpt_path=last if resumed else None, weights_only=True)
+    module.position = None
+    if engine.is_global_zero:
+        with whole_folder(folder) as scratch:
+            for name in (LAST, BEST, HISTORY, SETTINGS):
+                shutil.copyfile(under_way / name, scratch / name)
+            shutil.copytree(under_way / CURVES, scratch / CURVES)
+        shutil.rmtree(progress)
+
+
+def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
+    """Make the folder of a training, or keep it, and clear away those of other settings."""
+    for other in under_way.parent.glob("*"):
+        if other.name != under_way.name:
+            shutil.rmtree(other) if other.is_dir() else other.unlink()
+    write_json(under_way / SETTINGS, settings)
+
+
+def _trainer(
+    under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]
+) -> lightning.Trainer:
+    terminal = sys.stderr.isatty()
+    # The last after the best, so that a resume knows which epoch was best so far.
+    keepers = [
+        ModelCheckpoint(
+            under_way,
+            filename=Path(name).stem,
+            monitor=value,
+            enable_version_counter=False,
+            save_on_train_epoch_end=True,
+        )
+        for name, value in ((BEST, monitor), (LAST, None))
+    ]
+    return lightning.Trainer(
+        max_epochs=epochs,
+        callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
+        logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
+        use_distributed_sampler=False,  # ours knows of several devices
+        enable_progress_bar=terminal,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        log_every_n_steps=1,
+        **options,
+    )
+
+
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
+
+
+def keep_freed_memory() -> None:
+    """Tell glibc to keep large freed blocks; a third of a training step can be page faults.
+
+    Does nothing where the C library has no `mallopt`.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    library = ctypes.CDLL(None)
+    if hasattr(library, "mallopt"):
+        library.mallopt(_MMAP_THRESHOLD, 1 << 30)
+        library.mallopt(_TRIM_THRESHOLD, (1 << 31) - 1)
+        library.mallopt(_TOP_PAD, 256 << 20)
+
+
+_WARM_SHARE = 0.1
+
+
+def learning_rate(peak: float, schedule: str, share: float) -> float:
+    """Learning rate once `share` (0 to 1) of all steps is done.
+
+    Args:
+        peak: the constant, or the largest one.
+        schedule: "constant", or "one_cycle": a short rise, then half a cosine down to zero.
+    """
+    if schedule == "constant":
+        return peak
+    if share < _WARM_SHARE:
+        return peak * (0.1 + 0.9 * share / _WARM_SHARE)
+    fall = (share - _WARM_SHARE) / (1 - _WARM_SHARE)
+    return peak * 0.5 * (1 + math.cos(math.pi * fall))

@@ -1,0 +1,132 @@
+"""What all networks share that are trained: optimiser, logs, a stop at NaN.
+
+Lightning trains them, see `fitting`, but they know nothing of it: it takes seconds to import, and
+whoever only uses a trained network need not wait for it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.training.batches import Batch
+
+LAST, BEST = "last.ckpt", "best.ckpt"  # of a training's folder
+
+
+@dataclass(frozen=True)
+class Training:
+    """How long and how fast a network is trained.
+
+    Attributes:
+        epochs: passes over the training rows; schedules are in shares of it.
+        batch: rows per step.
+        learning_rate: of Adam.
+        schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
+        seed: of weights, order and noise.
+    """
+
+    epochs: int = 100
+    batch: int = 32
+    learning_rate: float = 1e-3
+    schedule: str = "constant"
+    seed: int = 0
+
+
+class _Settings(Protocol):
+    training: Training
+
+
+class Position(NamedTuple):
+    """Where a training is: its epoch, its step over all epochs, and the process among several."""
+
+    epoch: int = 0
+    step: int = 0
+    rank: int = 0
+
+
+class Logged(NamedTuple):
+    """Means over a batch of `count` rows."""
+
+    values: dict[str, torch.Tensor]
+    count: int
+
+
+class Trained(torch.nn.Module, ABC):
+    """A module whose `settings.training` is a `Training`.
+
+    Attributes:
+        position: None when it is not being trained.
+        logged: by the steps, taken away by who trains.
+    """
+
+    settings: _Settings
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.position: Position | None = None
+        self.logged: list[Logged] = []
+
+    @property
+    def at(self) -> Position:
+        """Where its training is, or would begin."""
+        return self.position or Position()
+
+    @property
+    def device(self) -> torch.device:
+        """Where its weights are."""
+        return next(self.parameters()).device
+
+    @abstractmethod
+    def training_step(self, batch: Batch) -> torch.Tensor:
+        """Loss of one batch."""
+
+    @abstractmethod
+    def validation_step(self, batch: Batch) -> None:
+        """Log what one batch of the validation rows comes to."""
+
+    @abstractmethod
+    def about(self) -> dict[str, Any]:
+        """All that is needed to build the module again, as plain values and tensors."""
+
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Adam, as printed in the papers."""
+        trained = [p for p in self.parameters() if p.requires_grad]
+        return torch.optim.Adam(trained, lr=self.settings.training.learning_rate, fused=True)
+
+    def log_means(self, stage: str, values: Mapping[str, torch.Tensor], count: int) -> None:
+        """Log means over an epoch of values of a batch of `count` rows, as `{stage}_{name}`."""
+        named = {f"{stage}_{key}": value.detach() for key, value in values.items()}
+        self.logged.append(Logged(named, count))
+
+    def stop_if_unfinite(
+        self, loss: torch.Tensor, terms: Mapping[str, torch.Tensor], names: Sequence[str]
+    ) -> None:
+        """Check a loss.
+
+        Raises:
+            InputError: it is NaN or infinite; names its terms and the rows of the batch.
+        """
+        if torch.isfinite(loss):
+            return
+        values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
+        raise InputError(
+            f"training stopped in epoch {self.at.epoch}, step {self.at.step}: the loss"
+            f" is {float(loss.detach())} ({values}) for samples {', '.join(names)};"
+            " expected a finite loss"
+        )
+
+
+def fastest_device() -> torch.device:
+    """What trained networks are run on: a CUDA device where there is one."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def plain(value: Any) -> Any:
+    """Tuples as lists, so that a checkpoint holds nothing but plain values."""
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, tuple | list) else value

@@ -1,0 +1,1 @@
+"""Sewing patterns of garments, in panels of quads."""

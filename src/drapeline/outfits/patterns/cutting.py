@@ -1,0 +1,190 @@
+"""From sampled numbers to garments on the dress form: measures, panels, sewing."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from drapeline.geometry.mesh import boundary_loops
+from drapeline.outfits.dress_form import ANGLES, Form, Tube
+from drapeline.outfits.patterns.curves import smoothstep
+from drapeline.outfits.patterns.lower import (
+    SkirtCut,
+    TrousersCut,
+    build_skirt,
+    build_trousers,
+    skirt_half_ring,
+    trousers_half_ring,
+)
+from drapeline.outfits.patterns.panels import Pattern
+from drapeline.outfits.patterns.separation import kept_apart
+from drapeline.outfits.patterns.upper import UpperCut, build_upper, chest_half_ring
+from drapeline.outfits.patterns.width_profile import WidthLine
+from drapeline.outfits.settling import draped, fold_seeds
+
+Numbers = Mapping[str, Any]
+_FOLD_M = 0.0015
+_CALM_M = 0.04  # ends of a garment stay clean over this distance
+_DRAPE_GAP_M = 0.006
+_DRAPE_STEPS = 30
+_TORSO_M = 0.53  # the torso that distances in the ranges are meant for
+
+
+def size_of(form: Form) -> float:
+    """Torso length in units of the ranges' torso."""
+    return (form.landmarks["shoulder"] - form.landmarks["crotch"]) / _TORSO_M
+
+
+def _mean_diameter(tube: Tube, along_m: float) -> float:
+    angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
+    return 2 * float(tube.at(np.full(ANGLES, along_m), angle).mean())
+
+
+def _mix(a: float, b: float, share: float) -> float:
+    return a + (b - a) * share
+
+
+def waist_height(form: Form, values: Numbers) -> float:
+    """Upper end of a lower garment."""
+    return _mix(form.landmarks["hip"] + 0.03, form.landmarks["waist"], values["waist"])
+
+
+def upper_cut(form: Form, values: Numbers, hem_m: float | None = None) -> UpperCut:
+    """Measures of an upper garment; `hem_m` overrides its hem where it is sewn to another."""
+    marks, size = form.landmarks, size_of(form)
+    sleeve_x, sleeve = None, None
+    if "sleeve_length" in values:
+        shoulder_x = marks["shoulder_x"] + 0.012 * size
+        length = marks["wrist_x"] - marks["shoulder_x"]
+        sleeve_x = marks["shoulder_x"] + 0.05 + (length - 0.05) * values["sleeve_length"]
+        sleeve = WidthLine(
+            values["sleeve_alpha1"],
+            values["sleeve_alpha2"],
+            values["sleeve_offset"] * (sleeve_x - marks["shoulder_x"]),
+            values["sleeve_w0"] * _mean_diameter(form.arm, form.arm.start_m),
+        )
+    else:
+        shoulder_x = (values["neck_width_m"] + values["strap_m"]) * size
+    return UpperCut(
+        hem=_mix(marks["waist"], marks["crotch"], values["hem"]) if hem_m is None else hem_m,
+        ease=values["ease_m"],
+        flare=values["flare"] if hem_m is None else 0.0,
+        shaping=values["shaping"],
+        drop=values["drop_m"] * size,
+        shoulder_x=shoulder_x,
+        neck_x=values["neck_width_m"] * size,
+        neck_depth=values["neck_depth_m"] * size,
+        neck_depth_back=values["neck_depth_back_m"] * size,
+        neckline=values["neckline"],
+        scye=values.get("scye_m", 0.008) * size,
+        sleeve_x=sleeve_x,
+        sleeve=sleeve,
+        front=values["front"],
+        placket=values.get("placket_m", 0.0) * size,
+    )
+
+
+def trousers_cut(form: Form, values: Numbers) -> TrousersCut:
+    """Measures of trousers."""
+    marks = form.landmarks
+    cuff = _mix(marks["crotch"] - 0.07, marks["ankle"], values["leg_length"])
+    leg = WidthLine(
+        values["leg_alpha1"],
+        values["leg_alpha2"],
+        values["leg_offset"] * (marks["hip"] - cuff),
+        values["leg_w0"] * _mean_diameter(form.leg, form.leg.stop_m - 0.03),
+    )
+    return TrousersCut(
+        waist_height(form, values), cuff, values["rise_m"], values["hip_ease_m"], leg
+    )
+
+
+def skirt_cut(form: Form, values: Numbers) -> SkirtCut:
+    """Measures of a skirt."""
+    marks = form.landmarks
+    waist = waist_height(form, values)
+    hem = _mix(marks["hip"], marks["ankle"], values["skirt_length"])
+    width = WidthLine(values["skirt_alpha1"], 0.0, 0.0, _mean_diameter(form.skirt, waist))
+    around = np.pi * float(width(waist - hem))
+    return SkirtCut(
+        waist,
+        hem,
+        width,
+        max(6, round(values["skirt_flutes"] * around)),
+        values["skirt_fullness"],
+        values["skirt_phase"],
+        tuple(values[f"skirt_wander{k}"] for k in range(4)),
+    )
+
+
+def cut_garment(
+    form: Form,
+    edge_length_m: float,
+    *,
+    upper: Numbers | None = None,
+    trousers: Numbers | None = None,
+    skirt: Numbers | None = None,
+) -> Pattern:
+    """Build one garment; an upper part together with a lower one is sewn at the waist.
+
+    Args:
+        upper, trousers, skirt: sampled numbers of each part the garment has.
+    """
+    pattern = Pattern()
+    below = trousers_cut(form, trousers) if trousers else skirt_cut(form, skirt) if skirt else None
+    half, waist_ids = None, None
+    if below is not None:
+        count = trousers_half_ring if trousers else skirt_half_ring
+        half = count(form, below, edge_length_m)
+    if upper is not None:
+        cut = upper_cut(form, upper, None if below is None else below.waist)
+        if half is not None:
+            # A wide skirt may have no more columns than the chest can take.
+            half = min(half, 2 * round(0.8 * chest_half_ring(form, cut, edge_length_m)))
+        build_upper(pattern, form, cut, edge_length_m, half)
+        waist_ids = pattern.marks["hem"]
+    if below is not None:
+        build = build_trousers if trousers else build_skirt
+        build(pattern, form, below, edge_length_m, half, waist_ids)
+        if upper is not None:
+            del pattern.marks["hem"]
+    return pattern
+
+
+def settled(
+    rng: np.random.Generator, form: Form, pattern: Pattern, edge_length_m: float, fullness: float
+) -> np.ndarray:
+    """Vertices of a garment after it has hung on the dress form for a moment.
+
+    Args:
+        rng: where folds begin.
+        fullness: excess of cloth around the body in shares.
+    """
+    points, faces = pattern.vertices, pattern.faces()
+    nudge = fold_seeds(rng, faces, len(points), edge_length_m, _FOLD_M * (0.2 + 60 * fullness))
+    ends = np.concatenate(boundary_loops(faces))
+    calm = smoothstep(KDTree(points[ends]).query(points)[0] / _CALM_M)
+    if "skirt_hem" in pattern.marks:
+        calm = np.maximum(calm, smoothstep((form.landmarks["hip"] - points[:, 2]) / _CALM_M))
+    held = np.zeros(len(points), dtype=bool)
+    if "hem" not in pattern.marks and "left_armhole" not in pattern.marks:
+        held[pattern.marks["waist"]] = True
+    high = points[:, 2] > form.landmarks["waist"]
+    apart = kept_apart(pattern)
+
+    def keep_out(p: np.ndarray) -> np.ndarray:
+        for part, field in ((high, form.upper), (~high, form.lower)):
+            if part.any():
+                p[part] = field.lifted(p[part], _DRAPE_GAP_M)
+        return apart(p)
+
+    return draped(
+        points,
+        faces,
+        held,
+        keep_out,
+        fullness=fullness * calm,
+        nudge=nudge * calm[:, None],
+        steps=_DRAPE_STEPS,
+    )

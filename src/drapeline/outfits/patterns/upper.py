@@ -1,0 +1,365 @@
+"""Upper-body patterns: front, back and sleeves of t-shirts, shirts, polos and tops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drapeline.geometry.smoothing import averaging_matrix, evened, smoothed
+from drapeline.outfits.dress_form import ANGLES, Form, Tube
+from drapeline.outfits.patterns.curves import (
+    curve_length,
+    hung,
+    limb_loop,
+    ring,
+    smoothstep,
+    spaced,
+    straightened,
+)
+from drapeline.outfits.patterns.panels import Pattern
+from drapeline.outfits.patterns.width_profile import WidthLine
+
+GAP_M = 0.012  # cloth to dress form
+
+
+@dataclass(frozen=True)
+class UpperCut:
+    """Measures of an upper-body garment, metres.
+
+    Attributes:
+        hem: height of the lower end.
+        ease: distance added around the chest; `flare` more for each metre below it.
+        flare: metres per metre.
+        shaping: how fast cloth comes back to the body below the chest, metres per metre.
+        drop: the underarm's distance below the body's armpit.
+        shoulder_x: outer end of the shoulder seam.
+        neck_x: half width of the neckline at the shoulder seam.
+        neck_depth: how far the neckline comes down in front.
+        neck_depth_back: the same behind.
+        neckline: "crew", "v" or "scoop".
+        scye: how far armholes are cut inwards between shoulder and underarm.
+        sleeve_x: where sleeves end along the arm; None means no sleeves.
+        sleeve: width along the arm, x from the shoulder joint.
+        front: "closed", "polo" or "open".
+        placket: length of a polo's opening.
+    """
+
+    hem: float
+    ease: float
+    flare: float
+    shaping: float
+    drop: float
+    shoulder_x: float
+    neck_x: float
+    neck_depth: float
+    neck_depth_back: float
+    neckline: str
+    scye: float
+    sleeve_x: float | None
+    sleeve: WidthLine | None
+    front: str
+    placket: float
+
+
+@dataclass(frozen=True)
+class _Counts:
+    """Numbers of edges: around half the chest, armhole bottom and side, shoulder, notches.
+
+    `rows` lie below the underarm, the upper `loose` of which are shaped with the shoulders.
+    """
+
+    half: int
+    bottom: int
+    side: int
+    shoulder: int
+    front_notch: int
+    back_notch: int
+    rows: int
+    loose: int
+
+
+def build_upper(
+    pattern: Pattern, form: Form, cut: UpperCut, edge_length_m: float, half_ring: int | None = None
+) -> None:
+    """Add an upper-body garment to a pattern.
+
+    Args:
+        half_ring: edges of half the chest ring, even; from the edge length if None.
+    """
+    underarm = form.landmarks["armpit"] - cut.drop
+    trunk = hung(form.torso, down=cut.shaping, up=0.5, top_m=underarm)
+    armholes = {name: _armhole(form, cut, underarm, trunk, y) for name, y in _FACES}
+    necks = {name: _neckline(form, cut, y) for name, y in _FACES}
+    counts = _count(form, cut, underarm, armholes, necks, edge_length_m, half_ring)
+    front, back = _torso(pattern, trunk, cut, underarm, counts)
+    points = pattern.vertices
+    free = np.zeros(len(points), dtype=bool)
+    free[front[-counts.loose - counts.side :]] = free[back[-counts.loose - counts.side :]] = True
+    for name, ids in (("front", front), ("back", back)):
+        borders = _borders(form, cut, ids, counts, armholes[name], necks[name], name)
+        for border_ids, curve in borders:
+            points[border_ids] = curve
+            free[border_ids] = False
+    for ids in (front, back):
+        pattern.panel(ids, counts.half // 2)
+    average = averaging_matrix(pattern.faces(), len(points))
+    lift = _lifter(form, cut, underarm)
+    for ids in (front, back):
+        _fill_columns(points, ids, free)
+        _follow_armholes(points, ids, free, counts)
+    points = lift(points)
+    points = smoothed(points, average, np.where(free, 1.0, 0.0), 12, lift)
+    pattern.vertices = evened(points, pattern.faces(), free, 8, lift)
+    _mark_rings(pattern, front, back, counts)
+    pattern.panels = pattern.panels[:-2]
+    _front_panels(pattern, cut, front, counts, edge_length_m)
+    pattern.panel(back, counts.half // 2)
+    if cut.sleeve_x is not None:
+        for side in ("left", "right"):
+            _sleeve(pattern, form, cut, side, edge_length_m)
+
+
+def chest_half_ring(form: Form, cut: UpperCut, edge_length_m: float) -> int:
+    """Edges of half the chest ring (even) for a target edge length."""
+    chest = ring(form.torso, form.landmarks["armpit"] - 0.06, GAP_M + cut.ease, 64)
+    return max(16, 2 * round(curve_length(chest) / edge_length_m / 4))
+
+
+_FACES = (("front", -1.0), ("back", 1.0))
+
+
+def _ridge(form: Form, x_m: np.ndarray) -> np.ndarray:
+    """Points (X, 3) on top of the shoulders, above `x_m`, one gap off the form."""
+    y = np.arange(-0.12, 0.13, 0.01)
+    z = np.arange(form.landmarks["shoulder"] - 0.06, form.landmarks["neck"] + 0.1, 0.004)
+    grid = np.stack(np.meshgrid(x_m, y, z, indexing="ij"), axis=-1)
+    inside = (form.upper.value(grid.reshape(-1, 3)) < GAP_M).reshape(grid.shape[:3])
+    top = np.where(inside, z, z[0]).max(axis=2)  # (X, Y)
+    weight = np.exp((top - top.max(axis=1, keepdims=True)) / 0.004)
+    middle = (weight * y).sum(axis=1) / weight.sum(axis=1)
+    return form.upper.landed(np.column_stack([x_m, middle, top.max(axis=1)]), GAP_M)
+
+
+def _armhole(form: Form, cut: UpperCut, underarm: float, trunk: Tube, y: float) -> np.ndarray:
+    """Left armhole's front (y = -1) or back (y = 1) half from underarm to shoulder, (P, 3)."""
+    axis_y = trunk.centre[0, 1]
+    side_x = float(trunk.at(np.array([underarm]), np.pi / 2)[0]) + GAP_M + cut.ease
+    low = form.upper.lifted(np.array([[side_x, axis_y, underarm]]), GAP_M + cut.ease)
+    high = _ridge(form, np.array([cut.shoulder_x]))
+    turn = np.linspace(0, np.pi, 41)[:, None]
+    share = (1 - np.cos(turn)) / 2
+    curve = low + (high - low) * share
+    curve += np.sin(turn) * np.array([-cut.scye, 0.06 * y, 0.0])
+    inner = curve[1:-1]
+    for _ in range(4):
+        ease = cut.ease * (1 - share[1:-1, 0])
+        inner = form.upper.lifted(inner, GAP_M + ease) if cut.sleeve_x else inner
+        inner = form.upper.landed(inner, GAP_M) if not cut.sleeve_x else inner
+        curve = np.concatenate([low, inner, high])
+        inner = (curve[:-2] + 2 * curve[1:-1] + curve[2:]) / 4
+    return curve
+
+
+def _neckline(form: Form, cut: UpperCut, y: float) -> np.ndarray:
+    """Neckline in front (y = -1) or behind (y = 1), left neck point to right, (P, 3)."""
+    high = _ridge(form, np.array([cut.neck_x]))[0]
+    depth = cut.neck_depth if y < 0 else cut.neck_depth_back
+    t = np.linspace(0, 1, 31)  # from the neck point to the middle
+    power = {"crew": 2.0, "scoop": 2.6, "v": 1.25}[cut.neckline] if y < 0 else 2.4
+    x = high[0] * (1 - t)
+    z = high[2] - depth * (1 - (1 - t) ** power) ** (1 / power if cut.neckline != "v" else 1)
+    surface = form.upper.landed(np.array([[0.0, 0.3 * y, high[2] - depth]]), GAP_M)[0, 1]
+    guess = np.column_stack([x, high[1] + (surface - high[1]) * np.sin(t * np.pi / 2) ** 0.7, z])
+    half = guess.copy()
+    half[1:] = form.upper.landed(guess[1:], GAP_M)
+    half[:, 0] = np.maximum(half[:, 0], 0)
+    half[-1, 0] = 0.0
+    return np.concatenate([half, half[-2::-1] * [-1, 1, 1]])
+
+
+def _count(
+    form, cut, underarm, armholes, necks, edge_length_m: float, half_ring: int | None
+) -> _Counts:
+    e = edge_length_m
+    half = half_ring or chest_half_ring(form, cut, e)
+    length = (curve_length(armholes["front"]) + curve_length(armholes["back"])) / 2
+    total = max(6, round(length / e))
+    seam = _ridge(form, np.linspace(cut.neck_x, cut.shoulder_x, 8))
+    shoulder = max(2, round(curve_length(seam) / e))
+    # Narrow straps leave few columns between the armholes: the others end at their lower edge.
+    bottom = int(np.clip(round(0.3 * total), 1, half // 2 - shoulder - 2))
+    side = max(4, total - bottom)
+    neck = half - 2 * bottom - 2 * shoulder
+    notches = [
+        int(np.clip(round((curve_length(necks[n]) / e - neck) / 2), 0, side - 2))
+        for n in ("front", "back")
+    ]
+    rows = max(3, round((underarm - cut.hem) / e))
+    return _Counts(half, bottom, side, shoulder, *notches, rows, min(rows - 1, round(0.06 / e)))
+
+
+def _torso(pattern: Pattern, trunk: Tube, cut: UpperCut, underarm: float, n: _Counts):
+    """Grids of ids (rows + side + 1, half + 1) of front and back, seams shared."""
+    height = np.linspace(cut.hem, underarm, n.rows + 1)
+    rings = np.stack(
+        [
+            ring(trunk, z, GAP_M + cut.ease + cut.flare * max(0.0, underarm - z), 2 * n.half)
+            for z in height
+        ]
+    )
+    around = pattern.add(rings)
+    shape = (n.rows + n.side + 1, n.half + 1)
+    front, back = np.full(shape, -1), np.full(shape, -1)
+    front[: n.rows + 1] = around[:, : n.half + 1]
+    back[: n.rows + 1] = np.column_stack([around[:, n.half :], around[:, :1]])
+    left, right = n.bottom + n.shoulder, n.half - n.bottom - n.shoulder
+    for grid, notch in ((front, n.front_notch), (back, n.back_notch)):
+        hole = np.ones(shape, dtype=bool)
+        hole[n.rows + 1 :, n.bottom : n.half - n.bottom + 1] = False
+        hole[n.rows + n.side + 1 - notch :, left + 1 : right] = True
+        hole[: n.rows + 1] = True
+        if grid is back:  # the shoulder seams belong to the front
+            for c in [*range(n.bottom, left + 1), *range(right, n.half - n.bottom + 1)]:
+                back[-1, n.half - c] = front[-1, c]
+                hole[-1, n.half - c] = True
+        grid[~hole] = pattern.add(np.zeros((int((~hole).sum()), 3)))
+    return front, back
+
+
+def _fill_columns(points: np.ndarray, ids: np.ndarray, free: np.ndarray) -> None:
+    """Put every column's free vertices evenly between the held ones at its two ends."""
+    for column in ids.T:
+        line = column[column >= 0]
+        loose = np.flatnonzero(free[line])
+        if len(loose):
+            low, high = loose[0] - 1, loose[-1] + 1
+            share = np.linspace(0, 1, high - low + 1)[:, None]
+            ends = points[line[[low, high]]]
+            points[line[low : high + 1]] = ends[0] + share * (ends[1] - ends[0])
+
+
+def _follow_armholes(points: np.ndarray, ids: np.ndarray, free: np.ndarray, n: _Counts) -> None:
+    """Bend the columns between the armholes as the armholes are bent, less towards the middle.
+
+    Straight columns would run across an armhole that is cut inwards.
+    """
+    low = n.rows - n.loose
+    share = np.linspace(0, 1, len(ids) - low)[:, None]
+    middle = n.half / 2
+    for edge, step in ((n.bottom, 1), (n.half - n.bottom, -1)):
+        line = points[ids[low:, edge]]
+        bend = line - (line[0] + share * (line[-1] - line[0]))
+        for offset in range(1, int(middle - n.bottom)):
+            column = ids[low:, edge + step * offset]
+            loose = (column >= 0) & free[column]
+            points[column[loose]] += bend[loose] * (1 - offset / (middle - n.bottom))
+
+
+def _borders(form, cut, ids: np.ndarray, n: _Counts, armhole, neck, name: str):
+    """(ids, positions) of armholes, neckline and shoulder seams of one panel."""
+    mirror = np.array([-1.0, 1.0, 1.0])
+    curve = spaced(armhole, n.bottom + n.side)
+    # Columns of the front run from the right to the left, those of the back the other way.
+    left = -1.0 if name == "back" else 1.0
+    first = np.concatenate([ids[n.rows, : n.bottom], ids[n.rows :, n.bottom]])
+    last = np.concatenate([ids[n.rows, ::-1][: n.bottom], ids[n.rows :, n.half - n.bottom]])
+    yield first, curve * (mirror if left > 0 else 1)
+    yield last, curve * (1 if left > 0 else mirror)
+    a, b = n.bottom + n.shoulder, n.half - n.bottom - n.shoulder
+    notch = n.front_notch if name == "front" else n.back_notch
+    top = len(ids) - 1
+    line = np.concatenate(
+        [ids[top - notch : top + 1, a][::-1], ids[top - notch, a + 1 : b], ids[top - notch :, b]]
+    )
+    ring_points = spaced(neck, len(line) - 1)  # left to right of the body
+    yield line, ring_points[::-1] if left > 0 else ring_points
+    if name == "front":
+        seam = spaced(_ridge(form, np.linspace(cut.shoulder_x, cut.neck_x, 12)), n.shoulder)
+        yield ids[top, n.bottom : a + 1], seam * mirror
+        yield ids[top, b : n.half - n.bottom + 1], seam[::-1]
+
+
+def _lifter(form: Form, cut: UpperCut, underarm: float):
+    top = form.landmarks["shoulder"]
+
+    def lift(points: np.ndarray) -> np.ndarray:
+        share = smoothstep((top - points[:, 2]) / (top - underarm))
+        return form.upper.lifted(points, GAP_M + cut.ease * share)
+
+    return lift
+
+
+def _mark_rings(pattern: Pattern, front: np.ndarray, back: np.ndarray, n: _Counts) -> None:
+    """Armholes from the underarm (left over the front, right over the back), hem, shoulders."""
+    far = n.half - n.bottom
+    pattern.marks["shoulders"] = front[-1][front[-1] >= 0]
+    pattern.marks["hem"] = np.concatenate([front[0, :-1], back[0, :-1]])
+    pattern.marks["left_armhole"] = np.concatenate(
+        [
+            front[n.rows, far + 1 :][::-1],
+            front[n.rows :, far],
+            back[n.rows :, n.bottom][::-1][1:],
+            back[n.rows, 1 : n.bottom][::-1],
+        ]
+    )
+    pattern.marks["right_armhole"] = np.concatenate(
+        [
+            back[n.rows, far + 1 :][::-1],
+            back[n.rows :, far],
+            front[n.rows :, n.bottom][::-1][1:],
+            front[n.rows, 1 : n.bottom][::-1],
+        ]
+    )
+
+
+def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts, e: float) -> None:
+    """One front panel, or two that part along the middle (a polo's placket, an open shirt)."""
+    middle = n.half // 2
+    if cut.front == "closed":
+        pattern.panel(front, middle)
+        return
+    column = front[:, middle]
+    exists = np.flatnonzero(column >= 0)
+    joined = 0
+    if cut.front == "polo":
+        joined = int(max(n.rows // 2, exists[-1] - max(2, round(cut.placket / e))))
+    parted = exists[exists > joined] if cut.front == "polo" else exists
+    points = pattern.vertices
+    copies = pattern.add(points[column[parted]])
+    points = pattern.vertices
+    depth = np.arange(1, len(parted) + 1) / len(parted)
+    gap = 0.002 + 0.006 * depth if cut.front == "polo" else 0.012 + 0 * depth
+    points[copies, 0] += gap / 2
+    points[column[parted], 0] -= gap / 2
+    pattern.vertices = points
+    right, left = front[:, : middle + 1], front[:, middle:].copy()
+    left[parted, 0] = copies
+    pattern.panel(right, middle)
+    pattern.panel(left, 0)
+    pattern.marks["placket"] = np.concatenate([column[parted], copies])
+
+
+def _sleeve(pattern: Pattern, form: Form, cut: UpperCut, side: str, edge_length_m: float) -> None:
+    loop = pattern.marks[f"{side}_armhole"]
+    sign = 1.0 if side == "left" else -1.0
+    start = pattern.vertices[loop] * [sign, 1, 1]
+    arm = straightened(form.arm, 0.07)
+    length = cut.sleeve_x - start[:, 0].mean()
+    rows = max(2, round(length / edge_length_m))
+    shoulder_x = form.landmarks["shoulder_x"]
+    grid = []
+    for row in range(1, rows + 1):
+        x = start[:, 0] + (cut.sleeve_x - start[:, 0]) * row / rows
+        mean = x.mean()
+        own = arm.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
+        wide = cut.sleeve(max(0.0, mean - shoulder_x)) / 2
+        extra = max(GAP_M, wide - own)
+        outline = limb_loop(arm, mean, extra, np.pi, len(loop), 1 if sign > 0 else -1)
+        # Cloth lies on top of the arm; what it is wider hangs below.
+        outline[:, 1] -= 0.75 * (extra - GAP_M)
+        blend = smoothstep((mean - start[:, 0].mean()) / 0.14)
+        plane = start[:, 1:] + blend * (outline - start[:, 1:])
+        grid.append(np.column_stack([sign * x, plane]))
+    ids = np.concatenate([loop[None], pattern.add(np.stack(grid))])
+    closed = np.column_stack([ids, ids[:, :1]])[::-1]
+    pattern.panel(closed, closed.shape[1] // 2)
+    pattern.marks[f"{side}_cuff"] = ids[-1]

@@ -1,0 +1,188 @@
+"""Templates of Garment4D's garment types: the mesh that all garments of a type are brought to."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh, boundary_loops, triangulate
+from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.outfits.outfit import make_outfit
+from drapeline.outfits.templates import Templates
+from drapeline.outfits.user_garment import own_garment
+from drapeline.storage import load_npz, save_npz
+
+# The openings of each type, in the order of their numbers.
+LOOP_NAMES = {
+    "Skirt": ("waist", "hem"),
+    "Tshirt": ("neck", "hem", "left_cuff", "right_cuff"),
+    "Trousers": ("waist", "left_cuff", "right_cuff"),
+}
+_PARTS = {"Skirt": "skirt", "Tshirt": "upper", "Trousers": "trousers"}
+_ARRAYS = ("vertices", "faces", "loop", "loop_names")
+
+
+@dataclass(frozen=True)
+class GarmentTemplate:
+    """A garment whose topology stands for its whole type.
+
+    Attributes:
+        vertices: (N, 3) float32 metres, root frame, in `REST_POSE` on the mean body.
+        faces: (F, 3) int32, counter-clockwise seen from outside.
+        loop: (N,) int32, -1 within the cloth, else the number of the opening it lies on.
+        loop_names: name of each opening: "waist", "hem", "neck", "left_cuff", "right_cuff".
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    loop: np.ndarray
+    loop_names: tuple[str, ...]
+
+    def save(self, path: str | Path) -> None:
+        """Write one `.npz`."""
+        save_npz(path, **{name: np.asarray(getattr(self, name)) for name in _ARRAYS})
+
+
+def load_template(path: str | Path) -> GarmentTemplate:
+    """Read what `GarmentTemplate.save` wrote.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    a = load_npz(path, *_ARRAYS)
+    return GarmentTemplate(
+        a["vertices"], a["faces"], a["loop"], tuple(str(name) for name in a["loop_names"])
+    )
+
+
+def make_template(
+    garment: str,
+    templates: Mapping[str, Templates],
+    bodies: Mapping[str, BodyModel],
+    edge_length_m: float,
+) -> GarmentTemplate:
+    """A garment of our own generator, all its numbers in the middle of their ranges.
+
+    It is made on the mean female body, whom all three types fit, or on the male one where there
+    is no other: a template lends its topology, and shapes come from the garments brought to it.
+
+    Args:
+        garment: one of `TEMPLATE_TYPES`.
+        templates, bodies: by gender.
+        edge_length_m: mean edge length wanted; about 0.035 gives 600 to 1000 vertices.
+
+    Raises:
+        InputError: not a type that there are templates for.
+    """
+    if garment not in TEMPLATE_TYPES:
+        raise InputError(
+            f"garment type '{garment}' has no template, expected one of {', '.join(TEMPLATE_TYPES)}"
+        )
+    gender = next(gender for gender in GENDERS if gender in templates)
+    outfit = make_outfit(
+        [(garment, {"elastic": {}, "parameters": _middle_numbers(garment)})],
+        templates[gender],
+        bodies[gender],
+        gender=gender,
+        shape=np.zeros(10),
+        tightness=np.full(2, np.mean(OutfitRanges().tightness)),
+        edge_length_m=edge_length_m,
+    )
+    made = outfit.garments[0]
+    return _template(garment, made.vertices, triangulate(made.faces), garment)
+
+
+def template_from_mesh(garment: str, path: str | Path, body: BodyModel) -> GarmentTemplate:
+    """A user's own mesh as the template of a type.
+
+    Args:
+        garment: one of `TEMPLATE_TYPES`.
+        path: OBJ in metres, Z up, root-relative, on the body's mean shape in rest pose.
+        body: that it lies on.
+
+    Raises:
+        InputError: the mesh is unusable as a garment, or has other openings than its type.
+    """
+    mesh: Mesh = own_garment(path, body)
+    return _template(garment, mesh.vertices, mesh.triangles, path)
+
+
+def _template(
+    garment: str, vertices: np.ndarray, triangles: np.ndarray, source: object
+) -> GarmentTemplate:
+    names = LOOP_NAMES[garment]
+    loops = boundary_loops(triangles)
+    if len(loops) != len(names):
+        raise InputError(
+            f"{source}: {len(loops)} openings, expected {len(names)} ({', '.join(names)})"
+        )
+    loop = np.full(len(vertices), -1, dtype=np.int32)
+    for name, ids in named_loops(vertices, loops, names).items():
+        loop[ids] = names.index(name)
+    return GarmentTemplate(
+        vertices.astype(np.float32), np.ascontiguousarray(triangles, dtype=np.int32), loop, names
+    )
+
+
+def named_loops(
+    vertices: np.ndarray, loops: list[np.ndarray], names: tuple[str, ...]
+) -> dict[str, np.ndarray]:
+    """Which boundary loop is which opening, by its place on the body.
+
+    Args:
+        vertices: (V, 3) in the rest pose, root frame.
+        loops: ordered vertex ids of each.
+        names: openings of the garment's type.
+
+    Returns:
+        Name -> loop. Cuffs lie furthest to either side, or below all else in trousers; of the
+        others the highest is the waist or neck and the lowest the hem. Openings that are missing
+        are left out, and loops too many are passed over.
+    """
+    rest = list(loops)
+    middle = {id(loop): vertices[loop].mean(axis=0) for loop in loops}
+    found = {}
+
+    def take(name: str, axis: int, sign: float) -> None:
+        if name in names and rest:
+            best = max(range(len(rest)), key=lambda k: sign * middle[id(rest[k])][axis])
+            found[name] = rest.pop(best)
+
+    take("waist", 2, 1.0)
+    if "left_cuff" in names and len(rest) >= 2:
+        take("left_cuff", 0, 1.0)
+        take("right_cuff", 0, -1.0)
+    take("neck", 2, 1.0)
+    take("hem", 2, -1.0)
+    return found
+
+
+def _middle_numbers(garment: str) -> dict[str, Any]:
+    """Every number of a garment in the middle of its range; plain cloth without folds."""
+    ranges = OutfitRanges()
+    middle = {
+        field.name: float(np.mean(getattr(ranges, field.name)))
+        for field in fields(ranges)
+        if isinstance(getattr(ranges, field.name), tuple)
+    }
+    if garment == "Skirt":
+        names = ("waist", "skirt_length", "skirt_alpha1", "skirt_flutes")
+        numbers = {name: middle[name] for name in names}
+        numbers |= {"skirt_fullness": 0.0, "skirt_phase": 0.0}
+        numbers |= {f"skirt_wander{k}": 0.0 for k in range(4)}
+    elif garment == "Trousers":
+        names = ("waist", "leg_length", "leg_alpha1", "leg_alpha2", "leg_offset", "leg_w0")
+        numbers = {name: middle[name] for name in (*names, "rise_m", "hip_ease_m")}
+    else:
+        names = ("hem", "ease_m", "flare", "shaping", "neck_depth_back_m", "neck_width_m")
+        names += ("drop_m", "sleeve_length", "sleeve_alpha1", "sleeve_alpha2", "sleeve_offset")
+        numbers = {name: middle[name] for name in (*names, "sleeve_w0")}
+        numbers |= {"neckline": "crew", "neck_depth_m": middle["neck_depth_crew_m"]}
+        numbers |= {"front": "closed"}
+    return {_PARTS[garment]: numbers, "fullness": 0.0, "fold_seed": 0}

@@ -1,0 +1,212 @@
+"""A garment in the topology of its template (Garment4D, section 2.2).
+
+Where the template's vertices come to lie on a source garment laid onto it tells which corners
+they follow, in every frame of the source's sequence.
+"""
+
+from typing import NamedTuple
+
+import igl
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import (
+    boundary_loops,
+    edge_graph,
+    edges,
+    face_normals,
+    triangulate,
+    vertex_normals,
+)
+from drapeline.registration.to_template.garment_template import GarmentTemplate
+from drapeline.registration.to_template.template_fit import Fit, FitTarget
+
+_RIM_M = 0.02
+_TURN_M = 0.1  # a place may be this much further away if it faces a radian better
+_REPAIRS = 20
+_REPAIRS_PER_RING = 5
+
+
+class RemeshTable(NamedTuple):
+    """Where each template vertex lies on a source garment.
+
+    Attributes:
+        corners: (N, 3) int32 source vertices.
+        shares: (N, 3) float32, rows sum to 1.
+    """
+
+    corners: np.ndarray
+    shares: np.ndarray
+
+
+class Residual(NamedTuple):
+    """What a garment loses by its new topology, all but the last in millimetres.
+
+    Attributes:
+        original_to_remeshed_mm: mean distance of the source's vertices from the new surface.
+        remeshed_to_original_mm: mean distance of the new surface's vertices, edge middles and
+            face centres from the source.
+        rims_mm: mean distance from the new surface of source vertices within 2 cm of an opening.
+        flipped_faces: faces of the new surface that are turned over, see `flipped_faces`.
+    """
+
+    original_to_remeshed_mm: float
+    remeshed_to_original_mm: float
+    rims_mm: float
+    flipped_faces: int
+
+
+def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable:
+    """For each template vertex its closest place on the deformed source.
+
+    Vertices of an opening or seam go to the source's. Where faces come out turned over, vertices
+    about them are moved to between their neighbours.
+
+    Args:
+        fit: of `fit_to_template`.
+        template: the same.
+    """
+    target = template if isinstance(template, FitTarget) else FitTarget(template)
+    corners, shares = _closest(target.vertices, target.normals, fit.vertices, fit.triangles)
+    # An armpit is a place to start from, too blunt for a vertex to be tied to it.
+    seams = zip(target.guides, fit.guides, strict=True)
+    lines = [(ids, line) for ids, line in seams if len(ids) > 1]
+    lines += [(loop, _closed(fit.loops[name])) for name, loop in target.loops.items()]
+    for ids, line in lines:
+        corners[ids], shares[ids] = _on_line(target.vertices[ids], fit.vertices, line)
+    table = _turned_back(RemeshTable(corners, shares), fit, target.template)
+    return RemeshTable(table.corners.astype(np.int32), table.shares.astype(np.float32))
+
+
+def _closest(
+    points: np.ndarray, normals: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (P, 3) and shares (P, 3) of the closest places on faces that face the same way.
+
+    Where the closest face looks the other way, the closest vertex that does not has the point.
+    """
+    place, face = closest_points(points, vertices, triangles)
+    corners = triangles[face].astype(np.int64)
+    a, b, c = (np.ascontiguousarray(vertices[corners[:, k]]) for k in range(3))
+    shares = np.clip(igl.barycentric_coordinates(place.astype(np.float64), a, b, c), 0, 1)
+    shares = np.nan_to_num(shares, nan=1 / 3)
+    shares /= shares.sum(axis=1, keepdims=True)
+    away = np.flatnonzero((face_normals(vertices, triangles[face]) * normals).sum(axis=1) <= 0)
+    if len(away):
+        owner = np.zeros(len(vertices), dtype=np.int64)
+        owner[triangles] = np.arange(len(triangles))[:, None]
+        own = vertex_normals(vertices, triangles)
+        tree = cKDTree(np.hstack([vertices, _TURN_M * own]))
+        _, near = tree.query(np.hstack([points[away], _TURN_M * normals[away]]))
+        corners[away] = triangles[owner[near]]
+        shares[away] = corners[away] == near[:, None]
+    return corners, shares
+
+
+def _on_line(
+    points: np.ndarray, vertices: np.ndarray, line: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (P, 3), of which the last repeats the first, and shares of places on a line."""
+    before, after = (line[:-1], line[1:]) if len(line) > 1 else (line, line)
+    start = vertices[before]
+    axis = vertices[after] - start
+    gap = points[:, None] - start
+    along = np.einsum("pei,ei->pe", gap, axis) / np.maximum((axis**2).sum(axis=1), 1e-20)
+    along = np.clip(along, 0, 1)
+    distance = ((gap - along[..., None] * axis) ** 2).sum(axis=-1)
+    best = distance.argmin(axis=1)
+    share = along[np.arange(len(points)), best]
+    corners = np.stack([before[best], after[best], before[best]], axis=1)
+    return corners, np.stack([1 - share, share, 0 * share], axis=1)
+
+
+def _closed(loop: np.ndarray) -> np.ndarray:
+    return np.append(loop, loop[0])
+
+
+def _turned_back(table: RemeshTable, fit: Fit, template: GarmentTemplate) -> RemeshTable:
+    """The table with vertices about faces that are turned over moved to between their neighbours.
+
+    Those of openings stay. Where the faces' own vertices do not do, those around move too.
+    """
+    graph = edge_graph(edges(template.faces), len(template.vertices))
+    within = graph @ sp.diags((template.loop < 0).astype(float))
+    own = vertex_normals(fit.rest, fit.triangles)
+    best, least = table, np.inf
+    for attempt in range(_REPAIRS):
+        turned = flipped_faces(table, template.faces, fit.rest, fit.triangles)
+        if turned.sum() < least:
+            best, least = table, turned.sum()
+        if not least:
+            break
+        moved = np.zeros(len(template.vertices), dtype=bool)
+        moved[template.faces[turned]] = True
+        for _ in range(attempt // _REPAIRS_PER_RING):
+            moved |= graph @ moved > 0
+        moved = np.flatnonzero(moved & (template.loop < 0))
+        # At the point of a neckline the mean of all neighbours would lie beyond the cloth.
+        around = (graph, within)[attempt % 2][moved]
+        count = np.maximum(np.asarray(around.sum(axis=1)), 1)
+        places, normals = (around @ remeshed(values, table) / count for values in (fit.rest, own))
+        corners, shares = table.corners.copy(), table.shares.copy()
+        corners[moved], shares[moved] = _closest(places, normals, fit.rest, fit.triangles)
+        table = RemeshTable(corners, shares)
+    return best
+
+
+def flipped_faces(
+    table: RemeshTable, faces: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
+) -> np.ndarray:
+    """(F,) bool, faces of a remeshed garment that are turned over.
+
+    They look away, by more than 90 degrees, from the closest face of the source and from the
+    source's mean normal at their own corners. The first alone would count faces at the crotch,
+    where the cloth closest through the air is that of the other leg.
+
+    Args:
+        table: of `remesh_table`.
+        faces: (F, 3) of the template.
+        vertices, triangles: (V, 3) and (G, 3) of the source.
+    """
+    places = remeshed(vertices, table)
+    own = face_normals(places, faces)
+    _, face = closest_points(places[faces].mean(axis=1), vertices, triangles)
+    near = face_normals(vertices, triangles[face])
+    corners = remeshed(vertex_normals(vertices, triangles), table)[faces].sum(axis=1)
+    return ((own * near).sum(axis=1) < 0) & ((own * corners).sum(axis=1) < 0)
+
+
+def remeshed(cloth: np.ndarray, table: RemeshTable) -> np.ndarray:
+    """Source vertices (..., V, 3) of any frame in the template's topology: (..., N, 3)."""
+    return (cloth[..., table.corners, :] * table.shares[..., None]).sum(axis=-2)
+
+
+def residual(
+    vertices: np.ndarray, faces: np.ndarray, template: GarmentTemplate, table: RemeshTable
+) -> Residual:
+    """How far a garment and its remeshed self lie apart.
+
+    Args:
+        vertices, faces: (V, 3) metres and (F, 3) or (F, 4) of the source.
+        template: of its type.
+        table: of `remesh_table`.
+    """
+    vertices = np.asarray(vertices, dtype=np.float64)
+    triangles = triangulate(np.asarray(faces))
+    new = remeshed(vertices, table).astype(np.float64)
+    place, _ = closest_points(vertices, new, template.faces)
+    there = 1000 * np.linalg.norm(vertices - place, axis=1)
+    pairs = edges(template.faces)
+    sampled = np.concatenate([new, new[pairs].mean(axis=1), new[template.faces].mean(axis=1)])
+    place, _ = closest_points(sampled, vertices, triangles)
+    back = 1000 * np.linalg.norm(sampled - place, axis=1)
+    rim = vertices[np.concatenate(boundary_loops(triangles))]
+    near, _ = cKDTree(rim).query(vertices)
+    return Residual(
+        float(there.mean()),
+        float(back.mean()),
+        float(there[near < _RIM_M].mean()),
+        int(flipped_faces(table, template.faces, vertices, triangles).sum()),
+    )

@@ -1,0 +1,399 @@
+"""Garments of any topology are brought to a template's (Garment4D, section 2.2).
+
+The source garment is deformed onto the template: its openings and seams first, then its
+surface, and at last by equation 3.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import minimize
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import (
+    boundary_loops,
+    edge_counts,
+    edge_graph,
+    edges,
+    triangulate,
+    vertex_normals,
+)
+from drapeline.geometry.sparse import symmetric_factor
+from drapeline.registration.to_template.front_opening import front_strip
+from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
+
+_HELD = 1e3  # weight of what must stay, against 1 of what is drawn
+_STARTS = 64  # places on an opening at which the match of two loops may begin
+_MM2 = 1e6  # equation 3 is minimised in mm^2, or the solver would take it for solved
+# Of the surface while it is drawn to the template, one round each.
+_STIFFNESS = (10.0, 10.0, 3.0, 3.0, 1.0, 1.0)
+# Distance that a turn of the normal by one radian counts for: it keeps one trouser leg off the
+# other, and a sleeve off the torso.
+_TURN_M = 0.1
+_ASIDE_M = 0.003  # this far from the body's middle a seam counts as twice as long
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a garment is laid onto a template.
+
+    Attributes:
+        chamfer, edge, normal, boundary: lambda_c, lambda_e, lambda_n and lambda_b of equation 3,
+            for lengths in metres.
+        iterations: of L-BFGS on equation 3, at most.
+    """
+
+    chamfer: float = 1.0
+    edge: float = 1.0
+    normal: float = 0.01
+    boundary: float = 1.0
+    iterations: int = 8
+
+
+class Fit(NamedTuple):
+    """A source garment on a template.
+
+    Attributes:
+        vertices: (V, 3) float64 metres, the deformed source.
+        rest: (V, 3) float64 metres, the source itself.
+        triangles: (F, 3) of the source, with those that close its front.
+        loops: opening -> ordered vertex ids of the source.
+        guides: lines of vertex ids that were matched besides them: the seams of trousers from
+            crotch to waist, the armpits of shirts.
+    """
+
+    vertices: np.ndarray
+    rest: np.ndarray
+    triangles: np.ndarray
+    loops: dict[str, np.ndarray]
+    guides: list[np.ndarray]
+
+
+class FitTarget:
+    """A template prepared to have garments laid onto it; worth keeping for many of them.
+
+    Attributes:
+        template: the template.
+        vertices: (N, 3) float64.
+        loops: opening -> ordered vertex ids.
+        normals: (N, 3).
+        guides: lines of vertex ids that are matched besides the openings.
+        points: (N + E, 3) vertices and middles of edges: garments finer than the template would
+            otherwise gather about its vertices.
+        rims: opening -> the points on it.
+    """
+
+    def __init__(self, template: GarmentTemplate) -> None:
+        """Index the template's openings, guides and points."""
+        self.template = template
+        self.vertices = template.vertices.astype(np.float64)
+        self.normals = vertex_normals(self.vertices, template.faces)
+        self.loops = named_loops(self.vertices, boundary_loops(template.faces), template.loop_names)
+        self.guides = _guides(self.vertices, template.faces, self.loops)
+        pairs, counts = edge_counts(template.faces)
+        middles = self.vertices[pairs].mean(axis=1)
+        self.points = np.concatenate([self.vertices, middles])
+        at_rim = np.where(counts == 1, template.loop[pairs[:, 0]], -1)
+        number = np.concatenate([template.loop, at_rim])
+        self.rims = {name: self.points[number == k] for k, name in enumerate(template.loop_names)}
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of `points`."""
+        return cKDTree(self.points)
+
+    @cached_property
+    def rim_trees(self) -> dict[str, cKDTree]:
+        """Of `rims`."""
+        return {name: cKDTree(rim) for name, rim in self.rims.items()}
+
+
+def fit_to_template(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    template: GarmentTemplate | FitTarget,
+    settings: FitSettings | None = None,
+) -> Fit:
+    """Deform a garment onto the template of its type.
+
+    Args:
+        vertices: (V, 3) metres, root frame, in `REST_POSE`.
+        faces: (F, 3) or (F, 4).
+        template: of the garment's type; for many garments a `FitTarget` saves its preparation.
+        settings: the defaults if None.
+
+    Raises:
+        InputError: the garment lacks an opening that its type has.
+    """
+    target = template if isinstance(template, FitTarget) else FitTarget(template)
+    settings = settings or FitSettings()
+    rest = np.asarray(vertices, dtype=np.float64)
+    triangles = triangulate(np.asarray(faces))
+    names = target.template.loop_names
+    if "neck" in names:
+        triangles = np.concatenate([triangles, front_strip(rest, triangles)])
+    loops = named_loops(rest, boundary_loops(triangles), names)
+    missing = [name for name in names if name not in loops]
+    if missing:
+        raise InputError(
+            f"the garment has no {' and no '.join(missing)},"
+            f" expected the openings {', '.join(names)}"
+        )
+    guides = _guides(rest, triangles, loops)
+    places = _rims_matched(rest, triangles, loops, guides, target)
+    held = np.concatenate([*loops.values(), *guides])
+    places = _drawn(places, triangles, held, target)
+    equation = Equation3(triangles, loops, target, settings)
+    return Fit(equation.minimised(places), rest, triangles, loops, guides)
+
+
+def _laplacian(triangles: np.ndarray, count: int) -> sp.csr_matrix:
+    """(V, V) degree less adjacency."""
+    graph = edge_graph(edges(triangles), count)
+    return sp.diags(np.asarray(graph.sum(axis=1)).ravel()) - graph
+
+
+def _guides(
+    vertices: np.ndarray, triangles: np.ndarray, loops: dict[str, np.ndarray]
+) -> list[np.ndarray]:
+    """Lines of vertex ids to match besides the openings: where limbs part.
+
+    In shirts each armpit, a line of one vertex: the corner of the shortest way from hem to cuff.
+    In trousers the seam along the body's middle, from the crotch to the waist in front and behind.
+    """
+    if "left_cuff" not in loops:
+        return []
+    pairs = edges(triangles)
+    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    if "hem" in loops:
+        graph = sp.coo_matrix((length, pairs.T), shape=(len(vertices),) * 2).tocsr()
+        paths = [_path(graph, loops["hem"], loops[c]) for c in ("left_cuff", "right_cuff")]
+        return [path[_corner(vertices[path])][None] for path in paths]
+    aside = np.abs(vertices[pairs, 0]).mean(axis=1)
+    graph = sp.coo_matrix((length * (1 + aside / _ASIDE_M), pairs.T), shape=(len(vertices),) * 2)
+    waist = loops["waist"]
+    behind = vertices[waist, 1] > vertices[waist, 1].mean()  # the body faces -Y
+    middles = [half[np.abs(vertices[half, 0]).argmin()] for half in (waist[behind], waist[~behind])]
+    seam = _path(graph.tocsr(), *(middle[None] for middle in middles))
+    crotch = _corner(vertices[seam])
+    # The last vertex of each belongs to the waist.
+    return [seam[crotch:0:-1], seam[crotch:-1]]
+
+
+def _path(graph: sp.csr_matrix, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """Ids along the shortest way over edges, from one of `stop` to one of `start`."""
+    way, before, _ = dijkstra(
+        graph, directed=False, indices=start, min_only=True, return_predecessors=True
+    )
+    path = [stop[way[stop].argmin()]]
+    while before[path[-1]] >= 0:
+        path.append(before[path[-1]])
+    return np.array(path)
+
+
+def _corner(line: np.ndarray) -> int:
+    """Which point of a line (n, 3) lies furthest from the straight one between its ends."""
+    gap = line - line[0]
+    chord = gap[-1]
+    away = gap - (gap @ chord / (chord @ chord))[:, None] * chord
+    return int((away**2).sum(axis=1).argmax())
+
+
+def _rims_matched(
+    rest: np.ndarray,
+    triangles: np.ndarray,
+    loops: dict[str, np.ndarray],
+    guides: list[np.ndarray],
+    target: FitTarget,
+) -> np.ndarray:
+    """Openings and guides on those of the template, the cloth between carried along smoothly."""
+    laplacian = _laplacian(triangles, len(rest))
+    weight, move = np.zeros(len(rest)), np.zeros_like(rest)
+    for name, loop in loops.items():
+        weight[loop] = _HELD
+        move[loop] = _along(rest[loop], target.vertices[target.loops[name]]) - rest[loop]
+    for guide, line in zip(guides, target.guides, strict=True):
+        weight[guide] = _HELD
+        move[guide] = _stretched(rest[guide], target.vertices[line]) - rest[guide]
+    return rest + symmetric_factor(laplacian + sp.diags(weight)).solve(weight[:, None] * move)
+
+
+def _along(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
+    """Places (n, 3) on a closed line (m, 3) at the points' shares of their own line's length.
+
+    Both run the same way around; the start is the one that moves the points least, their middle
+    aside.
+    """
+    share = _shares(points)[:-1]
+    at = np.concatenate([_shares(ring), 1 + _shares(ring)[1:]])
+    twice = np.concatenate([ring, ring, ring[:1]])
+    own = points - points.mean(axis=0)
+
+    def nearest_of(starts: np.ndarray) -> tuple[float, np.ndarray]:
+        places = (starts % 1)[:, None] + share
+        moved = np.stack([np.interp(places, at, twice[:, k]) for k in range(3)], axis=-1)
+        gap = moved - moved.mean(axis=1, keepdims=True) - own
+        best = (gap**2).sum(axis=(1, 2)).argmin()
+        return starts[best], moved[best]
+
+    first, _ = nearest_of(np.arange(_STARTS) / _STARTS)
+    return nearest_of(first + np.linspace(-1, 1, _STARTS + 1) / _STARTS)[1]
+
+
+def _stretched(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Places (n, 3) on a line (m, 3) with ends, at the points' shares of their own."""
+    share, at = (_line_shares(p) for p in (points, line))
+    return np.column_stack([np.interp(share, at, line[:, k]) for k in range(3)])
+
+
+def _shares(ring: np.ndarray) -> np.ndarray:
+    """(n + 1,) share of the length of a closed line (n, 3) up to each point, 0 to 1."""
+    return _line_shares(np.concatenate([ring, ring[:1]]))
+
+
+def _line_shares(line: np.ndarray) -> np.ndarray:
+    """(n,) share of the length of a line (n, 3) up to each point, 0 to 1."""
+    total = np.cumsum(np.linalg.norm(np.diff(line, axis=0, prepend=line[:1]), axis=1))
+    return total / max(total[-1], 1e-12)
+
+
+def _drawn(
+    places: np.ndarray,
+    triangles: np.ndarray,
+    held: np.ndarray,
+    target: FitTarget,
+) -> np.ndarray:
+    """Vertices, but for those held, drawn to the closest cloth that faces the same way."""
+    laplacian = _laplacian(triangles, len(places))
+    weight = np.ones(len(places))
+    weight[held] = _HELD
+    tree = cKDTree(np.hstack([target.vertices, _TURN_M * target.normals]))
+    factors = {
+        s: symmetric_factor(sp.diags(weight) + s * laplacian) for s in dict.fromkeys(_STIFFNESS)
+    }
+    for stiffness in _STIFFNESS:
+        own = vertex_normals(places, triangles)
+        _, near = tree.query(np.hstack([places, _TURN_M * own]))
+        normals = target.normals[near]
+        gap = ((target.vertices[near] - places) * normals).sum(axis=1, keepdims=True)
+        gap[held] = 0
+        places = places + factors[stiffness].solve(weight[:, None] * gap * normals)
+    return places
+
+
+class Equation3:
+    """Equation 3 of Garment4D for one source garment R' and a template T.
+
+    L_reg = lambda_c CD(R', T) + lambda_e EL(R') + lambda_n NC(R') + lambda_b CD^B(R', T)
+
+    CD is the mean squared distance to the closest vertex, in both directions. EL is the variance
+    of the edges' lengths and NC the mean of 1 - cos between neighbouring faces, as the paper
+    names these terms without a formula. CD^B is the mean of CD over the openings.
+    """
+
+    def __init__(
+        self,
+        triangles: np.ndarray,
+        loops: dict[str, np.ndarray],
+        target: FitTarget,
+        settings: FitSettings,
+    ) -> None:
+        """Index the edges and the neighbouring faces of the source."""
+        self._triangles, self._loops, self._target = triangles, loops, target
+        self._settings = settings
+        self._edges = edges(triangles)
+        half = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+        half = np.sort(half, axis=1).astype(np.int64)
+        key = half[:, 0] * (int(half.max()) + 1) + half[:, 1]
+        order = np.argsort(key, kind="stable")
+        same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
+        self._hinges = np.stack([order[same], order[same + 1]], axis=1) // 3  # (H, 2) faces
+
+    def __call__(self, places: np.ndarray) -> tuple[float, np.ndarray]:
+        """L_reg of vertices (V, 3) in m^2, and its gradient (V, 3); closest pairs held fixed."""
+        wanted, target = self._settings, self._target
+        gradient = np.zeros_like(places)
+        value = wanted.chamfer * _chamfer(
+            places, target.points, target.tree, wanted.chamfer, gradient
+        )
+        rims = wanted.boundary / len(self._loops)
+        for name, loop in self._loops.items():
+            part = np.zeros((len(loop), 3))
+            value += rims * _chamfer(
+                places[loop], target.rims[name], target.rim_trees[name], rims, part
+            )
+            gradient[loop] += part
+        value += wanted.edge * self._edge_term(places, wanted.edge, gradient)
+        value += wanted.normal * self._normal_term(places, wanted.normal, gradient)
+        return value, gradient
+
+    def minimised(self, places: np.ndarray) -> np.ndarray:
+        """Vertices (V, 3) after at most `iterations` of L-BFGS from `places`."""
+        if not self._settings.iterations:
+            return places
+
+        def scaled(flat: np.ndarray) -> tuple[float, np.ndarray]:
+            value, gradient = self(flat.reshape(-1, 3))
+            return _MM2 * value, _MM2 * gradient.ravel()
+
+        found = minimize(
+            scaled,
+            places.ravel(),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": self._settings.iterations, "gtol": 0.0, "ftol": 1e-5},
+        )
+        return found.x.reshape(-1, 3)
+
+    def _edge_term(self, places: np.ndarray, weight: float, gradient: np.ndarray) -> float:
+        along = places[self._edges[:, 1]] - places[self._edges[:, 0]]
+        length = np.linalg.norm(along, axis=1)
+        excess = length - length.mean()
+        # The mean moves too, but the excesses sum to zero, so that it drops out.
+        slope = (2 * weight / len(length)) * excess / np.maximum(length, 1e-12)
+        _add(gradient, self._edges[:, 1], slope[:, None] * along)
+        _add(gradient, self._edges[:, 0], -slope[:, None] * along)
+        return float((excess**2).mean())
+
+    def _normal_term(self, places: np.ndarray, weight: float, gradient: np.ndarray) -> float:
+        corners = places[self._triangles]
+        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        cross = np.cross(one, two)
+        size = np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-12)
+        normals = cross / size
+        first, second = self._hinges.T
+        # d/dn of the sum of -n1.n2 for every face: minus the sum of its neighbours' normals.
+        pull = np.zeros_like(normals)
+        _add(pull, first, -normals[second])
+        _add(pull, second, -normals[first])
+        pull *= weight / len(first)
+        # Through the unit length, and through the cross product.
+        pull = (pull - (pull * normals).sum(axis=1, keepdims=True) * normals) / size
+        to_one, to_two = np.cross(two, pull), np.cross(pull, one)
+        _add(gradient, self._triangles[:, 1], to_one)
+        _add(gradient, self._triangles[:, 2], to_two)
+        _add(gradient, self._triangles[:, 0], -to_one - to_two)
+        return float(1 - (normals[first] * normals[second]).sum(axis=1).mean())
+
+
+def _chamfer(
+    places: np.ndarray, points: np.ndarray, tree: cKDTree, weight: float, gradient: np.ndarray
+) -> float:
+    """Mean squared distances of two sets of points, both ways; the gradient is added in place."""
+    there, near = tree.query(places)
+    # A tree that is asked once is not worth balancing.
+    back, own = cKDTree(places, balanced_tree=False, compact_nodes=False).query(points)
+    gradient += (2 * weight / len(places)) * (places - points[near])
+    _add(gradient, own, (2 * weight / len(points)) * (places[own] - points))
+    return float((there**2).mean() + (back**2).mean())
+
+
+def _add(total: np.ndarray, rows: np.ndarray, values: np.ndarray) -> None:
+    """Add values (n, 3) to rows of `total` that may repeat; faster than `np.add.at`."""
+    for axis in range(3):
+        total[:, axis] += np.bincount(rows, values[:, axis], len(total))

@@ -1,0 +1,137 @@
+"""A still and a moving picture of a sample."""
+
+from collections.abc import Mapping
+from collections.abc import Sequence as Items
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from drapeline.dataset.reader import BODY, Sequence
+from drapeline.dataset.sample_meshes import Part, sample_parts
+from drapeline.rendering.animated_png import save_moving
+from drapeline.rendering.camera import Camera, look_at
+from drapeline.rendering.contact_sheet import text_card
+from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rule_log import progress
+from drapeline.storage import read_json, whole_file
+
+_GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
+_SKIN = (0.83, 0.69, 0.6)
+_DISTANCE_M = 7.0
+_SEEN_HEIGHT_M = 2.3
+_TARGET_HEIGHT_M = 0.93
+_FILLED = 0.95  # of the picture, by movements that reach farther than the usual
+_TURN_DEG = 28.0  # the camera stands this far to the side of where the body faces
+_RISE = 0.2
+
+
+def render_gallery(
+    folder: str | Path,
+    still: str | Path,
+    moving: str | Path,
+    *,
+    still_size: tuple[int, int] = (480, 640),
+    moving_size: tuple[int, int] = (240, 320),
+    moving_frames: int = 16,
+) -> None:
+    """Render a sample's middle frame and an animation of it, at the same scale for all samples.
+
+    The camera follows the body along the floor. A sample that was not accepted gets a card with
+    its status and reason in place of both pictures.
+
+    Args:
+        folder: a sample.
+        still: the PNG to write.
+        moving: the animated PNG to write; it loops.
+        still_size, moving_size: width and height in pixels.
+        moving_frames: pictures of the animation, spread evenly over the sequence.
+
+    Raises:
+        InputError: the sample's files are missing or damaged.
+    """
+    meta_file = Path(folder) / "meta.json"
+    meta = read_json(meta_file) if meta_file.is_file() else {"status": "accepted"}
+    if meta["status"] != "accepted":
+        _save_still(still, _card(meta, still_size))
+        _save_still(moving, _card(meta, moving_size))
+        return
+    with Sequence(folder) as sequence:
+        parts = sample_parts(sequence)
+        frames = np.unique(np.linspace(0, len(sequence) - 1, moving_frames).astype(int)).tolist()
+        middle = frames[len(frames) // 2]
+        camera = _cameras(sequence, parts, frames, still_size)[middle]
+        _save_still(still, _shot(sequence, parts, middle, camera))
+        cameras = _cameras(sequence, parts, frames, moving_size)
+        pictures = [
+            _shot(sequence, parts, frame, cameras[frame], samples=6)
+            for frame in progress(frames, label="gallery")
+        ]
+        save_moving(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
+
+
+def _view_direction(root_rotation: np.ndarray) -> np.ndarray:
+    """(3,) from the subject to the camera: before the body's front, a little aside and above."""
+    turn = Rotation.from_rotvec(root_rotation)
+    front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    if np.hypot(*front[:2]) < 0.5:  # bent over or lying: seen from its side
+        front = np.array([-upwards[1], upwards[0], 0.0])
+    angle = np.arctan2(front[1], front[0]) + np.radians(_TURN_DEG)
+    direction = np.array([np.cos(angle), np.sin(angle), _RISE])
+    return direction / np.linalg.norm(direction)
+
+
+def _shot(
+    sequence: Sequence,
+    parts: Items[Part],
+    frame: int,
+    camera: Camera,
+    *,
+    samples: int = 12,
+) -> np.ndarray:
+    painted = [
+        Painted(
+            part.read(frame, frame + 1)[0],
+            part.mesh.faces,
+            _SKIN if part.name == BODY else part.colour,
+            _GLOSS.get(sequence.fabrics.get(part.name) or "", 0.0),
+        )
+        for part in parts
+    ]
+    target = camera.position + _DISTANCE_M * camera.axes[2]
+    return studio_picture(painted, camera, floor_centre=target[:2], samples=samples)
+
+
+def _cameras(
+    sequence: Sequence, parts: Items[Part], frames: Items[int], size: tuple[int, int]
+) -> dict[int, Camera]:
+    """Frame -> camera; all look the same way at one scale."""
+    direction = _view_direction(sequence.info.poses[frames[len(frames) // 2], :3])
+    targets = sequence.root_positions()[list(frames)]
+    targets[:, 2] = _TARGET_HEIGHT_M
+    focal_px = size[1] * _DISTANCE_M / _SEEN_HEIGHT_M
+
+    def shots(focal_px: float) -> dict[int, Camera]:
+        return {
+            frame: look_at(target + _DISTANCE_M * direction, target, focal_px=focal_px, size=size)
+            for frame, target in zip(frames, targets, strict=True)
+        }
+
+    half = np.array(size) / 2
+    reach = 0.0
+    for frame, camera in shots(focal_px).items():
+        for part in parts:
+            seen, _ = camera.project(part.read(frame, frame + 1)[0])
+            reach = max(reach, float(np.abs(seen / half - 1).max()))
+    return shots(focal_px * min(1.0, _FILLED / reach))
+
+
+def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
+    return text_card(f"{meta['id']}: {meta['status']}", meta.get("reason", ""), size)
+
+
+def _save_still(path: str | Path, picture: np.ndarray) -> None:
+    with whole_file(path) as scratch:
+        Image.fromarray(picture).save(scratch, format="PNG", optimize=True)

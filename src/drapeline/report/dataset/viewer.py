@@ -1,0 +1,149 @@
+"""A sample as one HTML page that can be turned and played, without a network or a library."""
+
+import base64
+import json
+import zlib
+from collections.abc import Sequence as Items
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeline.dataset.reader import Sequence
+from drapeline.dataset.sample_meshes import Part, sample_parts
+from drapeline.dataset.splits import SPLITS
+from drapeline.errors import InputError
+from drapeline.storage import read_json, whole_file
+
+FRAMES_MAX = 60
+BYTES_MAX = 6_000_000  # of the page; fewer frames are kept rather than a coarser mesh
+STEP_M = 0.0002  # vertices are rounded to a fifth of a millimetre
+_LEVELS = 2**16 - 1
+
+
+def example_sample(dataset: str | Path) -> Path | None:
+    """Folder of the first accepted test sample, else training or validation; None without any."""
+    for split in ("test", *(name for name in SPLITS if name != "test")):
+        for folder in sorted((Path(dataset) / split).glob("*")):
+            if (folder / "info.mat").is_file():
+                return folder
+    return None
+
+
+def write_viewer(path: str | Path, folder: str | Path | None) -> int:
+    """Write the page of one sample; a sample that was not accepted gets a page that says why.
+
+    Args:
+        path: the HTML page.
+        folder: the sample's folder, or None if there is no sample to show.
+
+    Returns:
+        Size of the page in bytes.
+
+    Raises:
+        InputError: the sample is damaged.
+    """
+    if folder is None:
+        return _write(path, {"title": "No sample was accepted", "lines": []}, b"")
+    meta = read_json(Path(folder) / "meta.json")
+    if meta["status"] != "accepted":
+        title = f"Sample {meta['id']} was {meta['status']}"
+        return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
+    with Sequence(folder) as sequence:
+        parts = sample_parts(sequence)
+        for stride in range(max(1, -(-len(sequence) // FRAMES_MAX)), len(sequence) + 1):
+            header, blob = encode_parts(parts, range(0, len(sequence), stride))
+            if 4 / 3 * len(blob) < 0.99 * BYTES_MAX:
+                break
+        header |= {
+            "title": f"Sample {sequence.id}",
+            "lines": _about(meta),
+            "fps": sequence.fps / stride,
+            "stride": stride,
+        }
+    return _write(path, header, blob)
+
+
+def encode_parts(parts: Items[Part], frames: Items[int]) -> tuple[dict[str, Any], bytes]:
+    """Meshes and chosen frames as a header and one compressed block.
+
+    The block holds, part by part, the triangles as uint32 and the vertices as 16-bit steps from
+    `origin_m`, coded as `coded_frames` says.
+
+    Args:
+        parts: the meshes that move.
+        frames: which frames to keep, in order.
+
+    Returns:
+        The header ("origin_m" (3,), "step_m", "frames", "parts") and the block.
+    """
+    moving = [np.stack([part.read(f, f + 1)[0] for f in frames]) for part in parts]
+    origin = np.min([points.min(axis=(0, 1)) for points in moving], axis=0)
+    extent = np.max([points.max(axis=(0, 1)) for points in moving], axis=0) - origin
+    if not np.isfinite(extent).all():
+        raise InputError(f"{parts[0].name}: vertices are not finite, expected metres")
+    step = max(STEP_M, float(extent.max()) / _LEVELS)
+    blocks = []
+    about = []
+    for part, points in zip(parts, moving, strict=True):
+        triangles = np.ascontiguousarray(part.mesh.triangles, dtype="<u4")
+        steps = np.rint((points - origin) / step).astype(np.uint16)
+        blocks += [triangles.tobytes(), coded_frames(steps)]
+        about.append(
+            {
+                "name": part.name,
+                "colour": [round(value, 4) for value in part.colour],
+                "vertices": points.shape[1],
+                "triangles": len(triangles),
+            }
+        )
+    header = {
+        "origin_m": [float(value) for value in origin],
+        "step_m": step,
+        "frames": len(frames),
+        "parts": about,
+    }
+    return header, zlib.compress(b"".join(blocks), 9)
+
+
+def coded_frames(steps: np.ndarray) -> bytes:
+    """16-bit positions in a form that compresses well.
+
+    Every value is replaced by its difference to the frame before, and that by its difference to
+    the vertex before (both modulo 2^16, so nothing is lost); signs are moved to the lowest bit;
+    low bytes come first, then high bytes.
+
+    Args:
+        steps: (N, V, 3) uint16.
+    """
+    change = np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1]))
+    change = np.diff(change, axis=1, prepend=np.zeros_like(change[:, :1])).view(np.int16)
+    folded = ((change << 1) ^ (change >> 15)).view(np.uint16)
+    planes = np.stack([folded & 0xFF, folded >> 8]).astype(np.uint8)
+    # Coordinates apart: x next to x is more alike than x next to y.
+    return np.ascontiguousarray(planes.transpose(0, 1, 3, 2)).tobytes()
+
+
+def _about(meta: dict[str, Any]) -> list[str]:
+    worn = ", ".join(f"{g['name']} of {g['fabric']}" for g in meta["outfit"]["garments"])
+    motion = meta["motion"]
+    return [
+        worn,
+        f"{meta['body']['gender']} body, {motion['action'] or 'no action label'}"
+        f" ({motion['sequence']}), {motion['frames']} frames, {meta['split']} split",
+    ]
+
+
+def _write(path: str | Path, header: dict[str, Any], blob: bytes) -> int:
+    template = Path(__file__).with_name("viewer.html").read_text()
+    # "</" would end the script element that holds the header.
+    text = json.dumps(header, allow_nan=False).replace("</", "<\\/")
+    page = (
+        template.replace("{{title}}", escape(header["title"]))
+        .replace("{{header}}", text)
+        .replace("{{data}}", base64.b64encode(blob).decode())
+    )
+    with whole_file(path) as scratch:
+        scratch.write_text(page)
+    return len(page.encode())

@@ -1,0 +1,76 @@
+"""The shared comparison: the same garments through the codes of all models."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_metrics
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.report.html import html_table, write_page
+
+_NAMES = {
+    "svae": "SVAE, as printed",
+    "svae_ours": "SVAE, our variant",
+    "body_pca": "PCA of offsets from the body",
+    "garment4d_pca": "PCA of Garment4D's templates",
+    "body_registered": "no code: registered to the body",
+    "template_registered": "no code: registered to the template",
+}
+_WAYS = {
+    "surface_to_true_mm": "From what is given back to the garment as made",
+    "true_to_surface_mm": "From the garment as made to what is given back",
+}
+
+
+def write_representations(path: str | Path, metrics: str | Path, split: str) -> None:
+    """Write the page.
+
+    Args:
+        path: the HTML page.
+        metrics: table of metrics with the rows of `compare_representations`.
+        split: shown.
+
+    Raises:
+        InputError: the table is missing or unusable.
+    """
+    rows = read_metrics(metrics)
+    parts = [
+        "<p>Every garment of these types in the test split of static outfits, none of which any"
+        " model has seen. Mean distances over the surfaces' area in mm, with 95 % intervals over"
+        " outfits. A code cannot win back what registration loses, which the last two rows show."
+        " The body's shape, and what else a decoder is told besides the code, are not counted in"
+        " the numbers of the code; those of the templates are listed by type.</p>"
+    ]
+    for metric, title in _WAYS.items():
+        parts += [f"<h2>{title} (mm)</h2>", html_table(_table(rows, metric, split))]
+    write_page(path, "The same garments through all codes", *parts)
+
+
+def _table(rows: Sequence[MetricRow], metric: str, split: str) -> list[dict[str, object]]:
+    found = []
+    for variant, name in _NAMES.items():
+        cells: dict[str, object] = {
+            "Code": name,
+            "Numbers in the code": _size(rows, variant, split),
+        }
+        for garment in (*TEMPLATE_TYPES, ALL):
+            cells[garment] = _cell(rows, variant, split, garment, metric)
+        found.append(cells)
+    return found
+
+
+def _size(rows: Sequence[MetricRow], variant: str, split: str) -> str:
+    """Numbers per garment; of each type where they differ."""
+    found = [find_value(rows, variant, split, g, "code_numbers") for g in TEMPLATE_TYPES]
+    sizes = [f"{row.value:.0f}" if row else "-" for row in found]
+    return sizes[0] if len(set(sizes)) == 1 else " / ".join(sizes)
+
+
+def _cell(rows: Sequence[MetricRow], variant: str, split: str, garment: str, metric: str) -> str:
+    value, low, high = (
+        find_value(rows, variant, split, garment, metric + end) for end in ("", LOW, HIGH)
+    )
+    if value is None:
+        return "-"
+    if low is None or high is None:
+        return f"{value.value:.2f}"
+    return f"{value.value:.2f} ({low.value:.2f} to {high.value:.2f})"

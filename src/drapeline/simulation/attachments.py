@@ -1,0 +1,71 @@
+"""What holds a garment: waistbands that follow the body, elastics that gather an end."""
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from drapeline.geometry.mesh import edges
+
+_PATCH = 64  # body vertices that carry one vertex of a waistband
+_MOST_GATHERED = 0.45
+
+
+class Carrier:
+    """Moves points with a body; built once, called per frame."""
+
+    def __init__(self, points: np.ndarray, body: np.ndarray) -> None:
+        """Tie points (P, 3) to the nearest vertices of a body (V, 3)."""
+        _, self._near = KDTree(body).query(points, k=min(_PATCH, len(body)))
+        patch = body[self._near].astype(np.float64)
+        self._centre = patch.mean(axis=1, keepdims=True)
+        self._patch = patch - self._centre
+        self._arm = points[:, None] - self._centre
+
+    def __call__(self, body: np.ndarray) -> np.ndarray:
+        """Where the points (P, 3) are when the body is at `body` (V, 3)."""
+        now = body[self._near].astype(np.float64)
+        centre = now.mean(axis=1, keepdims=True)
+        u, _, vt = np.linalg.svd(self._patch.transpose(0, 2, 1) @ (now - centre))
+        flip = np.ones((len(u), 1, 3))
+        flip[:, 0, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+        return (self._arm @ ((u * flip) @ vt) + centre)[:, 0]
+
+
+def gathering(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    elastic: np.ndarray,
+    body: np.ndarray,
+    *,
+    gap_m: float,
+) -> np.ndarray:
+    """Share (V,) by which rest lengths shrink so that elastic bands lie on the body.
+
+    Each connected band shrinks as a whole: by its mean distance from the body, less the gap,
+    over its radius.
+
+    Args:
+        elastic: (V,) 0-1, how much of an elastic a vertex has.
+        body: (B, 3) body vertices in the garment's frame and pose.
+    """
+    share = np.zeros(len(vertices))
+    inside = elastic > 0
+    if not inside.any():
+        return share
+    pairs = edges(faces)
+    pairs = pairs[inside[pairs].all(axis=1)]
+    graph = sp.coo_matrix(
+        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices),) * 2
+    )
+    _, band = connected_components(graph, directed=False)
+    distance, _ = KDTree(body).query(vertices[inside])
+    away = np.zeros(len(vertices))
+    away[inside] = distance
+    for label in np.unique(band[inside]):
+        member = np.flatnonzero(inside & (band == label))
+        points = vertices[member]
+        radius = np.linalg.norm(points - points.mean(axis=0), axis=1).mean()
+        wanted = (away[member].mean() - gap_m) / max(radius, 1e-6)
+        share[member] = elastic[member] * np.clip(wanted + 0.05, 0.05, _MOST_GATHERED)
+    return share

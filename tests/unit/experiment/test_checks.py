@@ -1,0 +1,156 @@
+"""Refusals of experiments that cannot work, and none of those that can."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from drapeline.errors import InputError
+from drapeline.experiment.checks import (
+    PlannedSequence,
+    planned_sequences,
+    refuse_contradictions,
+    require_sequences,
+    require_splits,
+)
+from drapeline.experiment.config import checked_settings
+from drapeline.experiment.samples import SamplePlan
+from drapeline.outfits.static_plan import StaticPlan
+
+ROOT = Path(__file__).parents[3]
+SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
+SHARES = {"val_share": 0, "test_share": 0.2}
+
+
+def settings(**given):
+    return checked_settings(given, SCHEMA, "x.yaml")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"simulation": {"settings": {"steps_min": 30}}},
+            r"simulation.settings.steps_min is 30, expected at most steps_max, which is 20$",
+        ),
+        (
+            {"outfits": {"tightness_range": [0.5, -1.5]}},
+            r"outfits.tightness_range is \[0.5, -1.5\], expected the lower end first$",
+        ),
+        (
+            {"static": {"val_share": 0.9, "test_share": 0.9}},
+            r"static.val_share is 0.9 and static.test_share 0.9, expected a sum below 1$",
+        ),
+        (
+            {"garment4d": {"mgn": {"training": {"frames": 4, "stride": 5}}}},
+            r"garment4d.mgn.training.stride is 5, expected at most garment4d.mgn.training.frames,"
+            r" which is 4: no frame may lie between windows$",
+        ),
+        (
+            {"garment4d": {"evaluation": {"stride": 11}}},
+            r"garment4d.evaluation.stride is 11, expected at most garment4d.posed.training.frames",
+        ),
+    ],
+)
+def test_contradictions_are_named_with_both_values(given, message):
+    with pytest.raises(InputError, match=message):
+        refuse_contradictions(settings(**given))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"simulation": {"settings": {"steps_min": 20}}},
+        {"outfits": {"tightness_range": [0.5, 0.5]}},
+        {"static": {"val_share": 0, "test_share": 0}},
+    ],
+)
+def test_what_agrees_passes(given):
+    refuse_contradictions(settings(**given))
+
+
+def test_an_empty_split_is_named_where_it_is_needed():
+    planned = ["train"] * 15 + ["test"]
+    require_splits(planned, ["train", "test"], group="samples", shares=SHARES)
+    expected = (
+        "samples.val_share is 0 and samples.test_share 0.2, which puts none of 16 into val,"
+        " expected one or more"
+    )
+    with pytest.raises(InputError, match=expected):
+        require_splits(planned, ["train", "val"], group="samples", shares=SHARES)
+    with pytest.raises(InputError, match=r"static.* puts none of 0 into train"):
+        require_splits([], ["train"], group="static", shares=SHARES)
+
+
+def sample(kind, partition, frames=60):
+    return SamplePlan("00001", "walk", 0, 30, 30 + frames, "female", kind, partition)
+
+
+def outfit(kind, split):
+    return StaticPlan("s00001", "female", kind, split, "000")
+
+
+def test_sequences_of_a_type_are_those_who_wear_it_and_static_ones_of_splits_that_move():
+    samples = [sample("Top+Skirt", "train"), sample("Dress", "val", 12), sample("Dress", "test", 8)]
+    outfits = [outfit("Tshirt+Skirt", split) for split in ("train", "val", "test")]
+    assert planned_sequences("Skirt", samples, outfits, frames=4, step=3) == [
+        PlannedSequence("simulated", "train", 60),
+        PlannedSequence("skinned", "train", 4),
+        PlannedSequence("skinned", "val", 4),
+    ]
+    assert planned_sequences("Trousers", samples, outfits, frames=4, step=3) == []
+
+
+def test_static_outfits_need_a_sample_as_long_as_their_motion():
+    samples = [sample("Dress", "train", 12)]
+    message = r"skinned.frames is 5 and step 3, which take 13 frames of a sample, .* longest, 12$"
+    with pytest.raises(InputError, match=message):
+        planned_sequences("Skirt", samples, [outfit("Dress", "train")], frames=5, step=3)
+    assert planned_sequences("Skirt", samples, [], frames=5, step=3) == []
+
+
+SIMULATED, SKINNED = ("simulated",), ("simulated", "skinned")
+ENOUGH = [
+    PlannedSequence("simulated", "train", 60),
+    PlannedSequence("skinned", "train", 4),
+    PlannedSequence("skinned", "val", 4),
+]
+
+
+def require(planned, sources, window):
+    require_sequences("Skirt", planned, stage="posed", sources=sources, window=window)
+
+
+def test_enough_sequences_pass():
+    require(ENOUGH, SIMULATED, 4)
+    require(ENOUGH, SKINNED, 4)
+    # Validation has some of the stage's own source here, so the others' length does not matter.
+    require([*ENOUGH, PlannedSequence("simulated", "val", 10)], SIMULATED, 10)
+
+
+@pytest.mark.parametrize(
+    ("planned", "sources", "message"),
+    [
+        (ENOUGH[1:], SKINNED, "has 1 sequences of a Skirt for train of any source, expected 2 or"),
+        (
+            [ENOUGH[1], *ENOUGH[1:]],
+            SIMULATED,
+            r"has 0 sequences .* of garment4d.posed.training.sources \(simulated\), expected 1 or",
+        ),
+        (ENOUGH[:2], SKINNED, "has 0 sequences of a Skirt for val of any source, expected 1 or"),
+    ],
+)
+def test_too_few_sequences_are_counted(planned, sources, message):
+    with pytest.raises(InputError, match=message):
+        require(planned, sources, 4)
+
+
+@pytest.mark.parametrize("sources", [SIMULATED, SKINNED])
+def test_a_window_longer_than_a_sequence_is_named(sources):
+    message = (
+        r"garment4d.posed.training.frames is 10, expected at most 4, the frames of a skinned"
+        r" sequence of a Skirt$"
+    )
+    with pytest.raises(InputError, match=message):
+        require(ENOUGH, sources, 10)

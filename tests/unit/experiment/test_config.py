@@ -1,0 +1,114 @@
+import pytest
+import yaml
+
+from drapeline.errors import InputError
+from drapeline.experiment.config import checked_settings
+
+SCHEMA = yaml.safe_load(
+    """
+type: object
+additionalProperties: false
+properties:
+  seed: {type: integer, minimum: 0, default: 1}
+  cloth:
+    type: object
+    additionalProperties: false
+    default: {}
+    properties:
+      gap_m: {type: number, minimum: 0.001, maximum: 0.03, default: 0.004}
+      kind: {enum: [silk, denim], default: silk}
+"""
+)
+
+
+def test_defaults_are_filled_at_every_level_and_given_values_kept():
+    given = {"cloth": {"kind": "denim"}}
+    assert checked_settings(given, SCHEMA, "x.yaml") == {
+        "seed": 1,
+        "cloth": {"gap_m": 0.004, "kind": "denim"},
+    }
+    assert given == {"cloth": {"kind": "denim"}}
+
+
+def test_defaults_of_two_calls_are_independent():
+    first = checked_settings({}, SCHEMA, "x.yaml")
+    first["cloth"]["gap_m"] = 99
+    assert checked_settings({}, SCHEMA, "x.yaml")["cloth"]["gap_m"] == 0.004
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"sede": 3}, r"x.yaml: 'sede' is not a setting, expected one of cloth, seed"),
+        ({"cloth": {"gap": 1}}, r"x.yaml: 'cloth.gap' is not a setting, expected one of gap_m"),
+        ({"seed": -1}, r"x.yaml: seed is -1, expected an integer of at least 0"),
+        ({"seed": "1"}, r"x.yaml: seed is '1', expected an integer"),
+        ({"cloth": {"gap_m": 4}}, r"cloth.gap_m is 4, expected a number from 0.001 to 0.03"),
+        ({"cloth": {"kind": "wool"}}, r"cloth.kind is 'wool', expected one of silk, denim"),
+        ({"cloth": None}, r"cloth is None, expected an object"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_what_is_allowed(given, message):
+    with pytest.raises(InputError, match=message):
+        checked_settings(given, SCHEMA, "x.yaml")
+
+
+FORMS = yaml.safe_load(
+    """
+type: object
+additionalProperties: false
+properties:
+  rate: {type: number, exclusiveMinimum: 0, maximum: 1, default: 0.5}
+  weight: {type: number, exclusiveMinimum: 0, default: 1}
+  share: {type: number, maximum: 0.5, default: 0}
+  widths: {type: array, minItems: 2, maxItems: 2, default: [1, 2]}
+  names: {type: array, minItems: 1, maxItems: 3, uniqueItems: true, default: [a]}
+  kinds: {type: array, maxItems: 3, default: []}
+  colours: {type: array, minItems: 1, default: [red]}
+  devices:
+    type: [integer, string]
+    anyOf: [{enum: [auto, -1]}, {type: integer, minimum: 1}]
+    default: auto
+    description: How many.
+  files:
+    type: object
+    additionalProperties: false
+    default: {}
+    properties: {female: {type: string}, male: {type: string}}
+    dependentRequired: {female: [male], male: [female]}
+"""
+)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"rate": 2}, r"rate is 2, expected a number above 0 and at most 1$"),
+        ({"rate": 0}, r"rate is 0, expected a number above 0 and at most 1$"),
+        ({"weight": 0}, r"weight is 0, expected a number above 0$"),
+        ({"share": 0.7}, r"share is 0.7, expected a number of at most 0.5$"),
+        ({"widths": [1, 2, 3]}, r"is \[1, 2, 3\], expected an array of exactly 2 items$"),
+        ({"names": []}, r"expected an array of 1 to 3 items, each named once$"),
+        ({"kinds": [1, 2, 3, 4]}, r"expected an array of at most 3 items$"),
+        ({"colours": []}, r"expected an array of 1 or more items$"),
+        ({"files": {"male": "a"}}, r"x.yaml: files names male but no female, expected both$"),
+        ({"files": {"female": "a"}}, r"x.yaml: files names female but no male, expected both$"),
+    ],
+)
+def test_every_bound_is_told(given, message):
+    with pytest.raises(InputError, match=message):
+        checked_settings(given, FORMS, "x.yaml")
+
+
+@pytest.mark.parametrize("devices", ["auto", -1, 1, 8])
+def test_a_value_may_have_one_of_several_forms(devices):
+    assert checked_settings({"devices": devices}, FORMS, "x.yaml")["devices"] == devices
+
+
+@pytest.mark.parametrize("devices", ["two", 0, -2, True, 1.5])
+def test_a_value_of_none_of_the_forms_is_told_all(devices):
+    expected = (
+        rf"devices is {devices!r}, expected one of auto, -1 or an integer of at least 1 \(How"
+    )
+    with pytest.raises(InputError, match=expected):
+        checked_settings({"devices": devices}, FORMS, "x.yaml")

@@ -1,0 +1,118 @@
+from collections import Counter
+
+import pytest
+
+from drapeline.dataset.splits import SPLITS
+from drapeline.errors import InputError
+from drapeline.experiment.samples import plan_samples, sub_sequences
+from drapeline.outfits.garment_types import KINDS
+
+FRAMES = {"walk": 120, "run": 125, "jump": 60, "dance": 59, "crawl": 70, "spin": 130}
+
+
+def plan(seed=1, count=18, **changes):
+    settings = {
+        "frames": 60,
+        "frames_min": 60,
+        "count": count,
+        "val_share": 0.2,
+        "test_share": 0.2,
+        "female_share": 2 / 3,
+        "kinds": KINDS,
+        "male_skirts": False,
+    }
+    return plan_samples(seed, FRAMES, **{**settings, **changes})
+
+
+def test_clips_are_cut_end_to_end_and_short_remainders_left_out():
+    assert sub_sequences({"a": 130}, frames=60, frames_min=1) == {
+        "a": [(0, 60), (60, 120), (120, 130)]
+    }
+    assert sub_sequences({"a": 130}, frames=60, frames_min=20) == {"a": [(0, 60), (60, 120)]}
+    assert sub_sequences({"a": 19}, frames=60, frames_min=20) == {"a": []}
+
+
+def test_samples_take_turns_over_the_clips_and_then_reuse_them():
+    names = [s.sequence for s in plan().values()]
+    assert names[:5] == ["walk", "run", "jump", "crawl", "spin"]
+    assert names[5:8] == ["walk", "run", "spin"]
+    assert names[8:13] == names[:5]
+    assert "dance" not in names
+
+
+def test_without_a_count_each_sub_sequence_is_used_once():
+    plans = plan(count=None)
+    used = [(s.sequence, s.part) for s in plans.values()]
+    assert len(used) == len(set(used)) == 8
+    assert all(s.stop - s.start == 60 and s.start == 60 * s.part for s in plans.values())
+
+
+@pytest.mark.parametrize("count", [3, 18, 100])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_genders_are_two_to_one_up_to_rounding_and_mixed_in_every_split(count, seed):
+    plans = plan(seed, count).values()
+    assert [s.gender for s in plans].count("female") == round(count * 2 / 3)
+    for split in SPLITS:
+        genders = [s.gender for s in plans if s.partition == split]
+        assert abs(genders.count("female") - len(genders) * 2 / 3) <= 1
+        for start in range(len(genders) - 5):
+            assert 3 <= genders[start : start + 6].count("female") <= 5
+
+
+def test_outfits_are_balanced_and_men_wear_no_skirts_unless_asked():
+    plans = plan(count=90).values()
+    worn = Counter(s.kind for s in plans)
+    men = Counter(s.kind for s in plans if s.gender == "male")
+    assert set(worn) == set(KINDS)
+    assert max(worn.values()) - min(worn.values()) <= 3  # one for each split
+    assert set(men) == {"Tshirt+Trousers", "Top+Trousers", "Jumpsuit"}
+    assert "Dress" in {
+        s.kind for s in plan(count=90, male_skirts=True).values() if s.gender == "male"
+    }
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_split_wears_the_first_kinds_and_one_named_twice_is_worn_twice(seed):
+    kinds = ["Tshirt+Trousers", "Tshirt+Skirt", "Dress", "Jumpsuit", "Dress"]
+    worn = {}
+    for sample in plan(seed, count=30, kinds=kinds).values():
+        worn.setdefault(sample.partition, Counter())[sample.kind] += 1
+    for split in worn.values():
+        assert split["Tshirt+Trousers"]
+        assert split["Tshirt+Skirt"]
+    assert worn["train"]["Dress"] >= 2 * worn["train"]["Jumpsuit"] - 2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_splits_share_no_clip_and_none_is_empty(seed):
+    clips = {}
+    for sample in plan(seed).values():
+        clips.setdefault(sample.partition, set()).add(sample.sequence)
+    assert set(clips) == {"train", "val", "test"}
+    assert sum(len(names) for names in clips.values()) == len(set().union(*clips.values()))
+
+
+def test_the_plan_depends_on_the_seed_alone():
+    assert plan(3) == plan(3)
+    assert plan(3) != plan(4)
+
+
+def test_a_length_no_clip_reaches_is_named():
+    with pytest.raises(InputError, match=r"frames_min is 200, but the longest clip has 130 frames"):
+        plan(frames=300, frames_min=200)
+
+
+def test_a_least_length_above_the_length_is_named():
+    with pytest.raises(InputError, match=r"frames_min is 100, expected at most .*, which is 60"):
+        plan(frames=60, frames_min=100)
+
+
+def test_nothing_to_wear_is_named():
+    with pytest.raises(InputError, match="nothing for male bodies to wear"):
+        plan(kinds=["Dress", "Top+Skirt"])
+
+
+def test_sub_sequences_are_named_as_in_cloth3d_and_tops_leave_the_arms_bare():
+    for sample in plan().values():
+        assert sample.sub_sequence == f"{sample.sequence}_s{sample.start // 60}"
+        assert (sample.removable == "forearms") == ("Top" in sample.kind)

@@ -1,0 +1,77 @@
+import pytest
+
+from drapeline.experiment import source_digest
+from drapeline.experiment.source_digest import Sources
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """script -> a -> b.c (with data beside it); d is not used."""
+    package = tmp_path / "src" / "drapeline"
+    (package / "b").mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "a.py").write_text("from drapeline.b import c\n\ndef f():\n    return c.g()\n")
+    (package / "b" / "__init__.py").touch()
+    (package / "b" / "c.py").write_text('"""Doc."""\n\ndef g():\n    return 1\n')
+    (package / "b" / "names.yaml").write_text("x: 1\n")
+    (package / "d.py").write_text("y = 1\n")
+    script = tmp_path / "script.py"
+    script.write_text("from drapeline.a import f\n\nf()\n")
+    return script, tmp_path / "src", package
+
+
+def test_imports_are_followed_however_deep(tree):
+    script, source, package = tree
+    found = Sources(source).imported_files(script)
+    assert found == {package / "a.py", package / "b" / "c.py", package / "b" / "names.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "changes"),
+    [
+        ("b/c.py", "def g():\n    return 2\n", True),
+        ("b/names.yaml", "x: 2\n", True),
+        ("b/c.py", '"""Other words."""\n\n# why\ndef g():\n\n    return 1\n', False),
+        ("d.py", "y = 2\n", False),
+    ],
+)
+def test_the_digest_changes_with_used_code_only(tree, name, text, changes):
+    script, source, package = tree
+    before = Sources(source).digest(script)
+    (package / name).write_text(text)
+    assert (Sources(source).digest(script) != before) == changes
+
+
+def test_a_change_of_the_script_counts(tree):
+    script, source, _ = tree
+    before = Sources(source).digest(script)
+    script.write_text(script.read_text() + "f()\n")
+    assert Sources(source).digest(script) != before
+
+
+def test_a_module_that_is_not_there_is_an_error(tree):
+    script, source, _ = tree
+    script.write_text("import drapeline.nothing\n")
+    with pytest.raises(FileNotFoundError, match="drapeline.nothing"):
+        Sources(source).digest(script)
+
+
+def test_what_was_found_is_kept_and_changes_are_still_seen(tree, tmp_path, monkeypatch):
+    script, source, package = tree
+    memory = tmp_path / "kept" / "sources.json"
+    first = Sources(source, memory)
+    before = first.digest(script)
+    first.remember()
+    with monkeypatch.context() as patch:
+        patch.setattr(source_digest, "_parsed", None)  # nothing is parsed again
+        assert Sources(source, memory).digest(script) == before
+    (package / "a.py").write_text("from drapeline.b import c\n\ndef f():\n    return 0\n")
+    assert Sources(source, memory).digest(script) == Sources(source).digest(script) != before
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"x": 1}', '{"x": ["y", [1]]}'])
+def test_a_damaged_memory_does_no_harm(tree, tmp_path, text):
+    script, source, _ = tree
+    memory = tmp_path / "sources.json"
+    memory.write_text(text)
+    assert Sources(source, memory).digest(script) == Sources(source).digest(script)

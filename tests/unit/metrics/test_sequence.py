@@ -1,0 +1,223 @@
+"""Metrics of reconstructed sequences against motions whose answer is known."""
+
+import numpy as np
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.sequence import (
+    CONTACT_EVERY,
+    Measured,
+    Reconstruction,
+    Wearer,
+    acceleration_error_m_s2,
+    canonical_measures,
+    first_reconstructions,
+    inside_means,
+    load_reconstruction,
+    segmentation_accuracy,
+    sequence_measures,
+    sequence_summary,
+    to_cloud_mm,
+    vertex_error_mm,
+    vertex_errors_mm,
+)
+from drapeline.metrics.table import HIGH, LOW, find_value
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz
+
+
+@pytest.fixture
+def motion():
+    """(8, 30, 3) smooth motion of a random cloud."""
+    rng = rng_for(0, "garment4d motion")
+    steps = np.arange(8)[:, None, None]
+    return (rng.normal(size=(30, 3)) + 0.1 * np.sin(0.4 * steps + rng.normal(size=3))).astype(
+        np.float32
+    )
+
+
+def ball(radius):
+    """A finely cut octahedral sphere: vertices and outward triangles."""
+    vertices = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+    faces = np.array(
+        [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
+    )
+    vertices = vertices.astype(float)
+    for _ in range(3):
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        corners = np.stack([a, b, c, (a + b) / 2, (b + c) / 2, (c + a) / 2], 1).reshape(-1, 3)
+        start = 6 * np.arange(len(faces))[:, None]
+        parts = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
+        faces = np.concatenate([start + part for part in parts])
+        vertices, same = np.unique(corners.round(9), axis=0, return_inverse=True)
+        faces = same.reshape(-1)[faces]
+    return radius * vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
+
+
+def test_vertex_errors_are_lengths(motion):
+    shift = np.array([0.003, 0.0, 0.004])
+    assert vertex_error_mm(motion + shift, motion) == pytest.approx(5.0)
+    assert vertex_error_mm(motion[0] + shift, motion[0]) == pytest.approx(5.0)
+    one = motion.copy()
+    one[2, 7] += shift
+    errors = vertex_errors_mm(one, motion)
+    assert errors.shape == (8, 30)
+    assert errors[2, 7] == pytest.approx(5.0, rel=1e-4)
+    assert vertex_error_mm(one, motion) == pytest.approx(5.0 / 240, rel=1e-4)
+
+
+def test_every_frame_of_a_sequence_counts_once(motion):
+    rng = rng_for(0, "garment4d error")
+    predicted = motion + rng.normal(0, 0.01, motion.shape)
+    parts = [vertex_error_mm(predicted[a:b], motion[a:b]) for a, b in ((0, 5), (5, 8))]
+    assert vertex_error_mm(predicted, motion) == pytest.approx((5 * parts[0] + 3 * parts[1]) / 8)
+
+
+def test_acceleration_of_a_parabola_and_of_drift(motion):
+    seconds = np.arange(len(motion))[:, None, None] / 30
+    fall = motion + np.array([0.0, 0.0, -9.81]) / 2 * seconds**2
+    assert acceleration_error_m_s2(fall, motion) == pytest.approx(9.81, rel=1e-4)
+    drift = motion + np.array([1.0, 2.0, 3.0]) * seconds + 5
+    assert acceleration_error_m_s2(drift, motion) == pytest.approx(0, abs=1e-3)
+    # The same positions passed through twice as fast: four times the acceleration.
+    assert acceleration_error_m_s2(fall, motion, fps=60) == pytest.approx(4 * 9.81, rel=1e-4)
+
+
+def test_acceleration_equals_a_loop_over_vertices(motion):
+    predicted = motion + rng_for(0, "garment4d jitter").normal(0, 0.01, motion.shape)
+    lengths = []
+    for frame in range(1, len(motion) - 1):
+        for vertex in range(motion.shape[1]):
+            a, b = (
+                900 * (m[frame - 1, vertex] - 2.0 * m[frame, vertex] + m[frame + 1, vertex])
+                for m in (predicted, motion.astype(float))
+            )
+            lengths.append(np.sqrt(((a - b) ** 2).sum()))
+    assert acceleration_error_m_s2(predicted, motion) == pytest.approx(np.mean(lengths))
+
+
+def test_acceleration_has_no_meaning_for_two_frames(motion):
+    assert np.isnan(acceleration_error_m_s2(motion[:2] + 1, motion[:2]))
+
+
+def test_one_way_distance_is_that_of_the_slow_twin_and_looks_one_way(motion):
+    rng = rng_for(0, "garment4d cloud")
+    clouds = [rng.normal(size=(40 + 5 * k, 3)) for k in range(len(motion))]
+    slow = [
+        np.linalg.norm(garment[:, None] - cloud[None], axis=-1).min(axis=1).mean()
+        for garment, cloud in zip(motion, clouds, strict=True)
+    ]
+    assert to_cloud_mm(motion, clouds) == pytest.approx(1000 * np.mean(slow), rel=1e-5)
+    more = [np.concatenate([garment, garment + 50]) for garment in motion]
+    assert to_cloud_mm(motion, more) == 0
+
+
+def test_clouds_must_be_as_many_as_frames(motion):
+    with pytest.raises(ValueError, match="shorter"):
+        to_cloud_mm(motion, motion[:3])
+
+
+def test_accuracy_is_the_share_of_right_labels():
+    true = np.array([[0, 1, 2, 1], [0, 0, 0, 1]], dtype=np.uint8)
+    predicted = true.copy()
+    predicted[0, 2] = predicted[1, 3] = 3
+    assert segmentation_accuracy(predicted, true) == pytest.approx(0.75)
+
+
+def test_inside_means_are_those_of_the_looked_at_frames():
+    body, faces = ball(0.2)
+    asked = []
+
+    def vertices(frame):
+        asked.append(frame)
+        return body + [0, 0, frame]
+
+    outside, deep = body[:20] * 1.2, body[:20] * 0.75
+    garment = np.stack([deep + [0, 0, k] if k < 5 else outside + [0, 0, k] for k in range(10)])
+    found = inside_means(garment, Wearer(vertices, faces))
+    assert asked == [0, CONTACT_EVERY]
+    assert found["inside_share"] == pytest.approx(0.5)
+    assert found["inside_1cm_share"] == pytest.approx(0.5)
+    assert found["inside_depth_mm"] == pytest.approx(25, abs=1.0)
+
+
+def test_sequence_measures_follow_what_is_known(motion):
+    body, faces = ball(0.05)
+    wearer = Wearer(lambda frame: body, faces)
+    assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
+    assert set(sequence_measures(motion, motion, consecutive=False)) == {"vertex_error_mm"}
+    assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
+    found = sequence_measures(motion + 0.01, motion, wearer=wearer, points=motion)
+    assert found["vertex_error_mm"] == pytest.approx(np.sqrt(300), rel=1e-4)
+    assert 0 < found["to_cloud_mm"] <= found["vertex_error_mm"] + 1e-9
+    assert {"inside_share", "inside_1cm_share", "inside_depth_mm"} < set(found)
+
+
+def test_canonical_error_is_also_taken_against_the_garment_as_made():
+    original = Mesh(*ball(0.3))
+    true = ball(0.31)[0]  # registration that loses a centimetre
+    found = canonical_measures(Mesh(*ball(0.33)), true, original)
+    assert found["canonical_error_mm"] == pytest.approx(20, abs=0.01)
+    assert found["canonical_to_original_mm"] == pytest.approx(30, abs=1.5)
+    assert set(canonical_measures(Mesh(*ball(0.31)), true)) == {"canonical_error_mm"}
+    floor = canonical_measures(Mesh(*ball(0.31)), None, original)
+    assert floor == {"canonical_to_original_mm": pytest.approx(10, abs=1.5)}
+
+
+def test_summary_weighs_sequences_alike_and_leaves_out_what_has_no_meaning():
+    measured = [
+        Measured(
+            f"s{k}",
+            "Skirt" if k < 3 else "Tshirt",
+            {
+                "vertex_error_mm": 10.0 * k,
+                "acceleration_error_m_s2": float("nan") if k == 2 else float(k),
+            },
+        )
+        for k in range(4)
+    ]
+    rows = sequence_summary(measured, variant="posed", split="test", seed=1)
+    skirt = find_value(rows, "posed", "test", "Skirt", "vertex_error_mm")
+    assert (skirt.model, skirt.value, skirt.n, skirt.unit) == ("garment4d", 10.0, 3, "mm")
+    low, high = (
+        find_value(rows, "posed", "test", "Skirt", "vertex_error_mm" + end).value
+        for end in (LOW, HIGH)
+    )
+    assert 0 <= low < 10 < high <= 20
+    smooth = find_value(rows, "posed", "test", "Skirt", "acceleration_error_m_s2")
+    assert (smooth.value, smooth.n, smooth.unit) == (0.5, 2, "m/s^2")
+    assert rows == sequence_summary(measured, variant="posed", split="test", seed=1)
+
+
+def test_reconstructions_survive_a_file(tmp_path):
+    rng = rng_for(0, "garment4d file")
+    arrays = {
+        name: rng.normal(size=(2, 3))
+        for name in Reconstruction.__dataclass_fields__
+        if name not in ("name", "garment")
+    }
+    made = Reconstruction(name="00001", garment="Skirt", **{**arrays, "true": np.zeros((0, 3))})
+    made.save(tmp_path / "r.npz")
+    back = load_reconstruction(tmp_path / "r.npz")
+    assert (back.name, back.garment) == ("00001", "Skirt")
+    assert back.true.shape == (0, 3)
+    np.testing.assert_array_equal(back.number, made.number)
+    save_npz(tmp_path / "r.npz", name="00001")
+    with pytest.raises(InputError, match="garment"):
+        load_reconstruction(tmp_path / "r.npz")
+
+
+def test_of_each_type_with_a_reconstruction_the_first_is_shown_in_both_variants(tmp_path):
+    folders = [tmp_path / name for name in ("Skirt", "Tshirt", "Trousers")]
+    for folder, names in zip(folders, (["00002", "00001"], [], ["x"]), strict=True):
+        folder.mkdir()
+        for name in names:
+            for file in (f"{name}.npz", f"{name}_ours.npz"):
+                (folder / file).touch()
+    assert first_reconstructions(folders) == [
+        (folders[0] / "00001.npz", folders[0] / "00001_ours.npz"),
+        (folders[2] / "x.npz", folders[2] / "x_ours.npz"),
+    ]
+    with pytest.raises(InputError, match="Tshirt: no sequence of any type is in the test split"):
+        first_reconstructions(iter(folders[1:2]))

@@ -1,0 +1,356 @@
+"""Whole toy sequences through networks whose answer is known."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from drapeline.dataset.scans import read_scans
+from drapeline.errors import InputError
+from drapeline.metrics.sequence import load_reconstruction
+from drapeline.metrics.table import find_value, read_metrics, write_metrics
+from drapeline.models.garment4d import evaluate as evaluation_module
+from drapeline.models.garment4d.body_input import SkinningSettings, Wearers, proposals
+from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
+from drapeline.models.garment4d.reconstruct import (
+    estimate,
+    reconstruct,
+    refine,
+    training_habits,
+)
+from drapeline.models.garment4d.refine import RefineSettings
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
+from drapeline.seeding import rng_for
+from garment4d_toys import CANONICAL, PLAIN, POSED, as_if_fitted, save_toy_data, toy_bodies
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory, toy_body):
+    folder = tmp_path_factory.mktemp("garment4d") / "data"
+    save_toy_data(folder, toy_body)
+    return SequenceData(folder, Wearers(toy_bodies(toy_body), 30))
+
+
+@pytest.fixture
+def canonical(data):
+    return CanonicalStage(CanonicalStage.settings_of(PLAIN), data.space, data.label).eval()
+
+
+@pytest.fixture
+def identity(canonical):
+    """Untrained: displacements are zero."""
+    return PosedStage(PosedStage.settings_of(POSED), canonical).eval()
+
+
+@pytest.fixture
+def shaken(identity):
+    rng = rng_for(0, "shaken")
+    with torch.no_grad():
+        for parameter in identity.network.parameters():
+            noise = 0.02 * rng.standard_normal(parameter.shape)
+            parameter.add_(torch.from_numpy(noise.astype(np.float32)))
+    return identity
+
+
+@pytest.fixture
+def given(data):
+    """The arguments of the longest held-out sequence: seven frames, windows of three."""
+    sequence = int(data.of_split("test")[0])
+    rows = data.rows(sequence)
+    return {
+        "points": data.points[rows],
+        "poses": data.poses[rows],
+        "wearer": data.wearer(sequence),
+    }
+
+
+def test_without_displacements_the_result_is_the_skinned_canonical_garment(identity, given):
+    made = reconstruct(identity, **given)
+    np.testing.assert_allclose(made.final, made.proposal, atol=1e-6)
+    wearer = given["wearer"]
+    weights = wearer.weights(made.canonical, identity.space.faces, identity.settings.skinning)
+    expected = proposals(
+        made.canonical[None], weights[None], wearer.transforms(given["poses"])[None]
+    )
+    np.testing.assert_allclose(made.proposal, expected[0], atol=1e-6)
+    assert made.labels.shape == given["points"].shape[:2]
+
+
+def test_the_canonical_garment_has_the_mean_coefficients_of_all_windows(identity, given):
+    points = torch.from_numpy(np.array(given["points"]))
+    network = identity.canonical.network
+    with torch.inference_mode():
+        # Seven frames in windows of three: the last one is shifted back.
+        parts = [network(points[None, start : start + 3]).coefficients for start in (0, 3, 4)]
+        expected = network.vertices(torch.cat(parts).mean(0, keepdim=True))[0].numpy()
+    found = estimate(identity.canonical, **given)
+    np.testing.assert_allclose(found.canonical, expected, atol=1e-6)
+    made = reconstruct(identity, **given)
+    np.testing.assert_allclose(made.canonical, expected, atol=1e-6)
+    np.testing.assert_array_equal(made.labels, found.labels)
+
+
+def test_what_the_canonical_network_said_need_not_be_asked_again(shaken, given):
+    found = estimate(shaken.canonical, **given, stride=2)
+    made = reconstruct(shaken, **given, stride=2, estimated=found)
+    expected = reconstruct(shaken, **given, stride=2)
+    for key in ("labels", "canonical", "proposal", "final"):
+        np.testing.assert_array_equal(getattr(made, key), getattr(expected, key))
+    assert made.seconds > found.seconds
+
+
+@pytest.mark.parametrize(("stride", "starts"), [(None, (0, 3, 4)), (1, (0, 1, 2, 3, 4))])
+def test_frames_are_the_mean_of_the_windows_that_hold_them(shaken, given, stride, starts):
+    made = reconstruct(shaken, **given, stride=stride)
+    body, normals = given["wearer"].shown(given["poses"])
+    total, held = np.zeros_like(made.final), np.zeros(len(made.final))
+    for start in starts:
+        span = slice(start, start + 3)
+        window = {"proposal": made.proposal, "body": body, "body_normals": normals}
+        batch = {k: torch.from_numpy(np.array(v[None, span])) for k, v in window.items()}
+        points = torch.from_numpy(np.array(given["points"][None, span]))
+        with torch.inference_mode():
+            found = shaken.predictions(batch, shaken.levels(points).levels)[-1]
+        total[span] += found[0].numpy()
+        held[span] += 1
+    np.testing.assert_allclose(made.final, total / held[:, None, None], atol=2e-5)
+    assert np.abs(made.final - made.proposal).max() > 1e-3
+
+
+def test_displacements_of_a_whole_sequence_are_smoothed_over_frames(shaken, given):
+    plain = reconstruct(shaken, **given)
+    network = replace(shaken.settings.network, smooth_passes=2)
+    shaken.settings = replace(shaken.settings, network=network)
+    away = (plain.final - plain.proposal).astype(np.float64)
+    frames = len(away)
+    mean = np.diag(np.full(frames, 2.0)) + np.eye(frames, k=1) + np.eye(frames, k=-1)
+    mean[0, 0] = mean[-1, -1] = 3
+    expected = plain.proposal + np.tensordot(mean @ mean / 16, away, axes=1)
+    np.testing.assert_allclose(reconstruct(shaken, **given).final, expected, atol=1e-6)
+    jumps = reconstruct(shaken, **given, consecutive=False)
+    np.testing.assert_array_equal(jumps.final, plain.final)
+
+
+def test_the_order_of_the_points_does_not_matter(shaken, given):
+    made = reconstruct(shaken, **given)
+    order = rng_for(0, "order").permutation(given["points"].shape[1])
+    turned = reconstruct(shaken, **{**given, "points": given["points"][:, order]})
+    np.testing.assert_allclose(turned.final, made.final, atol=1e-5)
+    np.testing.assert_array_equal(turned.labels, made.labels[:, order])
+
+
+def test_a_walk_elsewhere_gives_the_same_garment(shaken, data, given, toy_body, tmp_path):
+    """Networks see coordinates relative to the root joint, so places in the world do not matter."""
+    sequence = int(data.of_split("test")[0])
+    made = []
+    for start in ([0.5, -0.25, 1.0], [-8.0, 16.0, 1.0]):  # sums without rounding
+        trans = np.array(start) + 0.125 * np.arange(len(given["poses"]))[:, None]
+        points = np.asarray(given["points"], dtype=np.float64)
+        np.savez(tmp_path / "scans.npz", points=points + trans[:, None])
+        body = {"poses": given["poses"], "shape": data.shape[sequence], "gender": "female"}
+        np.savez(tmp_path / "body.npz", trans=trans, **body)
+        scans = read_scans(tmp_path / "scans.npz", tmp_path / "body.npz", toy_bodies(toy_body))
+        points = np.stack([scan.points for scan in scans.scans])
+        made.append(reconstruct(shaken, points, scans.body.poses, given["wearer"]).final)
+    np.testing.assert_allclose(made[0], made[1], atol=1e-6)
+
+
+def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_points_are(
+    data, given
+):
+    """About the vertical. Networks see coordinates turned as the world, so they may tell fronts.
+
+    Skinning, what `located` points know besides their places, and our last step (see its own
+    test) do not depend on where a body faces.
+    """
+    turn = Rotation.from_euler("z", 1.1)
+    poses = np.array(given["poses"], dtype=np.float64)
+    poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
+    points = (given["points"] @ turn.as_matrix().T).astype(np.float32)
+    wearer, canonical = given["wearer"], data.canonical[0]
+    before, after = (
+        wearer.located(x, y) for x, y in ((given["points"], given["poses"]), (points, poses))
+    )
+    np.testing.assert_allclose(after[..., :3], points, atol=1e-6)
+    np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=2e-3)
+    weights = wearer.weights(canonical, data.space.faces, SkinningSettings(16, 5))
+    before, after = (
+        proposals(canonical[None], weights[None], wearer.transforms(x)[None])[0]
+        for x in (given["poses"], poses)
+    )
+    np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
+
+
+def test_clouds_without_a_garment_still_give_one(shaken, given):
+    nothing = np.zeros(given["points"].shape[:2], dtype=np.uint8)
+    made = reconstruct(shaken, **given, labels=nothing)
+    assert np.isfinite(made.final).all()
+    np.testing.assert_allclose(
+        reconstruct(shaken, **given, labels=nothing).final, made.final, atol=1e-6
+    )
+
+
+def test_a_sequence_shorter_than_a_window_is_refused(identity, given):
+    short = {**given, "points": given["points"][:2], "poses": given["poses"][:2]}
+    with pytest.raises(InputError, match="2 frames, expected at least 3"):
+        reconstruct(identity, **short)
+
+
+def test_a_stride_longer_than_a_window_is_refused(identity, given):
+    with pytest.raises(InputError, match="stride of 4, expected at most 3"):
+        reconstruct(identity, **given, stride=4)
+
+
+def test_habits_are_those_beside_proposals_of_the_skinning_asked_for(data):
+    # Toy garments are skinned like this, and sway by up to 2 cm.
+    own = training_habits(data, SkinningSettings(neighbours=16, passes=5))
+    other = training_habits(data, SkinningSettings(neighbours=1, passes=0))
+    assert own.error_m.max() < 0.021
+    assert own.error_m.mean() < 0.9 * other.error_m.mean()
+    np.testing.assert_allclose(own.shares, other.shares)
+
+
+def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, given):
+    sequence = int(data.of_split("test")[0])
+    true = data.garment[data.rows(sequence)]
+    made = reconstruct(identity, **given)
+    # The true canonical garment and the true labels, so that only the sway is left to find.
+    weights = data.wearer(sequence).weights(
+        data.canonical[sequence], data.space.faces, identity.settings.skinning
+    )
+    transforms = data.wearer(sequence).transforms(given["poses"])
+    proposal = proposals(data.canonical[sequence][None], weights[None], transforms[None])[0]
+    made = made._replace(
+        labels=data.labels[data.rows(sequence)],
+        canonical=data.canonical[sequence],
+        proposal=proposal,
+        final=proposal,
+    )
+    # Thirty body points tell nothing of where the body ends: no gap is asked for.
+    settings = RefineSettings(gap_m=-1.0)
+    found = refine(made, **given, label=data.label, faces=data.space.faces, settings=settings)
+    before, after = (np.linalg.norm(x - true, axis=-1).mean() for x in (proposal, found))
+    assert after < 0.85 * before
+
+
+@pytest.fixture
+def rows(data, canonical, identity, tmp_path):
+    settings = EvaluationSettings(
+        neighbours=(1, 16), missing=(0.3,), accuracy=(1.0, 0.5), noise_shape=2.0
+    )
+    found = evaluate(
+        data,
+        {"canonical": canonical},
+        {"posed": identity},
+        ("val", "test"),
+        settings,
+        RefineSettings(rounds=4),
+        pictures=tmp_path / "pictures",
+        vertex_sampled=data,
+    )
+    write_metrics(tmp_path / "metrics.tsv", found)
+    return read_metrics(tmp_path / "metrics.tsv")
+
+
+def test_every_variant_is_measured_against_the_truth(rows, data, identity, given, tmp_path):
+    def value(variant, metric, split="test"):
+        return find_value(rows, variant, split, "Skirt", metric).value
+
+    assert {row.garment for row in rows} == {"Skirt"}
+    sequence = int(data.of_split("test")[0])
+    true = data.garment[data.rows(sequence)]
+    mean = 1000 * np.linalg.norm(data.canonical[sequence] - data.space.mean, axis=-1).mean()
+    assert value("mean_garment", "canonical_error_mm") == pytest.approx(mean, rel=1e-4)
+    made = reconstruct(identity, **given)
+    error = 1000 * np.linalg.norm(made.final - true, axis=-1).mean()
+    assert value("posed", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("lbs", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("neighbours_16", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("vertex_sampled", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
+    assert value("neighbours_1", "vertex_error_mm") != pytest.approx(error, rel=1e-4)
+    assert value("noisy_body", "vertex_error_mm") > error
+    # Displacements are zero, so that skinning alone is the full model.
+    noisy = [value(f"{v}noisy_body", "vertex_error_mm") for v in ("", "lbs_", "ours_")]
+    assert noisy[0] == noisy[1] != noisy[2]
+    labels = {variant for _, variant, *_ in rows}
+    assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
+    # The truth is told apart from the body only; toy points are its own vertices.
+    assert find_value(rows, "truth", "test", "Skirt", "vertex_error_mm") is None
+    assert find_value(rows, "truth", "test", "Skirt", "canonical_error_mm") is None
+    # Toy garments vary in width and length alone, and registration changes nothing of them.
+    assert value("truth", "canonical_to_original_mm") == pytest.approx(0, abs=1e-3)
+    assert value("pca", "canonical_error_mm") < 0.1 * value("canonical", "canonical_error_mm")
+    assert value("truth", "simulated_share") == 1
+    assert value("truth", "to_cloud_mm") < value("posed", "to_cloud_mm")
+    # Simulated sequences alone are measured in motion, all of them at rest.
+    assert find_value(rows, "posed", "val", "Skirt", "vertex_error_mm").n == 1
+    assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 2
+    assert not [row for row in rows if row.split == "val" and row.variant == "noisy_body"]
+
+
+def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
+    data, identity, toy_body, tmp_path, caplog
+):
+    save_toy_data(tmp_path / "data", toy_body)
+    alone = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 30))
+    alone.split[(alone.source == "simulated") & (alone.split == "val")] = "train"
+    evaluation = Evaluation(alone, "val", EvaluationSettings())
+    assert "no simulated Skirt in the val split" in caplog.text
+    list(evaluation.posed("posed", identity))
+    names = {row.metric for row in evaluation.rows()}
+    assert "vertex_error_mm" in names
+    assert "acceleration_error_m_s2" not in names
+
+
+def test_a_noisy_body_reaches_canonical_stages_that_points_are_located_for(data, identity):
+    located = CanonicalStage(CanonicalStage.settings_of(CANONICAL), data.space, data.label).eval()
+    as_if_fitted(located.network.regression)
+    evaluation = Evaluation(data, "test", EvaluationSettings())
+    stages = {"canonical": located, "pointnet": identity.canonical}
+    evaluation.canonicals(stages)
+    evaluation.noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
+    rows = evaluation.rows()
+    assert not [row for row in rows if row.variant == "pointnet_noisy_body"]
+    plain, noisy = (
+        find_value(rows, variant, "test", "Skirt", "canonical_error_mm").value
+        for variant in ("canonical", "canonical_noisy_body")
+    )
+    assert plain != noisy
+
+
+def test_stages_share_what_one_canonical_network_says_of_one_body(data, identity, monkeypatch):
+    asked = []
+
+    def counted(*args, **options):
+        asked.append(options)
+        return estimate(*args, **options)
+
+    monkeypatch.setattr(evaluation_module, "estimate", counted)
+    other = copy.deepcopy(identity)
+    with torch.no_grad():
+        next(other.canonical.network.parameters()).mul_(2)
+    evaluation = Evaluation(data, "test", EvaluationSettings())
+    sequences = len(evaluation.moving)
+    for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
+        list(evaluation.posed("posed", stage))
+        assert len(asked) == expected * sequences
+    evaluation.noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
+    assert len(asked) == 3 * sequences
+
+
+def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):
+    name = str(data.name[data.of_split("test")[0]])
+    files = sorted(path.name for path in (tmp_path / "pictures").iterdir())
+    assert files == [f"{name}.npz", f"{name}_ours.npz"]
+    shown, ours = (load_reconstruction(tmp_path / "pictures" / file) for file in files)
+    made = reconstruct(identity, **given)
+    for key in ("canonical", "proposal", "final"):
+        np.testing.assert_allclose(getattr(shown, key), getattr(made, key), atol=1e-6)
+    assert shown.garment == "Skirt"
+    assert ours.final.shape == shown.true.shape
+    assert np.abs(ours.final - shown.final).max() > 1e-3
+    assert (shown.body[..., 2].min(axis=1) + shown.root_height == 0).all()

@@ -1,0 +1,23 @@
+import pytest
+
+from drapeline.models.garment4d.stages import PosedStage
+from drapeline.models.garment4d.variants import POSED_VARIANTS, posed_variants
+from drapeline.models.gcvae.variants import laid_over
+from garment4d_toys import POSED
+
+
+@pytest.mark.parametrize("name", POSED_VARIANTS)
+def test_variants_change_settings_that_there_are(name):
+    settings = {"network": {}, "skinning": {}, **POSED}
+    changed = PosedStage.settings_of(laid_over(settings, POSED_VARIANTS[name]))
+    for group, values in POSED_VARIANTS[name].items():
+        for key, value in values.items():
+            assert getattr(getattr(changed, group), key) == value
+
+
+def test_what_an_experiment_has_anyway_is_no_variant_of_it():
+    plain = {"network": {"pull_neighbours": 0, "smooth_passes": 0, "transformer": "paper"}}
+    assert "as_printed" not in posed_variants(plain)
+    smoothed = {"network": {**plain["network"], "smooth_passes": 8}}
+    assert posed_variants(smoothed) == POSED_VARIANTS
+    assert posed_variants(plain).keys() == POSED_VARIANTS.keys() - {"as_printed"}

@@ -1,0 +1,413 @@
+"""Trainings of a few steps on the toy tube."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.gcvae.conditioning_training import ConditioningSettings, train_conditioning
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.loss import GcvaeLoss, kl_nat
+from drapeline.models.gcvae.networks import GcvaeNetwork
+from drapeline.models.gcvae.ppca import LinearFit, LinearPath
+from drapeline.models.gcvae.train import train_vae
+from drapeline.models.gcvae.vae import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.variants import (
+    DVAE_VARIANTS,
+    SVAE_VARIANTS,
+    dynamic_conditions,
+    laid_over,
+)
+from drapeline.models.training.batches import GarmentData, _Batches, as_tensors
+from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.lightning import learning_rate
+from gcvae_toys import ToyGarments, toy_domain
+
+SETTINGS = VaeSettings(
+    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
+    loss=GcvaeLoss(normals=1.0),
+    training=GcvaeTraining(epochs=2, batch=8, normal_parts=2),
+)
+MOVING = replace(
+    SETTINGS,
+    training=replace(SETTINGS.training, model="dynamic", version="unposed", mask=False),
+)
+OURS = replace(
+    SETTINGS,
+    loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
+    training=replace(SETTINGS.training, model="linear"),
+)
+CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 12, "batch": 8}})
+
+
+def train_condition(folder, garments, settings):
+    progress = folder.with_name(f"{folder.name}_progress")
+    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def conditioning(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("conditioning")
+    return train_condition(folder / "out", ToyGarments(), CONDITIONING)
+
+
+@pytest.fixture
+def train(tmp_path, conditioning):
+    """train("name", settings, garments) -> folder of the finished training."""
+
+    def run(name, settings=SETTINGS, garments=None, given=conditioning, **options):
+        train_vae(
+            tmp_path / name,
+            garments or ToyGarments(),
+            toy_domain(),
+            settings,
+            conditioning=given,
+            code="c",
+            progress=tmp_path / ".progress" / name,
+            trainer={"accelerator": "cpu", **options},
+            threads=1,
+        )
+        return tmp_path / name
+
+    return run
+
+
+def weights(folder, name="last.ckpt"):
+    return read_checkpoint(folder / name)["state_dict"]
+
+
+def assert_same(first, second):
+    assert first.keys() == second.keys()
+    for key, value in first.items():
+        torch.testing.assert_close(value, second[key], msg=key)
+
+
+def test_the_conditioning_autoencoder_learns_and_is_frozen_in_the_vae(train, conditioning):
+    losses = column(conditioning, "val_loss")
+    assert losses[-1] < 0.9 * losses[0]
+    before = read_checkpoint(conditioning / "best.ckpt")["state_dict"]
+    after = weights(train("svae"))
+    for key, value in before.items():
+        name = key.replace("autoencoder.", "conditioning.")
+        torch.testing.assert_close(after[name], value)
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, settings):
+    folder = train("model", settings)
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "best.ckpt",
+        "history.tsv",
+        "last.ckpt",
+        "settings.json",
+        "tensorboard",
+    ]
+    assert not (tmp_path / ".progress" / "model").exists()
+    assert json.loads((folder / "settings.json").read_text())["network"]["latent"] == 8
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    assert len(rows) == 2
+    assert {"epoch", "val_selection", "val_surface_error_mm", "val_mask_iou"} <= set(
+        header.split("\t")
+    )
+    model, batch = load_vae(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
+    code = model.encode(batch)
+    with torch.inference_mode():
+        offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
+    assert offsets.shape == batch["offsets"].shape
+    assert ((mask >= 0) & (mask <= 1)).all()
+
+
+def column(folder, name):
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
+
+
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_mixed_precision_trains_to_about_the_same_error(train, settings, order):
+    settings = replace(settings, network=replace(settings.network, order=order))
+    full, mixed = train("full", settings), train("mixed", settings, precision="bf16-mixed")
+    name = "val_surface_error_mm"
+    np.testing.assert_allclose(column(mixed, name), column(full, name), rtol=0.15)
+    assert column(mixed, name) != column(full, name)
+    dtypes = {value.dtype for value in weights(mixed).values() if value.is_floating_point()}
+    assert dtypes == {torch.float32}
+
+
+def test_the_same_seed_trains_the_same_weights_and_another_others(train):
+    first, again = weights(train("first")), weights(train("again"))
+    assert_same(first, again)
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=1))
+    other = weights(train("other", settings))
+    key = "network.encoder.code.weight"
+    assert not torch.allclose(first[key], other[key])
+
+
+def under_way(progress):
+    """The last checkpoint of the one training that a folder holds."""
+    (path,) = progress.glob("*/last.ckpt")
+    return path
+
+
+class Killed(Exception):
+    """Stands for the signal."""
+
+
+class DiesAfter(ToyGarments):
+    """Garments whose reading stops the job after some batches."""
+
+    def __init__(self, batches):
+        super().__init__()
+        self.left = batches
+
+    def batch(self, rows):
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+        return super().batch(rows)
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, MOVING, OURS], ids=["paper", "moving", "ours"])
+def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, settings):
+    settings = replace(settings, training=replace(settings.training, epochs=4))
+    with pytest.raises(Killed):
+        train("killed", settings, DiesAfter(16))
+    assert not (tmp_path / "killed").exists()
+    assert 0 < read_checkpoint(under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
+    resumed, whole = train("killed", settings), train("whole", settings)
+    assert_same(weights(resumed), weights(whole))
+    assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
+    for a, b in zip(
+        (resumed / "history.tsv").read_text().splitlines(),
+        (whole / "history.tsv").read_text().splitlines(),
+        strict=True,
+    ):
+        assert a.split("\t")[0] == b.split("\t")[0]
+
+
+def test_other_settings_begin_anew(train, tmp_path):
+    with pytest.raises(Killed):
+        train("model", SETTINGS, DiesAfter(7))
+    assert under_way(tmp_path / ".progress" / "model")
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=3))
+    assert_same(weights(train("model", settings)), weights(train("other", settings)))
+
+
+def test_another_conditioning_network_begins_anew(train, conditioning, tmp_path):
+    settings = replace(CONDITIONING, training=replace(CONDITIONING.training, seed=1))
+    train_condition(tmp_path / "other", ToyGarments(), settings)
+    with pytest.raises(Killed):
+        train("model", SETTINGS, DiesAfter(7))
+    before = under_way(tmp_path / ".progress" / "model")
+    resumed = train("model", given=tmp_path / "other")
+    assert_same(weights(resumed), weights(train("anew", given=tmp_path / "other")))
+    assert not before.parent.exists()
+
+
+class DyingConditions(ToyGarments):
+    """Conditions whose reading stops the job after some batches."""
+
+    left = 11
+
+    def cvar(self, rows):
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+        return super().cvar(rows)
+
+
+def test_a_killed_conditioning_goes_on_to_the_same_weights(conditioning, tmp_path):
+    with pytest.raises(Killed):
+        train_condition(tmp_path / "killed", DyingConditions(), CONDITIONING)
+    assert under_way(tmp_path / "killed_progress")
+    resumed = train_condition(tmp_path / "killed", ToyGarments(), CONDITIONING)
+    assert_same(weights(resumed), weights(conditioning))
+
+
+class SpoiltConditions(ToyGarments):
+    """Conditions that are fine when first looked at and not when trained on."""
+
+    looks = 0
+
+    def cvar(self, rows):
+        self.looks += 1
+        cvar = super().cvar(rows)
+        if self.looks > 1:
+            cvar[np.asarray(rows) == SpoiltLater.spoilt, 3] = np.inf
+        return cvar
+
+
+def test_conditions_that_are_not_finite_stop_with_their_samples(tmp_path):
+    garments = ToyGarments()
+    garments.shape[5, 3] = np.nan
+    with pytest.raises(InputError, match="^samples toy005: conditions hold NaN"):
+        train_condition(tmp_path / "out", garments, CONDITIONING)
+    with pytest.raises(InputError, match=r"epoch 0, step \d: the loss is .*toy005.*finite"):
+        train_condition(tmp_path / "out", SpoiltConditions(), CONDITIONING)
+    assert not (tmp_path / "out").exists()
+
+
+class SpoiltLater(ToyGarments):
+    """Garments whose offsets are fine when first looked at and not when trained on."""
+
+    spoilt = 5
+
+    def __init__(self):
+        super().__init__()
+        self.looks = 0
+
+    def batch(self, rows):
+        batch = super().batch(rows)
+        self.looks += 1
+        if self.looks > 1:
+            batch["offsets"][np.asarray(rows) == self.spoilt] = np.nan
+        return batch
+
+
+def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tmp_path):
+    name = SpoiltLater().names([SpoiltLater.spoilt])[0]
+    with pytest.raises(InputError, match=rf"epoch 0, step \d: the loss is nan.*{name}.*finite"):
+        train("model", SETTINGS, SpoiltLater())
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
+def test_garments_that_are_not_finite_are_named_before_training(train, settings):
+    garments = ToyGarments()
+    garments.offsets[5, 3] = np.inf
+    with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
+        train("model", settings, garments)
+
+
+def test_a_conditioning_network_of_another_size_is_refused(train):
+    settings = replace(SETTINGS, network=replace(SETTINGS.network, condition=6))
+    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
+        train("model", settings)
+
+
+def test_ours_finds_the_toys_codes_without_training(train):
+    """Radius, slant, hem and shape are few numbers, so few components hold them all."""
+    folder = train("ours", OURS)
+    garments, model = ToyGarments(), load_vae(folder / "best.ckpt")
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
+    error = (offsets - batch["offsets"]).norm(dim=-1)[batch["mask"]].mean()
+    assert error < 0.5e-3
+    seen = mask > 0.5
+    overlap = (seen & batch["mask"]).sum(1) / (seen | batch["mask"]).sum(1)
+    assert overlap.mean() > 0.93
+
+
+@pytest.mark.parametrize(("split", "name"), [("train", "train"), ("val", "val")])
+def test_an_empty_split_is_refused(split, name):
+    garments = ToyGarments()
+    garments.split[garments.split == split] = "test"
+    with pytest.raises(InputError, match=f"the {name} split holds no garments"):
+        GarmentData(garments, batch=8, seed=0)
+
+
+@pytest.mark.parametrize("processes", [2, 3, 50])
+def test_processes_share_all_rows_in_as_many_batches_each(processes):
+    rows = np.arange(10, 50)
+    shares = [
+        list(_Batches(rows, size=8, seed=0, processes=processes, rank=rank))
+        for rank in range(processes)
+    ]
+    assert len({len(batches) for batches in shares}) == 1
+    seen = [row for batches in shares for batch in batches for row in batch]
+    assert all(len(batch) for batches in shares for batch in batches)
+    assert set(seen) == set(rows)
+    assert len(seen) == max(len(rows), processes)
+
+
+def test_every_epoch_sees_every_training_row_once_in_another_order():
+    garments = ToyGarments()
+    loader = GarmentData(garments, batch=8, seed=0).loader("train")
+    orders = []
+    for epoch in (0, 1, 0):
+        loader.sampler.set_epoch(epoch)
+        batches = list(loader)
+        assert all((np.diff(b["topology"]) >= 0).all() for b in batches)
+        orders.append([name for b in batches for name in b["names"]])
+    assert sorted(orders[0]) == sorted(garments.names(garments.rows("train")))
+    assert orders[0] != orders[1]
+    assert orders[0] == orders[2]
+
+
+def test_kl_is_that_of_torch_summed_over_the_code_and_zero_for_the_prior():
+    mean, log_variance = torch.randn(2, 5, 8, generator=torch.Generator().manual_seed(0)).double()
+    normal = torch.distributions.Normal
+    expected = torch.distributions.kl_divergence(
+        normal(mean, (log_variance / 2).exp()), normal(0.0, 1.0)
+    )
+    torch.testing.assert_close(kl_nat(mean, log_variance), expected.sum(1), rtol=1e-10, atol=0)
+    assert (kl_nat(torch.zeros(3, 8), torch.zeros(3, 8)) == 0).all()
+
+
+def test_the_printed_schedule_of_the_kl_weight():
+    loss = GcvaeLoss()
+    assert loss.kl_weight(0.0) == loss.kl_weight(0.5) == 1e-4
+    assert loss.kl_weight(0.51) == pytest.approx(1e-4 + 0.005)
+    assert loss.kl_weight(1.0) == 0.25
+
+
+def test_one_cycle_rises_and_falls_to_nothing():
+    rates = [learning_rate(1.0, "one_cycle", share) for share in (0, 0.1, 0.55, 1)]
+    np.testing.assert_allclose(rates, [0.1, 1.0, 0.5, 0.0], atol=1e-12)
+    assert learning_rate(1.0, "constant", 0.9) == 1.0
+
+
+def test_dynamic_variants_tell_their_offsets_and_frames():
+    assert dynamic_conditions("dvae_posed_1") == ("posed", 1)
+    assert dynamic_conditions("dvae_ours") == ("unposed", 4)
+    for variant, changes in DVAE_VARIANTS.items():
+        assert changes["training"]["version"] == dynamic_conditions(variant)[0]
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_the_posterior_is_that_of_the_whole_covariance(others):
+    """Against conditioning the joint normal of z and what is known, without its structure."""
+    rng = torch.Generator().manual_seed(others)
+    vertices, latent, channels = 6, 3, 3 + others
+    path = LinearPath(vertices, 2, latent, torch.arange(vertices), channels).double()
+    basis = torch.randn(latent, vertices * channels, generator=rng).double()
+    path.take(LinearFit(path.regression, basis, torch.tensor(0.3).double()))
+    field = torch.randn(vertices, channels, 1, generator=rng).double()
+    mask = torch.tensor([1, 1, 0, 1, 0, 1]).bool()[:, None]
+    mean, log_variance = path.posterior(field, mask, torch.zeros(1, 2).double())
+    known = mask[:, None].repeat(1, channels, 1)
+    known[:, 3:] = True
+    seen = basis[:, known.flatten()]
+    gain = seen @ torch.linalg.inv(seen.T @ seen + 0.3 * torch.eye(seen.shape[1]).double())
+    torch.testing.assert_close(mean[0], gain @ field[known])
+    covariance = torch.eye(latent).double() - gain @ seen.T
+    torch.testing.assert_close(log_variance[0].exp(), covariance.diagonal())
+
+
+def test_variants_change_what_their_rows_of_the_table_say():
+    full = {"network": {"scale": 1}, "loss": {"normals": 70.0}, "training": {"mask": True}}
+    assert laid_over(full, SVAE_VARIANTS["svae"]) == full
+    assert laid_over(full, SVAE_VARIANTS["svae_no_normals"])["loss"]["normals"] == 0
+    assert not laid_over(full, SVAE_VARIANTS["svae_no_mask"])["training"]["mask"]
+    for variant, changes in DVAE_VARIANTS.items():
+        done = laid_over(full, changes)
+        assert done["network"]["scale"] == (1 if variant == "dvae_ours" else 2)
+        assert done["training"]["version"] == dynamic_conditions(variant)[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "no such file"), (b"not weights", "not readable as a checkpoint"), ({}, "drapeline")],
+)
+def test_what_is_no_checkpoint_of_ours_is_refused(tmp_path, content, message):
+    path = tmp_path / "best.ckpt"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        torch.save(content, path)
+    with pytest.raises(InputError, match=rf"best\.ckpt.*{message}"):
+        load_vae(path)

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from drapeline.models.layers.lbs import skinned
+
+
+def motions(*size, seed=0):
+    """(*size, 24, 4, 4) rigid motions."""
+    rng = np.random.default_rng(seed)
+    out = np.tile(np.eye(4), (*size, 24, 1, 1))
+    count = int(np.prod(size)) * 24
+    turn = Rotation.from_rotvec(rng.normal(size=(count, 3))).as_matrix()
+    out[..., :3, :3] = turn.reshape(*size, 24, 3, 3)
+    out[..., :3, 3] = rng.normal(size=(*size, 24, 3))
+    return torch.from_numpy(out)
+
+
+def shares(*size, seed=0):
+    rng = torch.Generator().manual_seed(seed)
+    weights = torch.rand(*size, 24, generator=rng, dtype=torch.float64) ** 4
+    return weights / weights.sum(-1, keepdim=True)
+
+
+def points(*size):
+    rng = torch.Generator().manual_seed(1)
+    return torch.randn(*size, 3, generator=rng, dtype=torch.float64)
+
+
+def test_skinning_is_the_weighted_sum_of_rigid_motions():
+    canonical, weights, transforms = points(2, 9), shares(2, 9), motions(2, 4)
+    ones = torch.cat([canonical, torch.ones(2, 9, 1, dtype=torch.float64)], -1)
+    wanted = torch.zeros(2, 4, 9, 3, dtype=torch.float64)
+    for joint in range(24):
+        moved = torch.einsum("btij,bnj->btni", transforms[:, :, joint], ones)[..., :3]
+        wanted += weights[:, None, :, joint, None] * moved
+    made = skinned(canonical, weights, transforms)
+    torch.testing.assert_close(made, wanted)
+    torch.testing.assert_close(skinned(canonical, weights, transforms[..., :3, :]), made)
+    every = canonical[:, None].expand(-1, 4, -1, -1)
+    torch.testing.assert_close(skinned(every, weights, transforms), made)
+
+
+def test_a_garment_per_frame_is_moved_by_its_own_frame():
+    garments, weights, transforms = points(2, 4, 9), shares(2, 9), motions(2, 4)
+    made = skinned(garments, weights, transforms)
+    for frame in range(4):
+        alone = skinned(garments[:, frame], weights, transforms[:, frame, None])
+        torch.testing.assert_close(made[:, frame, None], alone)
+
+
+def test_rest_stays_and_a_common_motion_is_rigid():
+    canonical, weights = points(1, 9), shares(1, 9)
+    rest = torch.eye(4, dtype=torch.float64).expand(1, 1, 24, 4, 4)
+    torch.testing.assert_close(skinned(canonical, weights, rest)[:, 0], canonical)
+    one = motions(1, 1)[:, :, :1].expand(-1, -1, 24, -1, -1)
+    moved = skinned(canonical, weights, one)[0, 0]
+    torch.testing.assert_close(torch.cdist(moved, moved), torch.cdist(canonical[0], canonical[0]))
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_gradients_by_finite_differences(which):
+    arguments = [points(1, 3), shares(1, 3), motions(1, 2)]
+    arguments[which].requires_grad_()
+    assert torch.autograd.gradcheck(skinned, arguments, fast_mode=True)

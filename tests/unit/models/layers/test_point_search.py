@@ -1,0 +1,206 @@
+"""Indices against plain searches, on coordinates whose squared distances are exact in float32."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+
+from drapeline.models.layers.point_search import (
+    Recall,
+    ball_neighbours,
+    farthest_points,
+    gathered,
+    nearest_neighbours,
+)
+
+
+def clouds(*shape, step=64, seed=0):
+    """Points (*shape, 3) on a coarse lattice: many ties, no rounding."""
+    rng = torch.Generator().manual_seed(seed)
+    return torch.randint(-step, step + 1, (*shape, 3), generator=rng) / step
+
+
+def flags(*shape, share=0.7, seed=1):
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed)) < share
+
+
+def squared(a, b):
+    """(B, Q, P) squared distances from queries b to points a."""
+    return ((b[:, :, None] - a[:, None]) ** 2).sum(-1)
+
+
+def plain_farthest(points, count, valid):
+    points, valid = points.double().numpy(), valid.numpy()
+    chosen = []
+    for cloud, mask in zip(points, valid, strict=True):
+        ids = np.flatnonzero(mask)
+        picks = [ids[0]]
+        while len(picks) < count:
+            away = ((cloud[ids, None] - cloud[picks]) ** 2).sum(-1).min(1)
+            picks.append(ids[away.argmax()])
+        chosen.append(picks)
+    return np.array(chosen)
+
+
+def plain_ball(points, centres, radius, count, valid):
+    distance = squared(points, centres).masked_fill(~valid[:, None], torch.inf)
+    answer = torch.zeros(*centres.shape[:2], count, dtype=torch.int64)
+    for b, q in np.ndindex(*centres.shape[:2]):
+        near = torch.nonzero(distance[b, q] <= radius**2)[:count, 0]
+        if not len(near):
+            near = distance[b, q].argmin()[None]
+        answer[b, q] = near[0]
+        answer[b, q, : len(near)] = near
+    return answer
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6])
+def test_farthest_points_are_those_of_a_plain_search(share):
+    points, valid = clouds(4, 200), flags(4, 200, share=share)
+    chosen = farthest_points(points, 40, valid)
+    np.testing.assert_array_equal(chosen.numpy(), plain_farthest(points, 40, valid))
+    assert valid.gather(1, chosen).all()
+
+
+def test_farthest_points_of_a_part_are_the_first_of_all():
+    # Without ties: equal distances go to the lowest index, which a part may number differently.
+    points = torch.rand(3, 300, 3, generator=torch.Generator().manual_seed(0))
+    chosen = farthest_points(points, 64)
+    again = farthest_points(gathered(points, chosen), 16)
+    assert (again == torch.arange(16)).all()
+
+
+def test_farthest_points_lie_apart_and_leave_no_gap():
+    points = torch.rand(1, 500, 3, generator=torch.Generator().manual_seed(0))
+    middle = gathered(points, farthest_points(points, 50))
+    gap = squared(middle, points).amin(-1).max().sqrt()
+    apart = torch.cdist(middle, middle)[0].fill_diagonal_(9).min()
+    assert apart >= gap
+
+
+def test_more_farthest_points_than_points_repeat_the_first():
+    points = clouds(1, 5)
+    chosen = farthest_points(points, 9, torch.tensor([[False, True, True, False, True]]))
+    assert sorted(chosen[0, :3].tolist()) == [1, 2, 4]
+    assert (chosen[0, 3:] == 1).all()
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+@pytest.mark.parametrize(("radius", "count"), [(0.05, 4), (0.25, 8), (0.5, 16), (4.0, 300)])
+def test_balls_are_those_of_a_plain_search(radius, count, share):
+    points, centres = clouds(3, 250), clouds(3, 60, seed=2)
+    valid = flags(3, 250, share=share)
+    ours = ball_neighbours(points, centres, radius, count, valid)
+    assert torch.equal(ours, plain_ball(points, centres, radius, count, valid))
+
+
+def test_a_point_on_the_sphere_is_in_the_ball():
+    points = torch.tensor([[[1.0, 0, 0], [0.5, 0, 0], [0, 0.5, 0]]])
+    index = ball_neighbours(points, torch.zeros(1, 1, 3), 0.5, 4)
+    assert index.tolist() == [[[1, 2, 1, 1]]]
+
+
+@pytest.mark.parametrize("k", [1, 3, 20])
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_nearest_neighbours_are_those_of_a_plain_search(k, share):
+    points, queries = clouds(3, 150), clouds(3, 70, seed=2)
+    valid = flags(3, 150, share=share)
+    distance = squared(points, queries).masked_fill(~valid[:, None], torch.inf)
+    order = distance.argsort(dim=-1, stable=True)[..., :k]
+    away, index = nearest_neighbours(points, queries, k, valid)
+    assert torch.equal(index, order)
+    assert torch.equal(away, distance.gather(-1, order))
+
+
+def test_nearest_distances_are_those_of_a_tree():
+    points = torch.rand(2, 800, 3, generator=torch.Generator().manual_seed(0))
+    queries = torch.rand(2, 50, 3, generator=torch.Generator().manual_seed(1))
+    away, _ = nearest_neighbours(points, queries, 64)
+    for b in range(2):
+        tree, _ = cKDTree(points[b].double()).query(queries[b].double(), 64)
+        np.testing.assert_allclose(away[b].sqrt(), tree, atol=1e-6)
+
+
+def test_fewer_points_than_wanted_neighbours_are_infinitely_far():
+    valid = torch.tensor([[True, False, True]])
+    away, index = nearest_neighbours(clouds(1, 3), clouds(1, 4, seed=1), 3, valid)
+    assert torch.isinf(away[..., 2]).all()
+    assert torch.isfinite(away[..., :2]).all()
+    assert (index[..., 2] == 0).all()
+
+
+def test_a_cloud_without_valid_points_is_survived():
+    points, nothing = clouds(2, 9), flags(2, 9, share=0)
+    assert farthest_points(points, 3, nothing).shape == (2, 3)
+    assert ball_neighbours(points, points, 0.3, 5, nothing).shape == (2, 9, 5)
+    away, _ = nearest_neighbours(points, points, 2, nothing)
+    assert torch.isinf(away).all()
+
+
+def test_a_batch_is_its_clouds_one_by_one():
+    points, centres, valid = clouds(3, 80), clouds(3, 20, seed=2), flags(3, 80)
+    for b in range(3):
+        one = points[b : b + 1], centres[b : b + 1], valid[b : b + 1]
+        assert torch.equal(
+            farthest_points(points, 9, valid)[b], farthest_points(one[0], 9, one[2])[0]
+        )
+        assert torch.equal(
+            ball_neighbours(points, centres, 0.3, 5, valid)[b],
+            ball_neighbours(one[0], one[1], 0.3, 5, one[2])[0],
+        )
+
+
+def test_points_need_be_neither_contiguous_nor_single_precision():
+    points, centres = clouds(2, 60), clouds(2, 10, seed=2)
+    turned = points.transpose(0, 1).contiguous().transpose(0, 1).double().requires_grad_(True)
+    assert torch.equal(farthest_points(turned, 8), farthest_points(points, 8))
+    assert torch.equal(
+        ball_neighbours(turned, centres, 0.4, 6), ball_neighbours(points, centres, 0.4, 6)
+    )
+
+
+def test_gathered_rows_are_those_of_the_same_cloud():
+    rows = torch.arange(2 * 5 * 3.0).view(2, 5, 3)
+    index = torch.tensor([[[4, 0], [1, 1]], [[2, 3], [0, 4]]])
+    expected = torch.stack([rows[b][index[b]] for b in range(2)])
+    assert torch.equal(gathered(rows, index), expected)
+
+
+def all_searches(points, valid):
+    chosen = farthest_points(points, 12, valid)
+    ball = ball_neighbours(points, gathered(points, chosen), 0.5, 4, valid)
+    return [chosen, ball, *nearest_neighbours(points, gathered(points, chosen), 3, valid)]
+
+
+def test_what_was_searched_before_is_recalled_window_by_window(monkeypatch):
+    points, valid = clouds(6, 80), flags(6, 80)  # three windows of two clouds
+    expected = all_searches(points, valid)
+    recall = Recall(1 << 20)
+    for window in "ab":
+        part = slice(0, 2) if window == "a" else slice(2, 4)
+        with recall.of([window]):
+            all_searches(points[part], valid[part])
+    with recall.of("bc"):  # of which one is new
+        found = all_searches(points[2:], valid[2:])
+    for x, y in zip(found, expected, strict=True):
+        assert torch.equal(x, y[2:])
+    monkeypatch.setattr("drapeline.models.layers.point_search._launch", None)
+    with recall.of("cab"):
+        found = all_searches(torch.zeros(6, 80, 3), valid)
+    for x, y in zip(found, expected, strict=True):
+        assert torch.equal(x, y[[4, 5, 0, 1, 2, 3]])
+        assert x.dtype == y.dtype
+    with pytest.raises(TypeError), recall.of("d"):
+        all_searches(points[:2], valid[:2])
+    with pytest.raises(TypeError):  # outside of it nothing is recalled
+        all_searches(points, valid)
+
+
+def test_what_there_is_no_room_for_is_searched_again():
+    points, valid = clouds(2, 80), flags(2, 80)
+    recall = Recall(100)
+    for cloud in (points, -points):
+        with recall.of(["a"]):
+            found = all_searches(cloud, valid)
+        for x, y in zip(found, all_searches(cloud, valid), strict=True):
+            assert torch.equal(x, y)

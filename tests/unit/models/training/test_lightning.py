@@ -1,0 +1,127 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import torch
+
+from drapeline.models.training.lightning import begin, fit
+from drapeline.models.training.module import Trained, Training
+from drapeline.storage import read_json
+
+
+class Line(Trained):
+    """One number that goes to zero."""
+
+    def __init__(self):
+        super().__init__()
+        self.settings = SimpleNamespace(training=Training(learning_rate=1.0 / 6))
+        self.x = torch.nn.Parameter(torch.tensor(3.0))
+
+    def training_step(self, batch):
+        return self.x**2
+
+    def validation_step(self, batch):
+        # Best in the second epoch, to tell best from last.
+        self.log_means("val", {"x": abs(self.x - 1.0)}, 1)
+
+    def optimizer(self):
+        return torch.optim.SGD(self.parameters(), lr=0.0)
+
+    def about(self):
+        return {}
+
+
+class One:
+    def loader(self, split, *, processes, rank):
+        return torch.utils.data.DataLoader([0.0])
+
+
+def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
+    line = Line()
+    fit(
+        line,
+        One(),
+        tmp_path / "out",
+        progress=tmp_path / "progress",
+        epochs=6,
+        monitor="val_x",
+        settings={},
+        trainer={"accelerator": "cpu"},
+        threads=1,
+    )
+    assert line.position is None  # no longer in training
+    best, last = (
+        float(torch.load(tmp_path / "out" / name, weights_only=True)["state_dict"]["x"])
+        for name in ("best.ckpt", "last.ckpt")
+    )
+    path = [3 * (2 / 3) ** epoch for epoch in range(1, 7)]
+    assert abs(best - min(path, key=lambda x: abs(x - 1))) < 1e-5
+    assert abs(last - path[-1]) < 1e-5
+    rows = (tmp_path / "out" / "history.tsv").read_text().splitlines()
+    assert [row.split("\t")[0] for row in rows] == ["epoch", *"012345"]
+    # The same curves, for TensorBoard.
+    assert list((tmp_path / "out" / "tensorboard").glob("events.out.tfevents.*"))
+
+
+def test_a_training_clears_away_those_of_other_settings_and_keeps_its_own(tmp_path):
+    for name in ("old", "same"):
+        begin(tmp_path / "progress" / name, {"name": name})
+        (tmp_path / "progress" / name / "last.ckpt").write_text(name)
+    begin(tmp_path / "progress" / "same", {"name": "same"})
+    assert [path.name for path in (tmp_path / "progress").iterdir()] == ["same"]
+    assert (tmp_path / "progress" / "same" / "last.ckpt").read_text() == "same"
+    assert read_json(tmp_path / "progress" / "same" / "settings.json") == {"name": "same"}
+
+
+SEVERAL = """
+import sys
+from pathlib import Path
+
+from drapeline.models.gcvae.conditioning_training import (
+    ConditioningSettings,
+    ConditioningTraining,
+    _Rows,
+)
+from drapeline.models.training.lightning import fit
+from drapeline.models.training.batches import GarmentData, cvar_statistics
+from drapeline.rule_log import rule_log
+from gcvae_toys import ToyGarments
+
+if __name__ == "__main__":
+    folder, garments = Path(sys.argv[1]), ToyGarments()
+    moments = cvar_statistics(garments.cvar(garments.rows("train")))
+    with rule_log(str(folder / "log")):
+        fit(
+            ConditioningTraining(ConditioningSettings(condition=4), *moments),
+            GarmentData(_Rows(garments), batch=8, seed=0),
+            folder / "out",
+            progress=folder / "progress",
+            epochs=2,
+            monitor="val_loss",
+            settings={},
+            trainer={"accelerator": "cpu", "devices": 2, "strategy": "ddp"},
+            threads=1,
+        )
+"""
+
+
+def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
+    script = tmp_path / "several.py"
+    script.write_text(SEVERAL)
+    toys = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    done = subprocess.run(
+        [sys.executable, script, tmp_path], capture_output=True, text=True, timeout=1800, env=toys
+    )
+    assert done.returncode == 0, done.stderr
+    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "tensorboard"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert not (tmp_path / "progress").exists()
+    steps = torch.load(tmp_path / "out" / "last.ckpt", weights_only=True)["global_step"]
+    assert steps == 2 * 2  # 36 rows in batches of 8 on each of two
+    log = (tmp_path / "log").read_text()
+    assert log.count("epoch 1 of 2") == log.count("epoch 2 of 2") == 1
+    assert "Traceback" not in log
+    assert "GPU available" in log  # Lightning's chatter, which is not for the terminal
+    assert "GPU available" not in done.stdout + done.stderr

@@ -1,0 +1,81 @@
+"""Curves and bars of Garment4D from rows of the table of metrics."""
+
+import numpy as np
+import pytest
+
+from drapeline.metrics.table import HIGH, LOW
+from drapeline.report.models.garment4d_curves import (
+    curve,
+    plot_ablation,
+    plot_accuracy_curve,
+    plot_missing_curve,
+    plot_neighbour_curve,
+)
+from metric_rows import metric_row
+
+
+def row(variant, metric, value, garment="Skirt", **others):
+    return metric_row(variant, garment, metric, value, **others)
+
+
+@pytest.fixture
+def rows():
+    """A sweep over K and one over holes, a model of another kind, and a validation split."""
+    found = [
+        row(f"{prefix}_{number}", "vertex_error_mm" + end, value + number / 100)
+        for prefix, numbers in (("neighbours", (256, 1, 16)), ("missing", (10, 50)))
+        for number in numbers
+        for end, value in (("", 20.0), (LOW, 18.0), (HIGH, 23.0))
+    ]
+    return [
+        *found,
+        row("neighbours_4", "vertex_error_mm", 99.0, split="val"),
+        row("neighbours_8", "vertex_error_mm", 99.0, model="other"),
+        row("posed", "vertex_error_mm", 20.5),
+        row("posed", "acceleration_error_m_s2", 3.25),
+        row("no_transformer", "vertex_error_mm", 24.5),
+        row("no_transformer", "acceleration_error_m_s2", 9.75),
+        row("lbs", "vertex_error_mm", 44.5),
+    ]
+
+
+def test_curve_rises_over_numbers_of_the_test_split(rows):
+    found = curve(rows, "neighbours", "Skirt", "vertex_error_mm")
+    np.testing.assert_array_equal(found.at, [1, 16, 256])
+    np.testing.assert_allclose(found.value, [20.01, 20.16, 22.56])
+    np.testing.assert_allclose(found.high - found.low, 5)
+    assert not len(curve(rows, "neighbours", "Tshirt", "vertex_error_mm").at)
+
+
+def test_curve_begins_at_the_model_itself_unless_it_was_measured_anew(rows):
+    ends = {0.0: "posed", 10.0: "lbs"}
+    found = curve(rows, "missing", "Skirt", "vertex_error_mm", ends)
+    np.testing.assert_allclose(found.value, [20.5, 20.1, 20.5])
+    assert np.isnan(found.low[0])
+    assert not len(curve(rows, "accuracy", "Skirt", "vertex_error_mm", ends).at)
+
+
+def test_curves_name_what_they_show_or_say_that_there_is_nothing(rows, tmp_path):
+    for plot, there in (
+        (plot_neighbour_curve, True),
+        (plot_missing_curve, True),
+        (plot_accuracy_curve, False),
+    ):
+        plot(tmp_path / "c.svg", rows)
+        text = (tmp_path / "c.svg").read_text()
+        assert (">Skirt<" in text) == there
+        assert ">Tshirt<" not in text
+        assert (">Not measured.<" in text) == (plot is not plot_missing_curve)
+    plot_neighbour_curve(tmp_path / "c.svg", rows)
+    assert ">256<" in (tmp_path / "c.svg").read_text()
+
+
+def test_ablation_has_a_bar_per_measured_variant(rows, tmp_path):
+    plot_ablation(tmp_path / "a.svg", rows, "Skirt")
+    text = (tmp_path / "a.svg").read_text()
+    for number in ("20.5", "24.5", "44.5", "3.25", "9.75"):
+        assert f">{number}<" in text
+    assert "without temporal transformer" in text
+    assert "without body encoder" not in text
+    plot_ablation(tmp_path / "a.svg", rows, "Tshirt")
+    assert (tmp_path / "a.svg").read_text().count(">Not measured.<") == 2

@@ -1,0 +1,33 @@
+"""The page that compares codes."""
+
+from drapeline.metrics.table import HIGH, LOW, write_metrics
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.report.models.representation_table import write_representations
+from metric_rows import metric_row
+
+
+def row(variant, garment, value, metric="surface_to_true_mm", split="test"):
+    return metric_row(variant, garment, metric, value, model="representation", split=split)
+
+
+def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
+    rows = [
+        row("svae_ours", "Skirt", 3.25),
+        row("svae_ours", "Skirt", 3.0, "surface_to_true_mm" + LOW),
+        row("svae_ours", "Skirt", 3.5, "surface_to_true_mm" + HIGH),
+        row("svae_ours", "Skirt", 77.0, split="val"),
+        row("garment4d_pca", "all", 4.5),
+        *(row("svae_ours", kind, 128, "code_numbers") for kind in TEMPLATE_TYPES),
+        row("garment4d_pca", "Skirt", 64, "code_numbers"),
+        row("garment4d_pca", "Trousers", 51, "code_numbers"),
+    ]
+    write_metrics(tmp_path / "metrics.tsv", rows)
+    write_representations(tmp_path / "page.html", tmp_path / "metrics.tsv", "test")
+    page = (tmp_path / "page.html").read_text()
+    assert "3.25 (3.00 to 3.50)" in page
+    assert "4.50" in page
+    assert "77" not in page
+    first = page.split("SVAE, our variant")[1].split("</tr>")[0]
+    assert first.count(">-<") == 3
+    assert "128" in first
+    assert "64 / - / 51" in page
