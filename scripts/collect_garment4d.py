@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.data import collect_garment4d
 from drapeline.models.garment4d.sequences import simulated_sequences, skinned_sequences
 from drapeline.registration.to_template.garment_template import load_template
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     given, params, garment = snakemake.input, snakemake.params, snakemake.wildcards.garment
-    bodies = {gender: load_body(given[gender]) for gender in GENDERS if params.located}
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS if params.body_relative_points}
     tables = load_tables(given.fits, garment)
     frames = collect_garment4d(
         snakemake.output[0],
@@ -28,6 +28,6 @@ with rule_log(snakemake.log[0]) as log:
         load_template(given.template).faces,
         params.components,
         # Points are located by the whole body; no network sees any vertices here.
-        Wearers(bodies, count=1) if params.located else None,
+        BodySet(bodies, count=1) if params.body_relative_points else None,
     )
     log.info("%d frames", frames)

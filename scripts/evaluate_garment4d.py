@@ -7,7 +7,7 @@ import torch
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import write_metrics
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.evaluate import EvaluationSettings, evaluate
 from drapeline.models.garment4d.refine import RefineSettings
@@ -30,7 +30,7 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     device = fastest_device()
-    wearers = Wearers(bodies, params.body_points)
+    wearers = BodySet(bodies, params.body_points)
     stages = {
         variant: load_stage(folder, PosedStage).to(device)
         for variant, folder in zip(params.posed, given.posed, strict=True)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.registration.to_template.garment_template import TEMPLATE_TYPES, load_template
 from drapeline.registration.to_template.template_fit import FitSettings
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]) as log:
     sample, garments = snakemake.input.sample, []
     if read_record(sample).accepted:
-        with Sequence(sample) as sequence:
+        with Sample(sample) as sequence:
             for name in sequence.garments:
                 mesh = sequence.mesh(name)
                 garments.append(NamedGarment(sequence.id, name, mesh.vertices, mesh.faces))

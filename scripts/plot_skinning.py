@@ -8,7 +8,7 @@ import numpy as np
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.splits import SPLITS
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.body_input import SkinningSettings, Wearers
+from drapeline.models.garment4d.body_input import BodySet, SkinningSettings
 from drapeline.models.garment4d.data import SequenceData, proposals
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d_figures import SkinnedTwice, plot_neighbours
@@ -22,7 +22,7 @@ _HIP_AND_KNEE = slice(3, 18)  # what pulls a skirt apart
 
 with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
-    data = SequenceData(snakemake.input.data, Wearers(bodies, 1))
+    data = SequenceData(snakemake.input.data, BodySet(bodies, 1))
     many = SkinningSettings(**snakemake.params.skinning)
     cases = []
     order = [row for split in reversed(SPLITS) for row in data.of_split(split)]

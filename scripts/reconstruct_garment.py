@@ -9,7 +9,7 @@ from drapeline.dataset.writer import MovingGarment, write_reconstructed
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.scans import reconstruct_scans
@@ -29,7 +29,7 @@ with rule_log(snakemake.log[0]) as log:
     found = reconstruct_scans(
         scans,
         stage,
-        SequenceData(given.data, Wearers(bodies, params.body_points)),
+        SequenceData(given.data, BodySet(bodies, params.body_points)),
         settings_of(RefineSettings, params.refine),
         name=given.points,
         points=params.points,

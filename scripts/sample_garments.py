@@ -27,7 +27,7 @@ with rule_log(snakemake.log[0]) as log:
     seed = snakemake.params.seed
     requests = draw_requests(seed, **snakemake.params.conditions)
     sampled = sample_garments(model, types, requests, seed, settle=snakemake.params.settle)
-    rows = save_samples(snakemake.output[0], sampled, bodies, model.domain.faces["body"])
+    rows = save_samples(snakemake.output[0], sampled, bodies, model.body_template.faces["body"])
     good = sum(row["inside_1cm_share"] <= 0.05 for row in rows)
     log.info(
         "%d of %d garments have at most 5 %% of their vertices deeper than 1 cm", good, len(rows)

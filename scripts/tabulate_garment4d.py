@@ -16,7 +16,7 @@ with rule_log(snakemake.log[0]):
         snakemake.output.page,
         given.metrics,
         [Path(fits) / ERRORS for fits in given.fits],
-        located=snakemake.params.located,
+        body_relative_points=snakemake.params.body_relative_points,
         balanced=snakemake.params.balanced > 0,
         pulled=snakemake.params.pulled > 0,
         smoothed=snakemake.params.smoothed > 0,

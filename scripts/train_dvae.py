@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.models.gcvae.dynamic_garments import dynamic_garments
-from drapeline.models.gcvae.template_statistics import dynamic_domain
+from drapeline.models.gcvae.template_statistics import dynamic_body_template
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import VaeSettings
 from drapeline.models.gcvae.variants import DVAE_VARIANTS, dynamic_conditions, laid_over
@@ -23,7 +23,7 @@ with rule_log(snakemake.log[0]):
     train_vae(
         snakemake.output[0],
         garments,
-        dynamic_domain(
+        dynamic_body_template(
             garments,
             load_topology(snakemake.input.topology),
             load_hierarchy(snakemake.input.hierarchy),

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.train import train_canonical
 from drapeline.rule_log import rule_log
@@ -17,7 +17,7 @@ with rule_log(snakemake.log[0]):
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     train_canonical(
         snakemake.output[0],
-        SequenceData(given.data, Wearers(bodies, params.body_points)),
+        SequenceData(given.data, BodySet(bodies, params.body_points)),
         params.settings,
         pointnet=snakemake.wildcards.canonical == "pointnet",
         code=params.code,

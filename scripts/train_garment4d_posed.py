@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.stages import CanonicalStage, load_stage
 from drapeline.models.garment4d.train import train_posed
@@ -21,7 +21,7 @@ with rule_log(snakemake.log[0]):
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     train_posed(
         snakemake.output[0],
-        SequenceData(given.data, Wearers(bodies, params.body_points)),
+        SequenceData(given.data, BodySet(bodies, params.body_points)),
         laid_over(params.settings, POSED_VARIANTS.get(variant, {})),
         load_stage(given.canonical, CanonicalStage).to(fastest_device()),
         mgn=variant == "mgn",

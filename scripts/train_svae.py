@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.template_statistics import static_domain
+from drapeline.models.gcvae.template_statistics import static_body_template
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import VaeSettings
 from drapeline.models.gcvae.variants import SVAE_VARIANTS, laid_over
@@ -22,7 +22,7 @@ with rule_log(snakemake.log[0]):
     train_vae(
         snakemake.output[0],
         data,
-        static_domain(
+        static_body_template(
             data,
             load_topology(snakemake.input.topology),
             load_hierarchy(snakemake.input.hierarchy),

@@ -19,6 +19,6 @@ with rule_log(snakemake.log[0]) as log:
         outfit=snakemake.input.outfit,
         simulation=snakemake.input.simulation,
         seed=snakemake.params.seed,
-        split=snakemake.params.partition,
+        split=snakemake.params.split,
     )
     log.info("%s: %s", meta["id"], meta["status"])

@@ -12,7 +12,7 @@ from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.dataset.point_clouds import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.body_maps import MapRegression
 from drapeline.models.garment4d.data import GarmentSequence, collect_garment4d
 from drapeline.registration.to_body.dynamic_offsets import moved
@@ -84,7 +84,7 @@ def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
 def save_toy_data(folder: Path, body: BodyModel) -> list[GarmentSequence]:
     """What the rule `collect_garment4d` leaves."""
     sequences = toy_sequences(body)
-    collect_garment4d(folder, KIND, sequences, skirt_faces(), 3, Wearers(toy_bodies(body), 1))
+    collect_garment4d(folder, KIND, sequences, skirt_faces(), 3, BodySet(toy_bodies(body), 1))
     return sequences
 
 
@@ -119,7 +119,7 @@ CANONICAL = {
         ],
         "overall": [32],
         "head": [16],
-        "located": True,
+        "body_relative_points": True,
     },
     "loss": {"segmentation": 0.5, "interpenetration": 0.0, "balance": 0.5},
     "training": {
@@ -132,7 +132,7 @@ CANONICAL = {
     },
 }
 # As the paper has it.
-PLAIN = {**CANONICAL, "network": {**CANONICAL["network"], "located": False}}
+PLAIN = {**CANONICAL, "network": {**CANONICAL["network"], "body_relative_points": False}}
 POSED = {
     "network": {
         "iterations": 2,

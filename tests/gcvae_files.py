@@ -9,7 +9,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
-from drapeline.models.gcvae.body_template import Domain, rest_basis
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis
 from drapeline.models.gcvae.networks import GcvaeNetwork
 from drapeline.models.gcvae.vae import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
@@ -78,7 +78,7 @@ def torso_registration(body: BodyModel, shape: np.ndarray) -> SampleGarment:
     )
 
 
-def body_domain(body: BodyModel, cvar: int) -> Domain:
+def body_domain(body: BodyModel, cvar: int) -> BodyTemplate:
     """The body's mesh for both topologies, with a made-up hierarchy and plain statistics."""
     links, parents = [edges(body.faces)], []
     for count in (48, 12, 4):
@@ -89,7 +89,7 @@ def body_domain(body: BodyModel, cvar: int) -> Domain:
         parents.append(parent)
     one = np.ones(body.v_template.shape, dtype=np.float32)
     rest = rest_body(body, np.zeros(10)).astype(np.float32)
-    return Domain(
+    return BodyTemplate(
         edges=dict.fromkeys(TOPOLOGIES, links),
         parents=dict.fromkeys(TOPOLOGIES, parents),
         faces=dict.fromkeys(TOPOLOGIES, body.faces),

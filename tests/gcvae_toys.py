@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from drapeline.geometry.mesh import edges
-from drapeline.models.gcvae.body_template import Domain
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.training.batches import cvar_statistics
 
 RINGS, AROUND = 16, 12
@@ -105,14 +105,14 @@ def body_basis() -> np.ndarray:
 
 
 @cache
-def toy_domain() -> Domain:
+def toy_domain() -> BodyTemplate:
     """The tube with and without seam, and the statistics of `ToyGarments()`."""
     garments = ToyGarments()
     train = garments.rows("train")
     faces = {"body": tube_faces(False), "skirt": tube_faces(True)}
     levels = {name: hierarchy(f) for name, f in faces.items()}
     mean, std = cvar_statistics(garments.cvar(train))
-    return Domain(
+    return BodyTemplate(
         edges={name: level[0] for name, level in levels.items()},
         parents={name: level[1] for name, level in levels.items()},
         faces=faces,

@@ -45,7 +45,7 @@ def _disk_errors_named(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def whole_file(path: str | Path) -> Iterator[Path]:
+def atomic_file(path: str | Path) -> Iterator[Path]:
     """Yield a scratch path that replaces `path` when the block ends without an error.
 
     Raises:
@@ -69,7 +69,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(path: str | Path) -> Iterator[Path]:
+def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Yield a scratch folder that replaces `path` when the block ends without an error.
 
     Raises:
@@ -128,7 +128,7 @@ def save_npz(path: str | Path, **arrays: Any) -> None:
     for name, value in arrays.items():
         if np.asarray(value).dtype == object:
             raise TypeError(f"{path}: '{name}' is an object array, which only a pickle could hold")
-    with whole_file(path) as scratch, open(scratch, "wb") as stream:
+    with atomic_file(path) as scratch, open(scratch, "wb") as stream:
         np.savez_compressed(stream, **arrays)
 
 
@@ -159,7 +159,7 @@ def load_npz(path: str | Path, *required: str, only: bool = False) -> dict[str, 
 
 def write_json(path: str | Path, value: Any) -> None:
     """Write JSON with full precision; NaN is refused since JSON has none."""
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         scratch.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 

@@ -27,7 +27,7 @@ def write(run_rule, toy_body, tmp_path):
                 "simulation": tmp_path / "simulation" / sample,
             },
             output=[tiny.folder],
-            params={"seed": 0, "partition": split},
+            params={"seed": 0, "split": split},
             wildcards={"sample": sample},
         )
         return tiny
@@ -71,7 +71,7 @@ def test_a_simulation_that_was_cut_short_is_refused_and_not_left_behind(run_rule
                 "simulation": tmp_path / "simulation" / "00001",
             },
             output=[tiny.folder],
-            params={"seed": 0, "partition": "train"},
+            params={"seed": 0, "split": "train"},
             wildcards={"sample": "00001"},
         )
     assert not tiny.folder.exists()

@@ -81,8 +81,10 @@ def files(toy_body, tmp_path):
     save_model(tmp_path / "static", shaken(StaticVae(SETTINGS, body_domain(toy_body, STATIC_CVAR))))
     training = replace(SETTINGS.training, mask=False, version="unposed")
     latent = SETTINGS.network.latent
-    domain = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
-    save_model(tmp_path / "dvae", DynamicVae(replace(SETTINGS, training=training), domain).eval())
+    body_template = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
+    save_model(
+        tmp_path / "dvae", DynamicVae(replace(SETTINGS, training=training), body_template).eval()
+    )
     return {
         **given,
         "samples": samples,
@@ -114,8 +116,8 @@ def test_evaluate_dvae_measures_held_out_frames(run_rule, files, tmp_path):
 def files_of_ours(files, toy_body, tmp_path):
     """The same with our own dynamic network."""
     training = replace(SETTINGS.training, mask=False, version="unposed")
-    domain = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
-    model = LinearDynamicVae(replace(SETTINGS, training=training), domain).eval()
+    body_template = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
+    model = LinearDynamicVae(replace(SETTINGS, training=training), body_template).eval()
     save_model(tmp_path / "ours", model)
     return {**files, "dvae": tmp_path / "ours", "model": tmp_path / "ours"}
 

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from drapeline.bodies.model import save_body
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
 from drapeline.metrics.sequence import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics
@@ -179,7 +179,7 @@ def reconstruct(run_rule, trained, folder, bodies, worn, tmp_path):
 def test_scans_become_a_sample_its_errors_and_pictures(run_rule, reconstruct, worn, tmp_path):
     sequence, trans = worn
     made = reconstruct(sequence.points)
-    with Sequence(made["sample"]) as sample:
+    with Sample(made["sample"]) as sample:
         assert list(sample.garments) == [KIND]
         assert len(sample.mesh(KIND).faces) == len(sequence.original.faces)
         cloth = sample.vertices(KIND)
@@ -206,7 +206,7 @@ def test_scans_become_a_sample_its_errors_and_pictures(run_rule, reconstruct, wo
 def test_of_twice_as_many_frames_a_second_half_are_reconstructed(reconstruct, worn):
     sequence, trans = worn
     made = reconstruct(sequence.points, fps=60)
-    with Sequence(made["sample"]) as sample:
+    with Sample(made["sample"]) as sample:
         assert sample.frame_count == -(-len(trans) // 2)
         np.testing.assert_allclose(sample.info.trans, trans[::2])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import load_body, save_body
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.registration.to_body.dynamic_offsets import (
     dressed,
     dynamic_offsets,
@@ -50,7 +50,7 @@ def test_a_sample_is_registered_and_its_frames_come_back(run_rule, supers, tmp_p
     }
     assert json.loads((output / "status.json").read_text())["status"] == "accepted"
     body = load_body(supers["female"])
-    with Sequence(tiny.folder) as sequence:
+    with Sample(tiny.folder) as sequence:
         for name in sequence.garments:
             garment = load_sample_garment(output / f"{name}.npz")
             assert garment.mask.sum() == len(garment.vertex) > 100

@@ -10,7 +10,7 @@ import torch
 
 from drapeline.bodies.kinematics import mirrored_poses
 from drapeline.bodies.model import load_body
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import DynamicData
 from drapeline.models.gcvae.dynamic_garments import dynamic_garments
@@ -96,7 +96,7 @@ def test_collected_frames_are_the_simulated_garment(collected, stages, folder, v
     for row in (0, 5, len(data) - 1):
         wearer, frame = data.wearer[row], data.frame[row]
         name = ("Tshirt", "Skirt")[int(data.garment[wearer] == 3)]
-        with Sequence(folder / "samples" / data.sample[wearer]) as sample:
+        with Sample(folder / "samples" / data.sample[wearer]) as sample:
             cloth = sample.vertices(name, frame="root")[frame]
             poses = sample.info.poses
         garment = load_sample_garment(folder / "registration" / data.sample[wearer] / f"{name}.npz")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.storage import load_npz, read_json, save_npz, whole_file, whole_folder, write_json
+from drapeline.storage import atomic_file, atomic_folder, load_npz, read_json, save_npz, write_json
 
 
 def test_a_file_that_fails_half_way_leaves_the_old_one_and_no_scraps(tmp_path):
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(RuntimeError, match="stop"), whole_file(target) as scratch:
+    with pytest.raises(RuntimeError, match="stop"), atomic_file(target) as scratch:
         scratch.write_text("half")
         raise RuntimeError("stop")
     assert target.read_text() == "old"
@@ -23,11 +23,11 @@ def test_a_folder_is_replaced_only_when_it_is_whole(tmp_path):
     target = tmp_path / "sample"
     target.mkdir()
     (target / "old").touch()
-    with pytest.raises(RuntimeError, match="stop"), whole_folder(target) as scratch:
+    with pytest.raises(RuntimeError, match="stop"), atomic_folder(target) as scratch:
         (scratch / "half").touch()
         raise RuntimeError("stop")
     assert [p.name for p in target.iterdir()] == ["old"]
-    with whole_folder(target) as scratch:
+    with atomic_folder(target) as scratch:
         (scratch / "new").touch()
     assert [p.name for p in target.iterdir()] == ["new"]
     assert list(tmp_path.iterdir()) == [target]
@@ -137,5 +137,5 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
 
 
 def test_a_missing_input_inside_the_block_keeps_its_own_error(tmp_path):
-    with pytest.raises(FileNotFoundError), whole_file(tmp_path / "a") as scratch:
+    with pytest.raises(FileNotFoundError), atomic_file(tmp_path / "a") as scratch:
         scratch.write_bytes((tmp_path / "elsewhere" / "b").read_bytes())

@@ -192,7 +192,7 @@ def conditions_input(wildcards):
     """
     if wildcards.conditions == "static":
         return {"data": static_data("train", "val")(wildcards)}
-    planned = [plan.partition for plan in SAMPLES.values()]
+    planned = [plan.split for plan in SAMPLES.values()]
     require_splits(planned, ["train", "val"], group="samples", shares=config["samples"])
     version = wildcards.conditions.split("_")[0]
     return {"data": f"{RESULTS}/dynamic/{version}", "svae": static_model()}

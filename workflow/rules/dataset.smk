@@ -20,7 +20,7 @@ rule write_sample:
         runtime=10,
     params:
         seed=config["seed"],
-        partition=plan("partition"),
+        split=plan("split"),
         code=source_hash("write_sample"),
     script:
         "../../scripts/write_sample.py"

@@ -7,7 +7,7 @@ TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
 ]
 # Whether networks ask where on the known body points are.
-LOCATED = config["garment4d"]["canonical"]["network"]["located"]
+BODY_RELATIVE_POINTS = config["garment4d"]["canonical"]["network"]["body_relative_points"]
 POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
 # Which trained models of the posed stage each evaluation holds.
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
@@ -162,7 +162,7 @@ rule skin_static:
 rule collect_garment4d:
     input:
         unpack(garment_sequences),
-        **(WHOLE_BODIES if LOCATED else {}),
+        **(WHOLE_BODIES if BODY_RELATIVE_POINTS else {}),
         template=f"{G4D}/{{garment}}/template.npz",
         fits=TEMPLATE_FITS,
     output:
@@ -180,7 +180,7 @@ rule collect_garment4d:
         runtime=240,
     params:
         components=lookup(dpath="garment4d/components", within=config),
-        located=LOCATED,
+        body_relative_points=BODY_RELATIVE_POINTS,
         code=source_hash("collect_garment4d"),
     script:
         "../../scripts/collect_garment4d.py"

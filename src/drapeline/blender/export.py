@@ -11,12 +11,12 @@ from drapeline.blender.picture import add_mesh, new_scene
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.point_cache import point_cache_writer
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts, y_up
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh, save_obj
-from drapeline.storage import whole_folder
+from drapeline.storage import atomic_folder
 
 
 def export_sample(
@@ -51,7 +51,7 @@ def export_sample(
     """
     if file_format not in FORMATS:
         raise InputError(f"format '{file_format}' is unknown, expected one of {', '.join(FORMATS)}")
-    with Sequence(folder, bodies=bodies) as sequence, whole_folder(output) as scratch:
+    with Sample(folder, bodies=bodies) as sequence, atomic_folder(output) as scratch:
         if sequence.meta is not None and sequence.meta["status"] != "accepted":
             raise InputError(
                 f"{folder}: the sample was {sequence.meta['status']}"

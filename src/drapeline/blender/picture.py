@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 
 def add_mesh(
@@ -74,7 +74,7 @@ def picture(
     scene.camera = camera
     shade_with_workbench(scene)
     scene.render.resolution_x, scene.render.resolution_y = size
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         scene.render.filepath = str(scratch)
         bpy.ops.render.render(write_still=True)
 

@@ -1,6 +1,6 @@
 """Images of a sample as in CLOTH3D's figure 14: colour, depth, normals, velocities, segments."""
 
-from collections.abc import Sequence as Items
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -9,14 +9,14 @@ from mathutils import Matrix
 from PIL import Image
 
 from drapeline.blender.picture import add_mesh, new_scene
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.modalities import Seen, cast_rays
 from drapeline.rule_log import progress
-from drapeline.storage import save_npz, whole_folder, write_json
+from drapeline.storage import atomic_folder, save_npz, write_json
 
 # CLOTH3D's camera: a 50 mm lens before a 36 mm sensor, 640x480.
 FOCAL_PX, SIZE = 640 * 50 / 36, (640, 480)
@@ -29,7 +29,7 @@ _SEGMENT_COLOURS = ((255, 255, 255), (214, 170, 140), (0, 114, 178), (213, 94, 0
 _TO_BLENDER = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def render_modalities(folder: str | Path, output: str | Path, frames: Items[int]) -> None:
+def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[int]) -> None:
     """Render chosen frames of a sample.
 
     Per frame f: `{f}_rgb.png` by Cycles; `{f}.npz` with `depth` (H, W) float32 metres, `normals`
@@ -48,7 +48,7 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Items[int]
     Raises:
         InputError: the sample was not accepted, or lacks a frame.
     """
-    with Sequence(folder) as sequence, whole_folder(output) as scratch:
+    with Sample(folder) as sequence, atomic_folder(output) as scratch:
         if sequence.meta is not None and sequence.meta["status"] != "accepted":
             raise InputError(
                 f"{folder}: the sample was {sequence.meta['status']}, expected an accepted one"
@@ -82,7 +82,7 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Items[int]
         )
 
 
-def render_colour(path: Path, parts: Items[Part], frame: int, camera: Camera) -> None:
+def render_colour(path: Path, parts: Sequence[Part], frame: int, camera: Camera) -> None:
     """Render one frame with Cycles on a grey floor under a soft sky and a lamp."""
     scene = new_scene()
     for part in parts:
@@ -119,7 +119,7 @@ def render_colour(path: Path, parts: Items[Part], frame: int, camera: Camera) ->
     bpy.ops.render.render(write_still=True)
 
 
-def _material(name: str, colour: Items[float], *, roughness: float) -> bpy.types.Material:
+def _material(name: str, colour: Sequence[float], *, roughness: float) -> bpy.types.Material:
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     shader = material.node_tree.nodes["Principled BSDF"]

@@ -34,7 +34,7 @@ from drapeline.simulation.health import (
 from drapeline.simulation.reach import parts_within_reach
 from drapeline.simulation.settings import SimulationSettings, steps_per_frame
 from drapeline.simulation.transitions import body_frames, start_position
-from drapeline.storage import save_npz, whole_folder, write_json
+from drapeline.storage import atomic_folder, save_npz, write_json
 
 LOGGER = logging.getLogger("drapeline")
 _PIN_WEIGHT = 0.9
@@ -86,7 +86,7 @@ def simulate_outfit(
     started = time.perf_counter()
     tried: list[dict[str, Any]] = []
     status = {"status": "rejected", "reason": body_record.reason}
-    with whole_folder(output_dir) as folder:
+    with atomic_folder(output_dir) as folder:
         limit = 0 if body_record.outcome == "rejected" else settings.attempts
         for number in range(limit):
             attempt = _attempt(number, body_record, outfit, settings)

@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from drapeline.errors import InputError
 from drapeline.frames import PARENTS
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 COMPONENTS = 10
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
@@ -56,7 +56,7 @@ def convert_to_pickle(source: str | Path, target: str | Path) -> None:
         InputError: as `read_body_arrays`.
     """
     arrays = read_body_arrays(source)
-    with whole_file(target) as scratch, open(scratch, "wb") as stream:
+    with atomic_file(target) as scratch, open(scratch, "wb") as stream:
         pickle.dump(arrays, stream, protocol=2)
 
 

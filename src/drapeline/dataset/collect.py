@@ -10,7 +10,7 @@ from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.statistics import action_table, garment_table, overview_table
 from drapeline.errors import InputError
-from drapeline.storage import link_or_copy, whole_file, whole_folder
+from drapeline.storage import atomic_file, atomic_folder, link_or_copy
 
 _LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # measures whose smallest value is worst
 
@@ -39,7 +39,7 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
         "statistics_actions": action_table(accepted),
         "statistics_garments": garment_table(accepted),
     }
-    with whole_folder(output) as scratch:
+    with atomic_folder(output) as scratch:
         for split in SPLITS:
             (scratch / split).mkdir()
         for record in accepted:
@@ -104,7 +104,7 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
 def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as tab-separated values; the columns are those of all rows, in first order."""
     columns = list(dict.fromkeys(column for row in rows for column in row))
-    with whole_file(path) as scratch, open(scratch, "w", newline="") as stream:
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
         writer = csv.DictWriter(
             stream, columns, restval="", delimiter="\t", lineterminator="\n", quotechar='"'
         )

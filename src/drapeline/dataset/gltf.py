@@ -18,7 +18,7 @@ from drapeline import __version__
 from drapeline.dataset.sample_meshes import Part, y_up
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import triangulate, vertex_normals
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 _FLOAT, _UINT32 = 5126, 5125
 _VERTEX_DATA, _INDEX_DATA = 34962, 34963
@@ -43,7 +43,7 @@ def write_glb(path: str | Path, parts: Sequence[Part]) -> None:
         document += b" " * (-len(document) % 4)
         length = binary.tell()
         binary.seek(0)
-        with whole_file(path) as scratch, open(scratch, "wb") as stream:
+        with atomic_file(path) as scratch, open(scratch, "wb") as stream:
             stream.write(struct.pack("<4sII", b"glTF", 2, 28 + len(document) + length))
             stream.write(struct.pack("<I4s", len(document), b"JSON") + document)
             stream.write(struct.pack("<I4s", length, b"BIN\0"))

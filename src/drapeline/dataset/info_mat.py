@@ -10,7 +10,7 @@ import numpy as np
 import scipy.io
 
 from drapeline.errors import InputError
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 # The 116 free bytes at the start of a MATLAB v5 file. scipy puts the time of writing there, which
 # would make equal samples differ.
@@ -87,7 +87,7 @@ def write_info(path: str | Path, info: SampleInfo) -> None:
     fields["poses"] = np.asarray(info.poses, np.float64).reshape(-1, 72).T
     stream = io.BytesIO()
     scipy.io.savemat(stream, fields)
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         scratch.write_bytes(_HEADER_TEXT + stream.getvalue()[len(_HEADER_TEXT) :])
 
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 _PC_HEADER = struct.Struct("<12siiffi")
 _PC_MAGIC = b"POINTCACHE2\0"
@@ -78,7 +78,7 @@ def point_cache_writer(
     _dtype_of(path)
     if path.suffix == ".mdd" and frame_count is None:
         raise ValueError(f"{path}: an .mdd file needs its frame count before the first frame")
-    with whole_file(path) as scratch, open(scratch, "wb") as stream:
+    with atomic_file(path) as scratch, open(scratch, "wb") as stream:
         stream.write(_header(path.suffix, vertex_count, frame_count or 0))
         writer = PointCacheWriter(stream, path, vertex_count)
         yield writer

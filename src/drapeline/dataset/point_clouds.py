@@ -13,15 +13,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import warp as wp
 
-from drapeline.dataset.reader import BODY
-from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.reader import BODY, Sample
 from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
-from drapeline.storage import mapped, read_json, whole_folder, write_json
+from drapeline.storage import atomic_folder, mapped, read_json, write_json
 
 LABELS = (BODY, *GARMENTS)  # index = label of a point
 
@@ -407,7 +406,7 @@ def write_clouds(folder: str | Path, sample: str | Path, settings: CloudSettings
     record = read_record(sample)
     name = record.meta["id"]
     about = {"name": name, "status": record.meta["status"], "split": record.meta["split"]}
-    with whole_folder(folder) as scratch:
+    with atomic_folder(folder) as scratch:
         if record.accepted:
             with Sample(sample) as sequence:
                 about |= {

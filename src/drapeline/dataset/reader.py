@@ -26,7 +26,7 @@ Frame = Literal["world", "root"]
 class Cloth3D:
     """A folder of CLOTH3D samples, or of splits of samples.
 
-    `len`, iteration and indexing by position or by id give `Sequence` objects; nothing is read
+    `len`, iteration and indexing by position or by id give `Sample` objects; nothing is read
     from a sample before it is asked for.
     """
 
@@ -68,13 +68,13 @@ class Cloth3D:
     def __contains__(self, sample: str) -> bool:
         return sample in self._folders
 
-    def __getitem__(self, key: int | str) -> "Sequence":
+    def __getitem__(self, key: int | str) -> "Sample":
         sample = key if isinstance(key, str) else self.ids[key]
         if sample not in self._folders:
             raise KeyError(f"{self.root}: no sample {sample}")
-        return Sequence(self._folders[sample], bodies=self._bodies, rest_turned=self._rest_turned)
+        return Sample(self._folders[sample], bodies=self._bodies, rest_turned=self._rest_turned)
 
-    def __iter__(self) -> Iterator["Sequence"]:
+    def __iter__(self) -> Iterator["Sample"]:
         return (self[sample] for sample in self.ids)
 
 
@@ -101,7 +101,7 @@ def _folders_in(place: Path) -> list[Path]:
         return sorted(Path(entry.path) for entry in entries if entry.is_dir())
 
 
-class Sequence:
+class Sample:
     """One sample: an outfit in rest pose and, per frame, on a moving body.
 
     Frames are read by position from open files, so a range costs what the range weighs. Works for
@@ -264,7 +264,7 @@ class Sequence:
             cache.close()
         self._caches.clear()
 
-    def __enter__(self) -> "Sequence":
+    def __enter__(self) -> "Sample":
         return self
 
     def __exit__(self, *exception: object) -> None:

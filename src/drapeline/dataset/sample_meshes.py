@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.dataset.reader import BODY, Sequence
+from drapeline.dataset.reader import BODY, Sample
 from drapeline.geometry.mesh import Mesh
 
 SKIN_COLOUR = (0.62, 0.52, 0.46)
@@ -37,7 +37,7 @@ class Part:
             yield from self.read(start, min(start + _CHUNK, self.frame_count))
 
 
-def sample_parts(sequence: Sequence) -> list[Part]:
+def sample_parts(sequence: Sample) -> list[Part]:
     """The body, where the sample has one, and the garments."""
     parts = []
     if sequence.has_body:

@@ -18,11 +18,11 @@ from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges, save_obj
 from drapeline.outfits.outfit import Garment, load_outfit
 from drapeline.storage import (
+    atomic_folder,
     link_or_copy,
     load_npz,
     read_json,
     save_npz,
-    whole_folder,
     write_json,
 )
 
@@ -100,7 +100,7 @@ def write_sample(
         "simulation": status,
         "versions": {"drapeline": __version__, **{name: version(name) for name in _PACKAGES}},
     }
-    with whole_folder(folder) as scratch:
+    with atomic_folder(folder) as scratch:
         if status["status"] == "accepted":
             garments = load_outfit(outfit, Path(outfit).with_suffix(".json")).garments
             write_info(scratch / "info.mat", _info(record, description, rng))
@@ -243,7 +243,7 @@ def write_reconstructed(
         info: of F frames, with an entry for each garment.
         garments: with F frames each.
     """
-    with whole_folder(folder) as scratch:
+    with atomic_folder(folder) as scratch:
         write_info(scratch / "info.mat", info)
         for name, rest, frames in garments:
             save_obj(scratch / f"{name}.obj", rest)

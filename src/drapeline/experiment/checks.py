@@ -115,10 +115,10 @@ def planned_sequences(
             f"garment4d.skinned.frames is {frames} and step {step}, which take {span} frames of a"
             f" sample, expected at most those of the longest, {longest}"
         )
-    moving = {one.partition for one in samples if one.stop - one.start >= span}
+    moving = {one.split for one in samples if one.stop - one.start >= span}
     return [
         *(
-            PlannedSequence("simulated", one.partition, one.stop - one.start)
+            PlannedSequence("simulated", one.split, one.stop - one.start)
             for one in samples
             if garment in one.kind.split("+")
         ),

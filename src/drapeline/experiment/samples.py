@@ -23,7 +23,7 @@ class SamplePlan:
         start, stop: its frames in the clip at 30 fps.
         gender: "female" or "male".
         kind: garments from inner to outer, joined by "+".
-        partition: "train", "val" or "test".
+        split: "train", "val" or "test".
     """
 
     sample: str
@@ -33,7 +33,7 @@ class SamplePlan:
     stop: int
     gender: str
     kind: str
-    partition: str
+    split: str
 
     @property
     def sub_sequence(self) -> str:
@@ -109,16 +109,16 @@ def plan_samples(
     ids = [f"{number:05d}" for number in range(1, total + 1)]
     # Every sample has a body of its own, so the clip alone joins samples into one split.
     items = [SplitItem(sample, name, sample) for sample, (name, _) in zip(ids, chosen, strict=True)]
-    partition = split_samples(
+    split_of = split_samples(
         rng_for(seed, "split"), items, val_share=val_share, test_share=test_share
     )
-    splits = [partition[sample] for sample in ids]
+    splits = [split_of[sample] for sample in ids]
     genders = _genders(seed, splits, female_share)
     outfits = _outfits(genders, splits, kinds, male_skirts)
     plans = {}
     for sample, (name, part), gender, kind in zip(ids, chosen, genders, outfits, strict=True):
         start, stop = pieces[name][part]
-        plans[sample] = SamplePlan(sample, name, part, start, stop, gender, kind, partition[sample])
+        plans[sample] = SamplePlan(sample, name, part, start, stop, gender, kind, split_of[sample])
     return plans
 
 

@@ -78,7 +78,7 @@ class Solid:
         return push.numpy()
 
 
-def settled(
+def resolve_penetration(
     cloth: np.ndarray, faces: np.ndarray, bodies: np.ndarray, body_faces: np.ndarray
 ) -> np.ndarray:
     """Decoded cloth evened out and pushed out of the posed body; our own, no part of CLOTH3D.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from drapeline.errors import InputError
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def edge_graph(pairs: np.ndarray, count: int) -> csr_matrix:
     return csr_matrix((np.ones(len(both)), both.T), shape=(count, count))
 
 
-def rim_edges(faces: np.ndarray) -> np.ndarray:
+def boundary_edges(faces: np.ndarray) -> np.ndarray:
     """(R, 2) undirected edges that one face has."""
     found, counts = edge_counts(faces)
     return found[counts == 1]
@@ -133,7 +133,7 @@ def save_obj(path: str | Path, mesh: Mesh) -> None:
         corner = "%d/%d"
         faces = np.stack([faces, mesh.uv_faces + 1], axis=-1).reshape(len(faces), -1)
     text += _lines(" ".join(["f", *[corner] * mesh.faces.shape[1]]), faces)
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         scratch.write_text(text)
 
 

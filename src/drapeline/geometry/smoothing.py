@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from drapeline.geometry.mesh import edge_graph, edges, rim_edges
+from drapeline.geometry.mesh import boundary_edges, edge_graph, edges
 from drapeline.geometry.sparse import symmetric_factor
 
 
@@ -76,8 +76,8 @@ def fairing(
     """A function that evens out vertices (V, 3) of one mesh.
 
     It minimises |x - given|^2 + strength |x - Mx|^2, where M takes the mean of a vertex's
-    neighbours, on a rim of those along the rim. What goes up and down within a few edges is taken
-    out, wide folds stay, and unlike plain smoothing it draws no rim in.
+    neighbours; for a vertex on a boundary, of its neighbours along the boundary. Bumps a few edges
+    wide are removed, wide folds stay, and unlike plain smoothing it does not shrink boundaries.
 
     Args:
         faces: (F, 3).
@@ -85,8 +85,8 @@ def fairing(
         strength: of the second term; folds as long as n edges lose half at 0.01 n^4.
     """
     count = average.shape[0]
-    rim = edge_graph(rim_edges(faces), count)
-    on_rim = np.asarray(rim.sum(axis=1)).ravel()
-    inner = sp.diags((on_rim == 0).astype(float)) @ average
-    away = sp.eye(count) - inner - sp.diags(1 / np.maximum(on_rim, 1)) @ rim
+    boundary = edge_graph(boundary_edges(faces), count)
+    on_boundary = np.asarray(boundary.sum(axis=1)).ravel()
+    inner = sp.diags((on_boundary == 0).astype(float)) @ average
+    away = sp.eye(count) - inner - sp.diags(1 / np.maximum(on_boundary, 1)) @ boundary
     return symmetric_factor(sp.eye(count) + strength * away.T @ away).solve

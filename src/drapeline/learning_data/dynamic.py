@@ -9,7 +9,7 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, signed_tightness
-from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.learning_data.static import static_cvar
 from drapeline.outfits.garment_types import GARMENTS
@@ -20,7 +20,7 @@ from drapeline.registration.to_body.dynamic_offsets import (
 )
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, mapped, new_array, read_json, save_npz, whole_folder
+from drapeline.storage import atomic_folder, load_npz, mapped, new_array, read_json, save_npz
 
 # A condition on f frames is on the pose of the frame and of f - 1 before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
@@ -90,7 +90,7 @@ def collect_dynamic(
     frames = [one.frames for one in found for _ in one.garments]
     counts = [len(numbers) for numbers in frames]
     vertices = (len(next(iter(bodies.values())).v_template), 3)
-    with whole_folder(output) as scratch:
+    with atomic_folder(output) as scratch:
         arrays = {
             key: new_array(scratch / f"{key}.npy", dtype, shape)
             for key, dtype, shape in (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.registration.to_body.dynamic_offsets import (

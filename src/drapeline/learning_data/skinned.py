@@ -26,8 +26,7 @@ from drapeline.dataset.point_clouds import (
     open_clouds,
     rig_turn,
 )
-from drapeline.dataset.reader import BODY
-from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.reader import BODY, Sample
 from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import FPS
@@ -40,7 +39,7 @@ from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, mapped, read_json, save_npz, whole_folder, write_json
+from drapeline.storage import atomic_folder, load_npz, mapped, read_json, save_npz, write_json
 
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.
@@ -202,7 +201,7 @@ def write_skinned(
     wanted = [o for o in load_static(shard) if {g.name for g in o.outfit.garments} & {*garments}]
     splits = {m.split for m in motions}
     outfits = [o for o in wanted if o.split in splits]
-    with whole_folder(folder) as scratch:
+    with atomic_folder(folder) as scratch:
         _write(scratch, outfits, motions, bodies, settings)
         write_json(
             scratch / "about.json",

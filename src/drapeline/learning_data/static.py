@@ -13,7 +13,7 @@ from drapeline.learning_data.vertex_moments import body_statistics, offset_stati
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, mapped, new_array, save_npz, whole_folder
+from drapeline.storage import atomic_folder, load_npz, mapped, new_array, save_npz
 
 _ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
 
@@ -46,7 +46,7 @@ def collect_static(
         rest_body(bodies[GENDERS[rows["gender"][row]]], rows["shape"][row])
         for row in progress(chosen[first], total=len(first), label="bodies")
     )
-    with whole_folder(output) as scratch:
+    with atomic_folder(output) as scratch:
         shape = (len(rows["split"]), count)
         offsets = new_array(scratch / "offsets.npy", np.float32, (*shape, 3))
         mask = new_array(scratch / "mask.npy", np.bool_, shape)

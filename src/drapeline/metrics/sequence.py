@@ -25,7 +25,7 @@ FPS = 30.0
 CONTACT_EVERY = 5
 
 
-class Wearer(NamedTuple):
+class PosedBody(NamedTuple):
     """The body under a garment.
 
     Attributes:
@@ -183,7 +183,7 @@ def segmentation_accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
 
 
 def inside_means(
-    garment: np.ndarray, wearer: Wearer, *, every: int = CONTACT_EVERY
+    garment: np.ndarray, wearer: PosedBody, *, every: int = CONTACT_EVERY
 ) -> dict[str, float]:
     """`inside_measures` of every so many frames of a garment (F, N, 3), averaged over them."""
     found = [
@@ -197,7 +197,7 @@ def sequence_measures(
     garment: np.ndarray,
     true: np.ndarray | None = None,
     *,
-    wearer: Wearer | None = None,
+    wearer: PosedBody | None = None,
     points: Sequence[np.ndarray] | None = None,
     consecutive: bool = True,
 ) -> dict[str, float]:

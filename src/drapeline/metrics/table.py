@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.errors import InputError
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 ALL = "all"
 LOW, HIGH = "_low95", "_high95"
@@ -150,7 +150,7 @@ def write_metrics(path: str | Path, rows: Iterable[MetricRow]) -> None:
     """
     rows = list(rows)
     _check(rows, path)
-    with whole_file(path) as scratch, open(scratch, "w", newline="") as stream:
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
         writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
         writer.writerow(MetricRow._fields)
         writer.writerows(row._replace(value=f"{row.value:.6g}") for row in rows)

@@ -16,7 +16,7 @@ from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.looping import closed_cycle
 from drapeline.motions.motion import Motion, interpolate, resampled_count, save_motion
 from drapeline.motions.retarget import retarget
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 INSIDE_WHEEL = "pybullet_data/data/motions/humanoid3d_{name}.txt"
 
@@ -90,6 +90,6 @@ def write_clips(wheel: Path, folder: Path) -> list[str]:
                 )
     except (FileNotFoundError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{wheel}: not a pybullet wheel with its clips ({error})") from error
-    with whole_file(folder / "clips.tsv") as path:
+    with atomic_file(folder / "clips.tsv") as path:
         path.write_text("\n".join(lines) + "\n")
     return lines

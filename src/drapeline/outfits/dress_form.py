@@ -113,7 +113,7 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Form:
+class DressForm:
     """One gender's dress form in rest pose at the mean shape, root-relative, Z up.
 
     Attributes:
@@ -135,7 +135,7 @@ class Form:
     landmarks: dict[str, float]
 
 
-def build_form(body: BodyModel) -> Form:
+def build_dress_form(body: BodyModel) -> DressForm:
     """Make the dress form of a body (a few seconds)."""
     vertices, joints = (a[0] for a in posed_vertices(body, np.zeros(10), REST_POSE[None].copy()))
     points, part = _samples(vertices, body)
@@ -144,7 +144,7 @@ def build_form(body: BodyModel) -> Form:
     torso = _torso(points, part, marks)
     arm = _arm(points, part, marks)
     leg = _leg(points, part, marks)
-    return Form(
+    return DressForm(
         torso,
         arm,
         leg,

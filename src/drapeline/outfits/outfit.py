@@ -21,9 +21,9 @@ from drapeline.outfits.distributions import (
     sample_upper,
     uniform,
 )
-from drapeline.outfits.dress_form import Form
+from drapeline.outfits.dress_form import DressForm
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, laid_over, left_body, resized
-from drapeline.outfits.patterns.cutting import cut_garment, settled
+from drapeline.outfits.patterns.cutting import cut_garment, drape_on_form
 from drapeline.outfits.patterns.panels import Pattern
 from drapeline.outfits.patterns.separation import Keeper, kept_apart
 from drapeline.outfits.templates import Templates
@@ -276,7 +276,7 @@ def make_outfit(
 
 
 def _from_template(
-    name: str, about: dict[str, Any], form: Form, edge_length_m: float, vertices_min: int
+    name: str, about: dict[str, Any], form: DressForm, edge_length_m: float, vertices_min: int
 ) -> tuple[Garment, Keeper]:
     """A garment on the dress form, vertices (V, 3) float64, and what keeps its parts apart."""
     numbers = about["parameters"]
@@ -287,7 +287,7 @@ def _from_template(
         pattern = cut_garment(form, edge_length_m, **parts)
     faces = pattern.faces()
     folds = rng_for(numbers["fold_seed"], "folds")
-    points = settled(folds, form, pattern, edge_length_m, numbers["fullness"])
+    points = drape_on_form(folds, form, pattern, edge_length_m, numbers["fullness"])
     uv, uv_faces = pattern.texture()
     pin, elastic = _masks(pattern, name, about)
     garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, about)

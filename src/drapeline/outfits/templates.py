@@ -6,7 +6,7 @@ from typing import Any
 
 from drapeline.bodies.model import BodyModel
 from drapeline.geometry.mesh import Mesh
-from drapeline.outfits.dress_form import Field, Form, Tube, build_form
+from drapeline.outfits.dress_form import DressForm, Field, Tube, build_dress_form
 from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.storage import load_npz, save_npz
 
@@ -74,7 +74,7 @@ class Templates:
         body_name: name of the body model.
     """
 
-    form: Form
+    form: DressForm
     garments: dict[str, Mesh]
     body_name: str
 
@@ -99,7 +99,7 @@ class Templates:
 
 def build_templates(body: BodyModel) -> Templates:
     """Make one gender's templates (a few seconds)."""
-    form = build_form(body)
+    form = build_dress_form(body)
     return Templates(
         form,
         {name: _mesh(form, parts) for name, parts in TEMPLATE_NUMBERS.items()},
@@ -107,7 +107,7 @@ def build_templates(body: BodyModel) -> Templates:
     )
 
 
-def _mesh(form: Form, parts: dict[str, dict[str, Any]]) -> Mesh:
+def _mesh(form: DressForm, parts: dict[str, dict[str, Any]]) -> Mesh:
     pattern = cut_garment(form, TEMPLATE_EDGE_M, **parts)
     return Mesh(pattern.vertices.astype("float32"), pattern.faces(), *pattern.texture())
 
@@ -126,4 +126,4 @@ def load_templates(path: str | Path) -> Templates:
     fields = {n: Field(a[f"{n}/origin"], a[f"{n}/distance"]) for n in _FIELDS}
     marks = {k.split("/")[1]: float(v) for k, v in a.items() if k.startswith("landmarks/")}
     garments = {n: Mesh(*(a[f"garments/{n}/{k}"] for k in _MESH)) for n in TEMPLATE_NUMBERS}
-    return Templates(Form(**tubes, **fields, landmarks=marks), garments, str(a["body_name"]))
+    return Templates(DressForm(**tubes, **fields, landmarks=marks), garments, str(a["body_name"]))

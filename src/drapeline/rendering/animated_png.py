@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 _COLOURS = 96
 
@@ -19,7 +19,7 @@ def save_moving(path: str | Path, pictures: Sequence[np.ndarray], frame_ms: int)
     images = [
         Image.fromarray(p).quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures
     ]
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         images[0].save(
             scratch,
             format="PNG",

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
 _CARD = (237, 238, 240)
@@ -69,5 +69,5 @@ def contact_sheet(
         x, y = gap + column * (width + gap), gap + row * (height + below + gap)
         sheet.paste(Image.fromarray(picture), (x, y))
         draw.text((x + 2, y + height + 0.2 * letter), caption, _INK, font=font)
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         sheet.save(scratch, format="PNG", optimize=True)

@@ -8,8 +8,8 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from drapeline.rendering.raytracer import Painted
-from drapeline.storage import whole_file
+from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.storage import atomic_file
 
 _HEAT = matplotlib.colormaps["viridis"]
 _HEAT_LEVELS = 40
@@ -23,7 +23,7 @@ def heat_colour(share: np.ndarray | float) -> np.ndarray:
 
 def heat_parts(
     vertices: np.ndarray, faces: np.ndarray, error_mm: np.ndarray, span_mm: float
-) -> list[Painted]:
+) -> list[ColouredMesh]:
     """A garment (V, 3) coloured by the errors (F,) of its faces, 0 to `span_mm`.
 
     It comes in bands of faces with similar errors, for the studio paints a mesh in one colour.
@@ -31,7 +31,7 @@ def heat_parts(
     share = np.clip(error_mm / span_mm, 0, 1)
     level = np.minimum((share * _HEAT_LEVELS).astype(int), _HEAT_LEVELS - 1)
     return [
-        Painted(vertices, faces[level == k], heat_colour((k + 0.5) / _HEAT_LEVELS))
+        ColouredMesh(vertices, faces[level == k], heat_colour((k + 0.5) / _HEAT_LEVELS))
         for k in np.unique(level)
     ]
 
@@ -91,7 +91,7 @@ def save_sheet(
             draw.multiline_text(place, labels[row], _INK, font=font, spacing=3)
     if heat_mm:
         _draw_heat_bar(sheet, draw, left, size[1] + gap, font, heat_mm)
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         sheet.save(scratch, format="PNG", optimize=True)
 
 

@@ -18,7 +18,7 @@ from drapeline.rendering.camera import Camera
 
 
 @dataclass(frozen=True)
-class Painted:
+class ColouredMesh:
     """A mesh with a look.
 
     Attributes:
@@ -219,8 +219,8 @@ def ray_share(share: float) -> Iterator[None]:
         _RAY_SHARE.reset(token)
 
 
-def studio_picture(
-    parts: Sequence[Painted],
+def raytrace(
+    parts: Sequence[ColouredMesh],
     camera: Camera,
     *,
     floor_centre: Sequence[float] = (0.0, 0.0),

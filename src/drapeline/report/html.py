@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, "DejaVu Sans", Arial, sans-serif; color: #222; background: #fff;
@@ -77,5 +77,5 @@ def write_page(path: str | Path, title: str, *parts: str) -> None:
         f"<title>{escape(title)}</title>\n<style>\n{_STYLE}\n</style></head>\n"
         f"<body>\n<h1>{escape(title)}</h1>\n" + "\n".join(parts) + "\n</body></html>\n"
     )
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         scratch.write_text(text)

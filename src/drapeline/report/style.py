@@ -8,7 +8,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
@@ -65,7 +65,7 @@ def saved_figure(
         axes = figure.subplots(1, columns, squeeze=False)[0]
         yield figure, axes
         metadata = {"Date": None} if Path(path).suffix == ".svg" else None
-        with whole_file(path) as scratch:
+        with atomic_file(path) as scratch:
             figure.savefig(scratch, dpi=160, metadata=metadata)
 
 

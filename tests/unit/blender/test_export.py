@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from drapeline.blender.export import FORMATS, export_sample
 from drapeline.dataset.point_cache import PointCache
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import sample_parts, y_up
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import load_obj, vertex_normals
@@ -103,9 +103,7 @@ def imported(exports):
 
 @pytest.fixture(scope="module")
 def truth(tiny):
-    return {
-        part.name: np.stack(list(part.frames())) for part in sample_parts(Sequence(tiny.folder))
-    }
+    return {part.name: np.stack(list(part.frames())) for part in sample_parts(Sample(tiny.folder))}
 
 
 @pytest.mark.parametrize("suffix", ["usdc", "abc"])

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from drapeline.blender.render import render_modalities
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.rendering.camera import Camera
 from tiny_sample import write_tiny_sample
@@ -31,7 +31,7 @@ def test_stored_camera_takes_vertices_to_their_pixels(rendered):
     with np.load(images / "2.npz") as archive:
         seen = dict(archive)
     label = {name: int(k) for k, name in about["segments"].items()}["Skirt"]
-    with Sequence(folder) as sequence:
+    with Sample(folder) as sequence:
         where, depth = camera.project(sequence.vertices("Skirt", 2, 3)[0])
     rows, columns = np.nonzero(seen["segments"] == label)
     assert columns.min() >= where[:, 0].min() - 1

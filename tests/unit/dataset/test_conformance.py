@@ -12,7 +12,7 @@ import pytest
 import scipy.io
 
 from drapeline.bodies.model import posed_vertices
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.frames import REST_POSE
 from tiny_sample import GARMENTS, write_tiny_sample
 
@@ -117,7 +117,7 @@ def test_starter_kit_parses_the_info(sample):
 
 
 def test_starter_kit_and_our_reader_agree_on_every_frame(sample):
-    sequence = Sequence(sample.folder)
+    sequence = Sample(sample.folder)
     for garment in GARMENTS:
         for frame in range(len(sequence)):
             theirs = starter_kit_world(sample.folder, garment, frame)
@@ -128,7 +128,7 @@ def test_starter_kit_and_our_reader_agree_on_every_frame(sample):
 
 
 def test_starter_kit_reads_the_meshes(sample):
-    sequence = Sequence(sample.folder)
+    sequence = Sample(sample.folder)
     for garment in GARMENTS:
         vertices, uv, faces, uv_faces = starter_kit_obj(sample.folder / f"{garment}.obj")
         mesh = sequence.mesh(garment)
@@ -140,7 +140,7 @@ def test_starter_kit_reads_the_meshes(sample):
 
 
 def test_deepsd_family_and_our_reader_agree(sample):
-    sequence = Sequence(sample.folder)
+    sequence = Sample(sample.folder)
     for garment in GARMENTS:
         rest, triangles = deepsd_rest(sample.folder, garment)
         np.testing.assert_allclose(rest, sequence.mesh(garment).vertices, atol=1e-6)

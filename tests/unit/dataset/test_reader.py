@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drapeline.dataset.info_mat import read_info, write_info
-from drapeline.dataset.reader import Cloth3D, Sequence
+from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, load_obj, save_obj
 from tiny_sample import GARMENTS, body_truth, write_tiny_sample
@@ -66,7 +66,7 @@ def test_one_id_in_two_splits_is_refused(tmp_path, tiny):
 
 
 def test_garment_vertices_are_those_simulated(tiny):
-    sequence = Sequence(tiny.folder)
+    sequence = Sample(tiny.folder)
     assert sequence.garments == GARMENTS
     for name in GARMENTS:
         root = sequence.vertices(name, 1, 4, "root")
@@ -79,7 +79,7 @@ def test_garment_vertices_are_those_simulated(tiny):
 
 
 def test_labels_are_read(tiny):
-    sequence = Sequence(tiny.folder)
+    sequence = Sample(tiny.folder)
     assert sequence.fabrics == {"Tshirt": "cotton", "Skirt": "denim"}
     assert (sequence.gender, sequence.fps, len(sequence)) == ("female", 30, 6)
     np.testing.assert_array_equal(sequence.tightness, [-1.0, 0.25])
@@ -88,7 +88,7 @@ def test_labels_are_read(tiny):
 
 
 def test_rest_mesh_has_quads_triangles_and_uvs(tiny):
-    mesh = Sequence(tiny.folder).mesh("Skirt")
+    mesh = Sample(tiny.folder).mesh("Skirt")
     assert mesh.faces.shape == (64, 4)
     assert mesh.triangles.shape == (128, 3)
     assert mesh.uv_faces.shape == (64, 4)
@@ -96,8 +96,8 @@ def test_rest_mesh_has_quads_triangles_and_uvs(tiny):
 
 def test_the_body_is_read_or_rebuilt_to_half_precision(tiny, toy_body):
     truth = body_truth(toy_body, tiny)
-    stored = Sequence(tiny.folder)
-    rebuilt = Sequence(tiny.folder, bodies={"female": toy_body})
+    stored = Sample(tiny.folder)
+    rebuilt = Sample(tiny.folder, bodies={"female": toy_body})
     np.testing.assert_allclose(rebuilt.body_vertices(2, 5), truth[2:5], atol=1e-6)
     np.testing.assert_allclose(stored.body_vertices(2, 5), truth[2:5], atol=5e-4)
     np.testing.assert_array_equal(stored.body_mesh().faces, toy_body.faces)
@@ -119,23 +119,23 @@ def test_the_original_reads_the_same_without_extras(original, tiny, toy_body):
 
 def test_without_a_body_the_original_says_what_it_needs(original):
     with pytest.raises(InputError, match=r"Body.pc16: no such file, expected it or a body model"):
-        Sequence(original).body_vertices()
+        Sample(original).body_vertices()
     with pytest.raises(InputError, match="no body model for gender female"):
-        Sequence(original).body_mesh()
+        Sample(original).body_mesh()
 
 
 def test_another_body_than_the_samples_own_is_refused(tiny, toy_body):
     other = replace(toy_body, v_template=toy_body.v_template * 1.01, name="other")
     with pytest.raises(InputError, match="made with body 'toy-1', but the body model given"):
-        Sequence(tiny.folder, bodies={"female": other}).body_vertices()
+        Sample(tiny.folder, bodies={"female": other}).body_vertices()
     with pytest.raises(InputError, match="no body model for gender female, only for male"):
-        Sequence(tiny.folder, bodies={"male": toy_body}).body_vertices()
+        Sample(tiny.folder, bodies={"male": toy_body}).body_vertices()
 
 
 def test_the_scenes_turn_is_applied_after_the_translation(original, tiny, toy_body):
     info = read_info(original / "info.mat")
     write_info(original / "info.mat", replace(info, zrot=2.1))
-    sequence = Sequence(original, bodies={"female": toy_body})
+    sequence = Sample(original, bodies={"female": toy_body})
     expected = (tiny.vertices["Skirt"] + tiny.trans[:, None]) @ turn(2.1).T
     np.testing.assert_allclose(sequence.vertices("Skirt"), expected, atol=1e-3)
     body = body_truth(toy_body, tiny) @ turn(2.1).T
@@ -151,7 +151,7 @@ def test_rest_meshes_are_turned_back_where_the_release_turned_them(original, tin
     if rest_turned:
         points = (made.vertices @ turn(-0.7).T).astype(np.float32)
         save_obj(original / "Tshirt.obj", Mesh(points, made.faces, made.uv, made.uv_faces))
-    rest = Sequence(original, rest_turned=rest_turned).mesh("Tshirt")
+    rest = Sample(original, rest_turned=rest_turned).mesh("Tshirt")
     np.testing.assert_allclose(rest.vertices, made.vertices, atol=2e-6)
 
 
@@ -159,16 +159,16 @@ def test_test_sets_without_fabrics_or_outfit_are_read(original):
     info = read_info(original / "info.mat")
     bare = {name: {"texture": {"type": "pattern"}} for name in GARMENTS}
     write_info(original / "info.mat", replace(info, tightness=None, outfit=bare))
-    sequence = Sequence(original)
+    sequence = Sample(original)
     assert sequence.tightness is None
     assert sequence.fabrics == {"Tshirt": None, "Skirt": None}
     write_info(original / "info.mat", replace(info, outfit={}))
-    assert sorted(Sequence(original).garments) == sorted(GARMENTS)
+    assert sorted(Sample(original).garments) == sorted(GARMENTS)
 
 
 def test_a_single_frame_is_not_squeezed_away(tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, frames=1)
-    sequence = Sequence(tiny.folder)
+    sequence = Sample(tiny.folder)
     assert len(sequence) == 1
     assert sequence.vertices("Skirt").shape == (1, 80, 3)
     assert sequence.body_vertices().shape == (1, len(toy_body.v_template), 3)
@@ -180,18 +180,18 @@ def test_a_truncated_cache_is_one_sentence(tmp_path, tiny, suffix):
     path = folder / f"Skirt.{suffix}"
     path.write_bytes(path.read_bytes()[:-2])
     with pytest.raises(InputError, match=rf"Skirt.{suffix}: \d+ bytes, expected \d+"):
-        Sequence(folder).vertices("Skirt", 0, 1)
+        Sample(folder).vertices("Skirt", 0, 1)
 
 
 def test_frames_that_do_not_match_the_poses_are_refused(original):
     info = read_info(original / "info.mat")
     write_info(original / "info.mat", replace(info, poses=info.poses[:4], trans=info.trans[:4]))
     with pytest.raises(InputError, match=r"Skirt.pc16: 6 frames, expected 4 as in info.mat"):
-        Sequence(original).vertices("Skirt")
+        Sample(original).vertices("Skirt")
 
 
 def test_wrong_names_and_ranges_are_told(tiny, toy_body):
-    sequence = Sequence(tiny.folder, bodies={"female": toy_body})
+    sequence = Sample(tiny.folder, bodies={"female": toy_body})
     with pytest.raises(KeyError, match="no garment Dress, only Tshirt, Skirt"):
         sequence.vertices("Dress")
     with pytest.raises(IndexError, match=r"within \[0, 6\)"):
@@ -203,7 +203,7 @@ def test_wrong_names_and_ranges_are_told(tiny, toy_body):
 
 
 def test_a_sequence_can_be_sent_to_another_process(tiny):
-    sequence = Sequence(tiny.folder)
+    sequence = Sample(tiny.folder)
     before = sequence.vertices("Skirt", 0, 2)
     np.testing.assert_array_equal(
         pickle.loads(pickle.dumps(sequence)).vertices("Skirt", 0, 2), before
@@ -211,6 +211,6 @@ def test_a_sequence_can_be_sent_to_another_process(tiny):
 
 
 def test_a_closed_sequence_opens_again(tiny):
-    with Sequence(tiny.folder) as sequence:
+    with Sample(tiny.folder) as sequence:
         before = sequence.vertices("Skirt", 0, 1)
     np.testing.assert_array_equal(sequence.vertices("Skirt", 0, 1), before)

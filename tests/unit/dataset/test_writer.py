@@ -7,7 +7,7 @@ import pytest
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.point_cache import PointCache, PointCacheWriter, point_cache_writer
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import body_fingerprint
 from drapeline.dataset.writer import (
     MovingGarment,
@@ -211,7 +211,7 @@ def test_a_reconstructed_garment_reads_as_a_sample_of_the_original(tmp_path, toy
     )
     mesh = Mesh(rest.vertices, triangulate(rest.faces))
     write_reconstructed(tmp_path / "Skirt", toy_body, info, [MovingGarment("Skirt", mesh, frames)])
-    with Sequence(tmp_path / "Skirt") as sample:
+    with Sample(tmp_path / "Skirt") as sample:
         assert list(sample.garments) == ["Skirt"]
         np.testing.assert_allclose(sample.vertices("Skirt"), frames + trans[:, None], atol=1e-6)
         np.testing.assert_array_equal(sample.mesh("Skirt").faces, mesh.faces)

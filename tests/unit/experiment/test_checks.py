@@ -83,8 +83,8 @@ def test_an_empty_split_is_named_where_it_is_needed():
         require_splits([], ["train"], group="static", shares=SHARES)
 
 
-def sample(kind, partition, frames=60):
-    return SamplePlan("00001", "walk", 0, 30, 30 + frames, "female", kind, partition)
+def sample(kind, split, frames=60):
+    return SamplePlan("00001", "walk", 0, 30, 30 + frames, "female", kind, split)
 
 
 def outfit(kind, split):

@@ -53,7 +53,7 @@ def test_genders_are_two_to_one_up_to_rounding_and_mixed_in_every_split(count, s
     plans = plan(seed, count).values()
     assert [s.gender for s in plans].count("female") == round(count * 2 / 3)
     for split in SPLITS:
-        genders = [s.gender for s in plans if s.partition == split]
+        genders = [s.gender for s in plans if s.split == split]
         assert abs(genders.count("female") - len(genders) * 2 / 3) <= 1
         for start in range(len(genders) - 5):
             assert 3 <= genders[start : start + 6].count("female") <= 5
@@ -76,7 +76,7 @@ def test_every_split_wears_the_first_kinds_and_one_named_twice_is_worn_twice(see
     kinds = ["Tshirt+Trousers", "Tshirt+Skirt", "Dress", "Jumpsuit", "Dress"]
     worn = {}
     for sample in plan(seed, count=30, kinds=kinds).values():
-        worn.setdefault(sample.partition, Counter())[sample.kind] += 1
+        worn.setdefault(sample.split, Counter())[sample.kind] += 1
     for split in worn.values():
         assert split["Tshirt+Trousers"]
         assert split["Tshirt+Skirt"]
@@ -87,7 +87,7 @@ def test_every_split_wears_the_first_kinds_and_one_named_twice_is_worn_twice(see
 def test_splits_share_no_clip_and_none_is_empty(seed):
     clips = {}
     for sample in plan(seed).values():
-        clips.setdefault(sample.partition, set()).add(sample.sequence)
+        clips.setdefault(sample.split, set()).add(sample.sequence)
     assert set(clips) == {"train", "val", "test"}
     assert sum(len(names) for names in clips.values()) == len(set().union(*clips.values()))
 

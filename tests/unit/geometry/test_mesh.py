@@ -4,13 +4,13 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import (
     Mesh,
+    boundary_edges,
     boundary_loops,
     edge_counts,
     edges,
     face_normals,
     faces_within,
     load_obj,
-    rim_edges,
     save_obj,
     triangulate,
     vertex_normals,
@@ -61,10 +61,10 @@ def test_two_loops_through_one_vertex_are_refused():
 
 def test_rim_edges_of_a_tube_are_those_of_its_loops():
     _, faces = tube()
-    rim = rim_edges(faces)
+    boundary = boundary_edges(faces)
     loops = boundary_loops(faces)
-    assert set(rim.ravel()) == set(np.concatenate(loops))
-    assert len(rim) == sum(map(len, loops))
+    assert set(boundary.ravel()) == set(np.concatenate(loops))
+    assert len(boundary) == sum(map(len, loops))
 
 
 def test_faces_within_a_mask_have_all_their_corners_in_it():

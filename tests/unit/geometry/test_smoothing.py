@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.geometry.mesh import edges, rim_edges, triangulate
+from drapeline.geometry.mesh import boundary_edges, edges, triangulate
 from drapeline.geometry.smoothing import averaging_matrix, fairing
 from drapeline.seeding import rng_for
 from tiny_sample import tube
@@ -27,13 +27,13 @@ def test_it_is_the_minimum_of_its_energy(cloth):
     vertices, faces, _ = cloth
     count = len(vertices)
     given = vertices + rng_for(0, "fairing").normal(0, 0.01, vertices.shape)
-    rim = {tuple(pair) for pair in rim_edges(faces).tolist()}
-    on_rim = {end for pair in rim for end in pair}
+    boundary = {tuple(pair) for pair in boundary_edges(faces).tolist()}
+    on_boundary = {end for pair in boundary for end in pair}
     near = [[] for _ in range(count)]
     for a, b in edges(faces).tolist():
-        if a not in on_rim or (a, b) in rim:
+        if a not in on_boundary or (a, b) in boundary:
             near[a].append(b)
-        if b not in on_rim or (a, b) in rim:
+        if b not in on_boundary or (a, b) in boundary:
             near[b].append(a)
     away = np.eye(count)
     for vertex, around in enumerate(near):

@@ -113,7 +113,7 @@ def test_distances_see_what_is_missing_and_what_is_too_much_each_in_one_directio
     whole, half = (Mesh(*cylinder(0.2, (0, top), up=up)) for top, up in ((1.0, 25), (0.5, 13)))
     to_true, to_predicted = surface_distances_mm(half, whole)
     assert to_true == pytest.approx(0, abs=1e-3)
-    # Rows above the half are i / 24 metres away from its rim.
+    # Rows above the half are i / 24 metres away from its boundary.
     assert to_predicted == pytest.approx(1000 * np.arange(1, 13).sum() / 24 / 25, rel=1e-4)
     assert surface_distances_mm(whole, half) == pytest.approx((to_predicted, to_true), abs=1e-3)
 

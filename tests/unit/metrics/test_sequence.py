@@ -8,8 +8,8 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.sequence import (
     CONTACT_EVERY,
     Measured,
+    PosedBody,
     Reconstruction,
-    Wearer,
     acceleration_error_m_s2,
     canonical_measures,
     first_reconstructions,
@@ -135,7 +135,7 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 
     outside, deep = body[:20] * 1.2, body[:20] * 0.75
     garment = np.stack([deep + [0, 0, k] if k < 5 else outside + [0, 0, k] for k in range(10)])
-    found = inside_means(garment, Wearer(vertices, faces))
+    found = inside_means(garment, PosedBody(vertices, faces))
     assert asked == [0, CONTACT_EVERY]
     assert found["inside_share"] == pytest.approx(0.5)
     assert found["inside_1cm_share"] == pytest.approx(0.5)
@@ -144,7 +144,7 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 
 def test_sequence_measures_follow_what_is_known(motion):
     body, faces = ball(0.05)
-    wearer = Wearer(lambda frame: body, faces)
+    wearer = PosedBody(lambda frame: body, faces)
     assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
     assert set(sequence_measures(motion, motion, consecutive=False)) == {"vertex_error_mm"}
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from drapeline.rendering.camera import look_at
-from drapeline.rendering.raytracer import Painted, ray_share, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, ray_share, raytrace
 
 
 def ball_picture(subdivisions, samples=64):
@@ -12,8 +12,8 @@ def ball_picture(subdivisions, samples=64):
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     centre = np.array([0.0, 0.0, 3.0])
     camera = look_at(centre + [0, -4, 0], centre, focal_px=500, size=(150, 150))
-    part = Painted(mesh.vertices + centre, mesh.faces, (0.5, 0.5, 0.5))
-    return studio_picture([part], camera, samples=samples).astype(int)
+    part = ColouredMesh(mesh.vertices + centre, mesh.faces, (0.5, 0.5, 0.5))
+    return raytrace([part], camera, samples=samples).astype(int)
 
 
 def test_a_coarse_ball_is_shaded_like_a_fine_one():

@@ -88,7 +88,7 @@ class BodySurface:
         return around[:, self._chosen], normals / np.maximum(length, 1e-20)
 
 
-class Wearer:
+class PosedBody:
     """A known body in motion: what networks are shown of it, and how garments follow it.
 
     Args:
@@ -110,7 +110,7 @@ class Wearer:
         """Vertices (F, M, 3) and normals (F, M, 3) float32 in poses (F, 72)."""
         return self.surface.posed(self.shape, poses)
 
-    def located(self, points: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    def body_relative_points(self, points: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Points with where on the body they are: at rest with what is beneath, and how high above.
 
         Args:
@@ -165,7 +165,7 @@ class Wearer:
         )
 
 
-class Wearers:
+class BodySet:
     """Bodies of both genders with the subset of vertices that networks see of either.
 
     Args:
@@ -189,10 +189,10 @@ class Wearers:
             if isinstance(value, np.ndarray)
         }
 
-    def of(self, gender: int, shape: np.ndarray) -> Wearer:
+    def of(self, gender: int, shape: np.ndarray) -> PosedBody:
         """The body of a gender's code and a shape (10,)."""
         name = GENDERS[gender]
-        return Wearer(self.bodies[name], self._surfaces[name], shape)
+        return PosedBody(self.bodies[name], self._surfaces[name], shape)
 
 
 def proposals(canonical: np.ndarray, weights: np.ndarray, transforms: np.ndarray) -> np.ndarray:

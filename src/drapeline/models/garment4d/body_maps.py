@@ -32,7 +32,7 @@ def body_map(
     """Means of values over the cells of a map.
 
     Args:
-        features: (B * T, P, 4) of located points, see `Wearer.located`.
+        features: (B * T, P, 4) of located points, see `PosedBody.body_relative_points`.
         values: (B * T, P, C) of the same points.
         frames: T.
         cell_m: width and height of a cell.

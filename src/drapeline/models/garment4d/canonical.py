@@ -75,9 +75,9 @@ class CanonicalSettings:
         garment: abstractions of the garment's points, finest first.
         overall: features after each layer before the maximum over points and frames.
         head: features after each layer between that maximum and the coefficients.
-        located: whether points also say where on the known body they are, see `Wearer.located`;
-            labels then know maps of the body made of them, and alpha begins with what a regression
-            reads from such maps. The paper's networks do without.
+        body_relative_points: whether points also carry their place on the known body, see
+            `PosedBody.body_relative_points`; labels then use maps of the body made from them, and
+            alpha starts from a regression on such maps. The paper's networks do without.
     """
 
     segmentation: tuple[Abstraction, ...] = (
@@ -93,7 +93,7 @@ class CanonicalSettings:
     )
     overall: tuple[int, ...] = (512, 512)
     head: tuple[int, ...] = (128, 64)
-    located: bool = False
+    body_relative_points: bool = False
 
     def scaled(self, points: int, width: float) -> "CanonicalSettings":
         """The same network for sparser clouds, and thinner.
@@ -182,7 +182,7 @@ def hashed_order(points: torch.Tensor) -> torch.Tensor:
 
 def given_features(settings: CanonicalSettings) -> int:
     """Features that points come with: where they are, or where on the body they are."""
-    return 4 if settings.located else 3
+    return 4 if settings.body_relative_points else 3
 
 
 def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
@@ -219,7 +219,7 @@ class Segmentation(nn.Module):
             coarse = layers[-1]
         # Tops are told from t-shirts by sleeves that are out of a ball's reach.
         self.overview = None
-        if settings.located:
+        if settings.body_relative_points:
             self.overview = nn.Sequential(
                 linear(map_cells(_LABEL_CELL_M), _MAP_WIDTH, rng),
                 nn.ReLU(),
@@ -312,7 +312,7 @@ class _ShapeNetwork(nn.Module):
     def __init__(self, space: GarmentSpace, settings: CanonicalSettings) -> None:
         super().__init__()
         self.regression = None
-        if settings.located:
+        if settings.body_relative_points:
             cells = map_cells(_SHAPE_CELL_M)
             self.regression = MapRegression(3, cells, len(space.components))
         self.register_buffer("mean", torch.from_numpy(np.array(space.mean, dtype=np.float32)))
@@ -376,9 +376,9 @@ class CanonicalNetwork(_ShapeNetwork):
         self.label = label
         self.garment_points = settings.garment_points
         self.segmentation = Segmentation(settings, rng)
-        given = given_features(settings) if settings.located else 0
+        given = given_features(settings) if settings.body_relative_points else 0
         inputs = self.segmentation.outputs + given
-        self.located = settings.located
+        self.body_relative_points = settings.body_relative_points
         self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
 
     @property
@@ -399,7 +399,7 @@ class CanonicalNetwork(_ShapeNetwork):
         """Estimate B garments from windows of T clouds.
 
         Args:
-            points: (B, T, P, 3) metres, root frame; or (B, T, P, 7) if settings say `located`.
+            points: (B, T, P, 3) metres, root frame; (B, T, P, 7) with `body_relative_points`.
             labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
             regressed: (B, D) alpha to begin with instead of what `regression` says.
         """
@@ -407,7 +407,7 @@ class CanonicalNetwork(_ShapeNetwork):
         features, logits = self.segmentation(level, points.shape[1])
         logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
         chosen = self.chosen(logits.argmax(-1) if labels is None else labels)
-        if self.located:
+        if self.body_relative_points:
             features = torch.cat([features, level.features], dim=-1)
         valid = chosen.flatten(0, 1).gather(1, order)
         garment = first_of(level._replace(features=features, valid=valid), self.garment_points)
@@ -502,9 +502,9 @@ def canonical_loss(
         ),
     }
     if output.logits is not None:
-        surprise = F.cross_entropy(
+        cross_entropy = F.cross_entropy(
             output.logits.flatten(0, 2), labels.flatten(), label_weights, reduction="none"
         )
-        terms["segmentation"] = surprise.mean()
+        terms["segmentation"] = cross_entropy.mean()
     terms["total"] = sum(getattr(weights, name) * term for name, term in terms.items())
     return terms

@@ -17,16 +17,16 @@ import numpy as np
 from drapeline.dataset.point_clouds import LABELS
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.garment4d.body_input import SkinningSettings, Wearer, Wearers, proposals
+from drapeline.models.garment4d.body_input import BodySet, PosedBody, SkinningSettings, proposals
 from drapeline.registration.to_template.garment_space import fit_space, load_space
 from drapeline.rule_log import LOGGER, progress
 from drapeline.storage import (
+    atomic_folder,
     load_npz,
     mapped,
     new_array,
     read_json,
     save_npz,
-    whole_folder,
     write_json,
 )
 
@@ -77,7 +77,7 @@ def collect_garment4d(
     sequences: Sequence[GarmentSequence],
     faces: np.ndarray,
     components: int,
-    wearers: Wearers | None = None,
+    wearers: BodySet | None = None,
 ) -> int:
     """Write all sequences of one type as arrays, and the shape space of those for training.
 
@@ -108,9 +108,9 @@ def collect_garment4d(
         ("labels", np.uint8, first.labels.shape[1:]),
         ("garment", np.float32, first.canonical.shape),
         # Five jobs read what takes longer to find than to train on once.
-        *([("located", np.float32, (first.points.shape[1], 4))] if wearers else []),
+        *([("body_relative_points", np.float32, (first.points.shape[1], 4))] if wearers else []),
     ]
-    with whole_folder(output) as scratch:
+    with atomic_folder(output) as scratch:
         arrays = {
             name: new_array(scratch / f"{name}.npy", dtype, (total, *shape))
             for name, dtype, shape in kinds
@@ -123,7 +123,7 @@ def collect_garment4d(
             _refuse_unfinite(output, one, posed)
             values = {"points": one.points, "labels": one.labels, "garment": posed}
             if wearers:
-                values["located"] = _located(one, wearers)
+                values["body_relative_points"] = _body_relative_points(one, wearers)
             for name, value in values.items():
                 arrays[name][start : start + len(one.poses)] = value
         for array in arrays.values():
@@ -177,10 +177,10 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
                 )
 
 
-def _located(one: GarmentSequence, wearers: Wearers) -> np.ndarray:
-    """(T, P, 4) what `Wearer.located` adds to points; with the body as it will be read again."""
+def _body_relative_points(one: GarmentSequence, wearers: BodySet) -> np.ndarray:
+    """(T, P, 4) what `PosedBody.body_relative_points` adds, with the body rounded as when read."""
     shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
-    return wearers.of(one.gender, shape).located(one.points, poses)[..., 3:]
+    return wearers.of(one.gender, shape).body_relative_points(one.points, poses)[..., 3:]
 
 
 def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
@@ -214,7 +214,7 @@ class SequenceData:
         InputError: a file is missing, lacks an array, or the arrays do not agree in length.
     """
 
-    def __init__(self, folder: str | Path, wearers: Wearers) -> None:
+    def __init__(self, folder: str | Path, wearers: BodySet) -> None:
         folder = Path(folder)
         self.kind = str(read_json(folder / "about.json")["garment"])
         self.label = LABELS.index(self.kind)
@@ -276,7 +276,7 @@ class SequenceData:
         names = dict.fromkeys(key.rpartition("/")[0] for key in arrays)
         return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}
 
-    def wearer(self, sequence: int) -> Wearer:
+    def wearer(self, sequence: int) -> PosedBody:
         """Who wears a sequence's garment."""
         return self._wearer(int(sequence))
 
@@ -284,7 +284,7 @@ class SequenceData:
         """(N, 24) float32 skinning weights of the garment worn."""
         return self._weights(int(sequence))
 
-    def _wearer_of(self, sequence: int) -> Wearer:
+    def _wearer_of(self, sequence: int) -> PosedBody:
         return self.wearers.of(int(self.gender[sequence]), self.shape[sequence])
 
     def _weights_of(self, sequence: int) -> np.ndarray:
@@ -319,20 +319,22 @@ class SequenceData:
             count += np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
         return count / max(count.sum(), 1)
 
-    def clouds(self, sequence: int, *, located: bool, frames: slice = slice(None)) -> np.ndarray:
-        """(F, P, 3) points of frames of a sequence, or (F, P, 7) as `Wearer.located` has them."""
+    def clouds(
+        self, sequence: int, *, body_relative_points: bool, frames: slice = slice(None)
+    ) -> np.ndarray:
+        """(F, P, 3) points of frames of a sequence; (F, P, 7) if relative to the body as well."""
         rows = self.rows(sequence)
         points = self.points[rows][frames]
-        if not located:
+        if not body_relative_points:
             return points
-        return np.concatenate([points, self._located[rows][frames]], axis=-1)
+        return np.concatenate([points, self._body_relative_points[rows][frames]], axis=-1)
 
     @cached_property
-    def _located(self) -> np.ndarray:
-        return mapped(self._folder / "located.npy")
+    def _body_relative_points(self) -> np.ndarray:
+        return mapped(self._folder / "body_relative_points.npy")
 
     def batch(
-        self, windows: np.ndarray, frames: int, *, posed: bool, located: bool = False
+        self, windows: np.ndarray, frames: int, *, posed: bool, body_relative_points: bool = False
     ) -> dict[str, Any]:
         """Arrays of windows.
 
@@ -340,7 +342,7 @@ class SequenceData:
             windows: (B, 2) as from `windows`.
             frames: T.
             posed: whether what only the posed stage needs is wanted too.
-            located: whether points also say where on the body they are.
+            body_relative_points: whether points also say where on the body they are.
 
         Returns:
             `points` (B, T, P, 3 or 7), `labels` (B, T, P) int64, `canonical` (B, N, 3),
@@ -356,7 +358,10 @@ class SequenceData:
         rest = [self.wearer(s).rest for s in chosen]
         batch = {
             "points": np.stack(
-                [self.clouds(s, located=located, frames=part) for s, part in places]
+                [
+                    self.clouds(s, body_relative_points=body_relative_points, frames=part)
+                    for s, part in places
+                ]
             ),
             "labels": np.stack([self.labels[span] for span in spans]).astype(np.int64),
             "canonical": self.canonical[chosen],
@@ -456,7 +461,7 @@ class Windows:
             sequences decide alone.
         sources: of the sequences.
         posed: whether batches are for the posed stage.
-        located: whether points also say where on the body they are.
+        body_relative_points: whether points also say where on the body they are.
     """
 
     def __init__(
@@ -467,9 +472,14 @@ class Windows:
         stride: int,
         sources: Sequence[str] = SOURCES,
         posed: bool,
-        located: bool = False,
+        body_relative_points: bool = False,
     ) -> None:
-        self.data, self.frames, self.posed, self.located = data, frames, posed, located
+        self.data, self.frames, self.posed, self.body_relative_points = (
+            data,
+            frames,
+            posed,
+            body_relative_points,
+        )
         train = data.windows("train", frames, stride, sources)
         val = self._validated(sources)
         if not len(val):
@@ -506,5 +516,8 @@ class Windows:
     def batch(self, rows: np.ndarray) -> dict[str, Any]:
         """See `SequenceData.batch`."""
         return self.data.batch(
-            self._windows[rows], self.frames, posed=self.posed, located=self.located
+            self._windows[rows],
+            self.frames,
+            posed=self.posed,
+            body_relative_points=self.body_relative_points,
         )

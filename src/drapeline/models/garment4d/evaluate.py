@@ -15,7 +15,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.sequence import Measured
 from drapeline.metrics.table import ALL, MetricRow
-from drapeline.models.garment4d.body_input import Wearer
+from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.reconstruct import (
     Estimate,
@@ -26,12 +26,12 @@ from drapeline.models.garment4d.reconstruct import (
     refine,
     training_habits,
 )
-from drapeline.models.garment4d.refine import Habits, RefineSettings
+from drapeline.models.garment4d.refine import RefineSettings, WornGarmentStatistics
 from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.models.training.digests import tensors_digest
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
-from drapeline.storage import whole_folder
+from drapeline.storage import atomic_folder
 
 _KEPT_BYTES = 1 << 30  # of what canonical networks said about sequences
 
@@ -140,7 +140,11 @@ class Evaluation:
             yield int(sequence), made
 
     def ours(
-        self, sequence: int, made: Reconstruction, refining: RefineSettings, habits: Habits | None
+        self,
+        sequence: int,
+        made: Reconstruction,
+        refining: RefineSettings,
+        habits: WornGarmentStatistics | None,
     ) -> np.ndarray:
         """Measure our variant and return it, (F, N, 3)."""
         data, started = self.data, time.perf_counter()
@@ -155,9 +159,9 @@ class Evaluation:
         sequence: int,
         made: Reconstruction,
         poses: np.ndarray,
-        wearer: Wearer,
+        wearer: PosedBody,
         refining: RefineSettings,
-        habits: Habits | None,
+        habits: WornGarmentStatistics | None,
     ) -> np.ndarray:
         points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
         return refine(made, points, poses, wearer, self.data.label, faces, refining, habits)
@@ -181,7 +185,7 @@ class Evaluation:
         measures = metrics.sequence_measures(
             garment,
             data.garment[rows] if true else None,
-            wearer=metrics.Wearer(body, wearer.model.faces),
+            wearer=metrics.PosedBody(body, wearer.model.faces),
             points=data.points[rows],
             consecutive=data.consecutive(sequence),
         )
@@ -239,7 +243,7 @@ class Evaluation:
         canonical: Mapping[str, CanonicalStage],
         posed: Mapping[str, PosedStage],
         refining: RefineSettings,
-        habits: Habits | None,
+        habits: WornGarmentStatistics | None,
     ) -> None:
         """Errors with a body that is not quite known, in variants that end in "noisy_body".
 
@@ -249,7 +253,7 @@ class Evaluation:
         """
         for sequence in progress(self.sequences, total=len(self.sequences), label="noisy bodies"):
             for variant, stage in canonical.items():
-                if stage.located:
+                if stage.body_relative_points:
                     found = self._estimated(stage, sequence, noisy=True)
                     self._canonical(f"{variant}_noisy_body", sequence, found.canonical)
         for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
@@ -263,7 +267,7 @@ class Evaluation:
                 made = self._reconstructed(posed["mgn"], sequence, noisy=True)
                 self._errors("mgn_noisy_body", sequence, made.final)
 
-    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, Wearer]:
+    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, PosedBody]:
         """Poses (F, 72) and wearer of a sequence as networks are given them."""
         data, settings = self.data, self.settings
         poses = data.poses[data.rows(sequence)]
@@ -364,7 +368,7 @@ def evaluate(
         vertex_sampled: the same sequences with points sampled as in the released code.
     """
     found, habits = [], training_habits(data, posed["posed"].settings.skinning)
-    with whole_folder(pictures) as scratch:
+    with atomic_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(data, split, settings)
             evaluation.canonicals(canonical)

@@ -14,10 +14,15 @@ from scipy.ndimage import convolve1d
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.metrics import sequence as metrics
-from drapeline.models.garment4d.body_input import SkinningSettings, Wearer, proposals
+from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings, proposals
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.data import SequenceData, window_starts
-from drapeline.models.garment4d.refine import Habits, RefineSettings, habits_of, refined
+from drapeline.models.garment4d.refine import (
+    RefineSettings,
+    WornGarmentStatistics,
+    habits_of,
+    refined,
+)
 from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 
 _BATCH = 4  # windows at once
@@ -62,7 +67,7 @@ def estimate(
     stage: CanonicalStage,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: Wearer,
+    wearer: PosedBody,
     *,
     frames: int | None = None,
     stride: int | None = None,
@@ -73,7 +78,7 @@ def estimate(
     Args:
         stage: trained.
         points: (F, P, 3) clouds, metres, root frame.
-        poses: (F, 72) rad of the wearer; a stage that is not `located` does not look at it.
+        poses: (F, 72) rad of the wearer; used by stages with `body_relative_points` alone.
         wearer: the body.
         frames: T of a window; that of the stage's training if None.
         stride: from one window to the next, at most T; T if None.
@@ -84,7 +89,7 @@ def estimate(
     """
     started = time.perf_counter()
     windows = _Windows(len(points), frames or stage.settings.training.frames, stride)
-    seen = wearer.located(points, poses) if stage.located else points
+    seen = wearer.body_relative_points(points, poses) if stage.body_relative_points else points
     outputs = list(_outputs(stage, windows, seen, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
     canonical = stage.network.vertices(alpha[None])[0].cpu().numpy()
@@ -97,7 +102,7 @@ def reconstruct(
     stage: PosedStage,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: Wearer,
+    wearer: PosedBody,
     *,
     stride: int | None = None,
     skinning: SkinningSettings | None = None,
@@ -233,11 +238,11 @@ def refine(
     made: Reconstruction,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: Wearer,
+    wearer: PosedBody,
     label: int,
     faces: np.ndarray,
     settings: RefineSettings,
-    habits: Habits | None = None,
+    habits: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
     """Our variant: a reconstruction fitted to the points that the network takes for the garment.
 
@@ -274,7 +279,7 @@ def pictured(
     faces: np.ndarray,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: Wearer,
+    wearer: PosedBody,
     number: np.ndarray,
     true: np.ndarray | None = None,
     true_canonical: np.ndarray | None = None,
@@ -311,7 +316,7 @@ def pictured(
     )
 
 
-def training_habits(data: SequenceData, skinning: SkinningSettings) -> Habits | None:
+def training_habits(data: SequenceData, skinning: SkinningSettings) -> WornGarmentStatistics | None:
     """What simulated training sequences tell of worn garments; None where there are none.
 
     Static outfits in motion hang as skinning has it, so they would tell nothing of cloth.

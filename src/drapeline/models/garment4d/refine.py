@@ -48,7 +48,7 @@ class RefineSettings:
     gap_m: float = 0.003
 
 
-class Habits(NamedTuple):
+class WornGarmentStatistics(NamedTuple):
     """What the worn garments of training tell of a type; see `habits_of`.
 
     Attributes:
@@ -72,7 +72,7 @@ def refined(
     body_normals: np.ndarray,
     settings: RefineSettings,
     proposal: np.ndarray | None = None,
-    habits: Habits | None = None,
+    habits: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
     """Garments near the points, with the canonical garment's lengths, smooth in time.
 
@@ -99,7 +99,7 @@ def refined(
     """
     if habits is None:
         count = len(rest)
-        habits = Habits(np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count))
+        habits = WornGarmentStatistics(np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count))
     cloth = Cloth(rest, faces, settings, habits.shares)
     keep = (settings.keep_m / np.maximum(habits.error_m, settings.keep_m)) ** 2
     start = np.asarray(vertices, dtype=np.float64)
@@ -122,7 +122,7 @@ def habits_of(
     proposals: Iterable[np.ndarray],
     canonicals: Iterable[np.ndarray],
     faces: np.ndarray,
-) -> Habits:
+) -> WornGarmentStatistics:
     """Means over training sequences, as if one more had the mean at all vertices and springs.
 
     Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
@@ -146,7 +146,9 @@ def habits_of(
     follow = (both + np.mean(both) / len(share)) / np.maximum(
         skinned + np.mean(skinned) / len(share), _SMALL_M**2
     )
-    return Habits(_with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1))
+    return WornGarmentStatistics(
+        _with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1)
+    )
 
 
 def _with_mean(rows: list[np.ndarray]) -> np.ndarray:

@@ -13,7 +13,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.table import ALL, MetricRow
-from drapeline.models.garment4d.body_input import Wearer
+from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.reconstruct import (
     Reconstruction,
@@ -124,7 +124,7 @@ def check_labels(name: str, chosen: np.ndarray, garment: str) -> None:
 
 def _measured(
     scans: ScanSequence,
-    wearer: Wearer,
+    wearer: PosedBody,
     garment: str,
     made: Reconstruction,
     final: np.ndarray,
@@ -140,7 +140,7 @@ def _measured(
     for variant, vertices in steps.items():
         measures = metrics.sequence_measures(
             vertices,
-            wearer=metrics.Wearer(body, wearer.model.faces),
+            wearer=metrics.PosedBody(body, wearer.model.faces),
             points=[scan.points for scan in scans.scans],
         )
         one = metrics.Measured(SPLIT, garment, measures)

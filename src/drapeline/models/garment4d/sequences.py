@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.point_clouds import load_clouds
-from drapeline.dataset.reader import Sequence as Sample
+from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate

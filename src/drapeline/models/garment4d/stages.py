@@ -38,7 +38,7 @@ from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.digests import tensors_digest
-from drapeline.models.training.module import BEST, Trained, Training, plain
+from drapeline.models.training.module import BEST, TrainableModule, Training, plain
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
@@ -105,7 +105,7 @@ class StageSettings:
     skinning: SkinningSettings = field(default_factory=SkinningSettings)
 
 
-class Stage(Trained):
+class Stage(TrainableModule):
     """What the trainings of both stages share.
 
     Args:
@@ -142,9 +142,9 @@ class Stage(Trained):
         return settings_of(cls.NETWORK, values)
 
     @property
-    def located(self) -> bool:
+    def body_relative_points(self) -> bool:
         """Whether points also say where on the body they are."""
-        return self.settings.network.located
+        return self.settings.network.body_relative_points
 
     def weight_rng(self) -> torch.Generator:
         """For the initial weights."""
@@ -213,7 +213,7 @@ class CanonicalStage(Stage):
         self.network = self.build()
         self.register_buffer("label_weights", torch.ones(len(LABELS)))
         self._recall = Recall(_KEPT_BYTES)
-        self.left_out: dict[str, torch.Tensor] = {}
+        self.out_of_fold_alpha: dict[str, torch.Tensor] = {}
 
     def build(self) -> torch.nn.Module:
         """The network that is trained."""
@@ -223,7 +223,7 @@ class CanonicalStage(Stage):
     def prepare(self, windows: Windows) -> None:
         """Balance labels by their share of the training points, and fit alpha to maps.
 
-        `left_out` is then what maps say of each training sequence, left out of the fit: with it
+        `out_of_fold_alpha` is then the estimate for each training sequence from a fit without it:
         networks learn from estimates that are as wrong as those of new garments will be.
         """
         share = windows.data.label_share("train")
@@ -253,16 +253,16 @@ class CanonicalStage(Stage):
         )
         LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
         of_sequence = np.where(whole, names, "")
-        self.left_out = {
+        self.out_of_fold_alpha = {
             name: torch.from_numpy(found[of_sequence == name].mean(axis=0))
             for name in dict.fromkeys(names)
         }
 
-    def begins(self, names: Sequence[str]) -> torch.Tensor | None:
+    def initial_alpha(self, names: Sequence[str]) -> torch.Tensor | None:
         """(B, D) alpha that training sequences begin with; None if no maps were fitted."""
-        if not self.left_out:
+        if not self.out_of_fold_alpha:
             return None
-        return torch.stack([self.left_out[name] for name in names]).to(self.device)
+        return torch.stack([self.out_of_fold_alpha[name] for name in names]).to(self.device)
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""
@@ -289,12 +289,12 @@ class CanonicalStage(Stage):
         """
         if not self.training:
             return self.network(batch["points"])
-        begins = self.begins(sequences_of(batch))
-        return self.network(batch["points"], batch["labels"], begins)
+        initial_alpha = self.initial_alpha(sequences_of(batch))
+        return self.network(batch["points"], batch["labels"], initial_alpha)
 
     def about(self) -> dict[str, Any]:
-        """With `left_out`, which the posed stage is trained on."""
-        return {**super().about(), "left_out": self.left_out}
+        """With `out_of_fold_alpha`, which the posed stage is trained on."""
+        return {**super().about(), "out_of_fold_alpha": self.out_of_fold_alpha}
 
 
 class PointNetStage(CanonicalStage):
@@ -308,8 +308,8 @@ class PointNetStage(CanonicalStage):
 
     def estimated(self, batch: Batch) -> CanonicalOutput:
         """Of a batch."""
-        begins = self.begins(sequences_of(batch)) if self.training else None
-        return self.network(batch["points"], begins)
+        initial_alpha = self.initial_alpha(sequences_of(batch)) if self.training else None
+        return self.network(batch["points"], initial_alpha)
 
 
 def windows_of(batch: Batch) -> list[tuple[int, int]]:
@@ -343,9 +343,9 @@ class PosedStage(Stage):
         self._room = _KEPT_BYTES
 
     @property
-    def located(self) -> bool:
+    def body_relative_points(self) -> bool:
         """As the canonical stage has it."""
-        return self.canonical.located
+        return self.canonical.body_relative_points
 
     @property
     def smooth_passes(self) -> int:
@@ -366,11 +366,11 @@ class PosedStage(Stage):
         self,
         points: torch.Tensor,
         labels: torch.Tensor | None = None,
-        begins: torch.Tensor | None = None,
+        initial_alpha: torch.Tensor | None = None,
     ) -> CanonicalOutput:
         """What the canonical network says about windows (B, T, P, 3), without gradient."""
         with torch.no_grad():
-            return self.canonical.network(points, labels, begins)
+            return self.canonical.network(points, labels, initial_alpha)
 
     def kept_levels(self, batch: Batch) -> list[PointLevel]:
         """The same levels of points, of windows seen before from memory."""
@@ -414,16 +414,18 @@ class PosedStage(Stage):
         frames = self.settings.training.frames
         alpha = np.zeros_like(data.coefficients, dtype=np.float32)
         for sequence in np.flatnonzero(np.isin(data.split, splits)).tolist():
-            points = data.clouds(sequence, located=self.located)
+            points = data.clouds(sequence, body_relative_points=self.body_relative_points)
             name = str(data.name[sequence])
             starts = window_starts(len(points), frames, frames, name)
             found = []
             for part in np.array_split(starts, -(-len(starts) // _BATCH)):
                 windows = np.stack([points[start : start + frames] for start in part])
-                trained = name in self.canonical.left_out
-                begins = self.canonical.begins([name] * len(part)) if trained else None
+                trained = name in self.canonical.out_of_fold_alpha
+                initial_alpha = (
+                    self.canonical.initial_alpha([name] * len(part)) if trained else None
+                )
                 given = torch.from_numpy(windows).to(self.canonical.device)
-                output = self.levels(given, begins=begins)
+                output = self.levels(given, initial_alpha=initial_alpha)
                 self.keep([(sequence, start) for start in part.tolist()], output.levels)
                 found.append(output.coefficients)
             alpha[sequence] = torch.cat(found).mean(0).cpu().numpy()
@@ -511,7 +513,7 @@ def _built(about: Mapping[str, Any]) -> Stage:
         return cls(settings, _built(about["canonical"]))
     space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
     stage = cls(settings, space, about["label"])
-    stage.left_out = about.get("left_out", {})
+    stage.out_of_fold_alpha = about.get("out_of_fold_alpha", {})
     return stage
 
 

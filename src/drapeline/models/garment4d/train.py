@@ -93,7 +93,7 @@ def _fit(
         stride=training.stride,
         sources=training.sources,
         posed=stage.POSED,
-        located=stage.located,
+        body_relative_points=stage.body_relative_points,
     )
     given = GarmentData(windows, batch=training.batch, seed=training.seed)
     stage.prepare(windows)

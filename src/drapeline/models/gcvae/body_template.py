@@ -17,7 +17,7 @@ STATIC_CVAR = SHAPES + 1 + 2
 
 
 @dataclass(frozen=True)
-class Domain:
+class BodyTemplate:
     """Everything about body and data that a network is built on, as arrays.
 
     Attributes:
@@ -55,7 +55,7 @@ class Domain:
         return {key: torch.from_numpy(np.ascontiguousarray(value)) for key, value in flat.items()}
 
     @classmethod
-    def from_tensors(cls, tensors: Mapping[str, torch.Tensor]) -> "Domain":
+    def from_tensors(cls, tensors: Mapping[str, torch.Tensor]) -> "BodyTemplate":
         """The inverse of `tensors`."""
         flat = {key: value.cpu().numpy() for key, value in tensors.items()}
 

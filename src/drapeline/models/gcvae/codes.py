@@ -9,7 +9,7 @@ import torch
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.dataset.splits import SPLITS
-from drapeline.geometry.collision import settled
+from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import faces_within
 from drapeline.learning_data.moving import MovingFiles, MovingGarment
 from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
@@ -97,13 +97,13 @@ def decode_codes(
 
 def rest_body(model: StaticVae, cvar: np.ndarray) -> np.ndarray:
     """(V, 3) rest body of one condition (C,), metres."""
-    basis = torch.from_numpy(model.domain.body_basis)
+    basis = torch.from_numpy(model.body_template.body_basis)
     return rest_bodies(basis, torch.from_numpy(cvar.astype(np.float32))[None])[..., 0].numpy()
 
 
 def static_truth(model: StaticVae, garments: StaticGarments) -> Truth:
     """The dataset as evaluation sees it, with the bodies and faces that the model knows."""
-    faces = model.domain.faces
+    faces = model.body_template.faces
     return Truth(
         garments.offsets,
         garments.mask,
@@ -195,7 +195,9 @@ def settled_points(
     registered = moving.registered
     number = np.cumsum(registered.mask) - 1  # of a covered vertex among the points
     faces = number[faces_within(topology.faces_of(moving.name), registered.mask)]
-    return settled(points, faces, posed_vertices(body, moving.shape, poses)[0], topology.faces)
+    return resolve_penetration(
+        points, faces, posed_vertices(body, moving.shape, poses)[0], topology.faces
+    )
 
 
 def shown_points(

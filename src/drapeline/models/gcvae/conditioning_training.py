@@ -12,7 +12,7 @@ from drapeline.errors import InputError
 from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
 from drapeline.models.training.batches import Batch, GarmentData, cvar_statistics, refuse_unfinite
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.module import Trained, Training, plain
+from drapeline.models.training.module import TrainableModule, Training, plain
 from drapeline.seeding import rng_for
 
 _TRAINING = Training(epochs=60, learning_rate=3e-3, schedule="one_cycle")
@@ -62,7 +62,7 @@ class _Rows:
         return {"cvar": self.cvar(rows).astype(np.float32), "names": self.names(rows)}
 
 
-class ConditioningTraining(Trained):
+class ConditioningTraining(TrainableModule):
     """Gamma with its L1 loss.
 
     Args:

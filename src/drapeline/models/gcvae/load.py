@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.body_template import Domain
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.ppca_vae import LinearDynamicVae, LinearVae
 from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae, VaeSettings
 from drapeline.models.training.checkpoints import read_checkpoint
@@ -24,6 +24,6 @@ def load_vae(path: str | Path) -> GarmentVae:
             f"{path}: holds a '{about['kind']}' network, expected {' or '.join(_KINDS)}"
         )
     settings = VaeSettings.of(about["settings"])
-    model = _KINDS[about["kind"]](settings, Domain.from_tensors(about["domain"]))
+    model = _KINDS[about["kind"]](settings, BodyTemplate.from_tensors(about["body_template"]))
     model.load_state_dict(checkpoint["state_dict"])
     return model.eval()

@@ -14,7 +14,7 @@ import torch
 from torch import nn
 
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.gcvae.body_template import Domain
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv, linear
 from drapeline.models.layers.mesh_graph import MeshGraph
 from drapeline.models.layers.precision import full_precision
@@ -230,14 +230,16 @@ class Decoder(nn.Module):
 PLACES = 6
 
 
-def graphs_of(domain: Domain, order: int) -> nn.ModuleDict:
+def graphs_of(body_template: BodyTemplate, order: int) -> nn.ModuleDict:
     """Topology -> graph; places are position and normal on the mean rest body."""
     graphs = {}
     for name in TOPOLOGIES:
-        position = domain.body_mean - domain.body_mean.mean(axis=0)
-        normal = vertex_normals(domain.body_mean, domain.faces[name])
+        position = body_template.body_mean - body_template.body_mean.mean(axis=0)
+        normal = vertex_normals(body_template.body_mean, body_template.faces[name])
         places = np.concatenate([position / position.std(), normal], axis=1)
-        graphs[name] = MeshGraph(domain.edges[name], domain.parents[name], order, places)
+        graphs[name] = MeshGraph(
+            body_template.edges[name], body_template.parents[name], order, places
+        )
     return nn.ModuleDict(graphs)
 
 
@@ -245,7 +247,7 @@ class Gcvae(nn.Module):
     """Encoder and decoder on the graphs of both topologies.
 
     Args:
-        domain: gives the graphs.
+        body_template: gives the graphs.
         size: of the layers.
         inputs: channels per vertex of the encoder.
         mask: whether the decoder has a mask branch.
@@ -253,13 +255,19 @@ class Gcvae(nn.Module):
     """
 
     def __init__(
-        self, domain: Domain, size: GcvaeNetwork, *, inputs: int, mask: bool, rng: torch.Generator
+        self,
+        body_template: BodyTemplate,
+        size: GcvaeNetwork,
+        *,
+        inputs: int,
+        mask: bool,
+        rng: torch.Generator,
     ) -> None:
         super().__init__()
-        self.graphs = graphs_of(domain, size.order)
+        self.graphs = graphs_of(body_template, size.order)
         nodes = self.graphs[TOPOLOGIES[0]].counts[-1]
         self.encoder = Encoder(inputs, nodes, PLACES, size, rng)
-        self.decoder = Decoder(3 + mask, len(domain.offset_mean), nodes, PLACES, size, rng)
+        self.decoder = Decoder(3 + mask, len(body_template.offset_mean), nodes, PLACES, size, rng)
 
     def normalise_by(self, inputs: Mapping[str, torch.Tensor]) -> None:
         """Set the encoder's constants from a first batch; see there."""

@@ -35,7 +35,7 @@ def blurred(mask: torch.Tensor, laplacian: SparseMatrix, passes: int) -> torch.T
     Args:
         laplacian: scaled and normalised; half of what it takes off one is a stable average.
     """
-    x = mask.to(laplacian.forth_value.dtype)
+    x = mask.to(laplacian.forward_value.dtype)
     total = torch.ones_like(x[:, :1])
     both = torch.cat([x, total], 1)
     for _ in range(passes):

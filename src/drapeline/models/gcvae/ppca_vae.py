@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from drapeline.models.gcvae.body_template import Domain, rest_bodies
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
 from drapeline.models.gcvae.networks import PLACES, Code, graphs_of
 from drapeline.models.gcvae.ppca import LinearPath, blurred, fit_linear
 from drapeline.models.gcvae.refiner import Refiner
@@ -63,15 +63,15 @@ class LinearGarmentVae(GarmentVae):
     size: LinearSize
     channels: int
 
-    def build(self, domain: Domain, inputs: int, rng: torch.Generator) -> None:
+    def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
         """Graphs, linear path and refiner."""
-        network, vertices = self.settings.network, len(domain.offset_mean)
+        network, vertices = self.settings.network, len(body_template.offset_mean)
         count = min(self.size.vertices, vertices)
         drawn = rng_for(self.settings.training.seed, "posterior").permutation(vertices)[:count]
-        self.graphs = graphs_of(domain, network.order)
+        self.graphs = graphs_of(body_template, network.order)
         self.linear = LinearPath(
             vertices,
-            len(domain.cvar_mean),
+            len(body_template.cvar_mean),
             network.latent,
             torch.from_numpy(np.sort(drawn)),
             self.channels,
@@ -93,7 +93,9 @@ class LinearGarmentVae(GarmentVae):
         batch = garments.batch(rows)
         refuse_unfinite(batch["offsets"], batch["names"], "offsets")
         fields, known, conditions = self._known(batch)
-        mirror = mirror_of(self.domain.body_mean.astype(np.float64), self.domain.faces["body"])
+        mirror = mirror_of(
+            self.body_template.body_mean.astype(np.float64), self.body_template.faces["body"]
+        )
         if mirror is not None:  # a garment's mirror image is a garment too
             image = {**mirrored(batch, mirror), "cvar": garments.mirrored_cvar(rows)}
             seen = self._known(image)

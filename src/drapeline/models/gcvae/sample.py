@@ -23,7 +23,7 @@ from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.sample_meshes import PLAIN_COLOUR, SKIN_COLOUR, Part
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
-from drapeline.geometry.collision import settled
+from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh, load_obj, save_obj
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import (
@@ -38,7 +38,7 @@ from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, save_npz, whole_folder
+from drapeline.storage import atomic_folder, load_npz, save_npz
 
 PRIOR = "prior"
 _SHRINKAGE = 0.05
@@ -306,7 +306,7 @@ def sample_garments(
     for draws in range(1, _DRAWS + 1):
         for sample in _drawn(model, types, waiting, rngs, draws):
             found[sample.name] = sample
-            if sample.sound(model.domain.faces[TOPOLOGIES[0]]):
+            if sample.sound(model.body_template.faces[TOPOLOGIES[0]]):
                 del waiting[sample.name]
         if not waiting:
             break
@@ -318,8 +318,10 @@ def _settled(sample: Sampled, model: StaticVae) -> Sampled:
     piece = sample.piece
     if not len(piece.faces):
         return sample
-    body_faces = model.domain.faces[TOPOLOGIES[0]]
-    (vertices,) = settled(piece.vertices[None], piece.faces, sample.body[None], body_faces)
+    body_faces = model.body_template.faces[TOPOLOGIES[0]]
+    (vertices,) = resolve_penetration(
+        piece.vertices[None], piece.faces, sample.body[None], body_faces
+    )
     return replace(sample, mesh=Mesh(vertices, piece.faces))
 
 
@@ -354,7 +356,7 @@ def _drawn(
 
 def faces_of(model: StaticVae, kind: int) -> np.ndarray:
     """(F, 3) of the topology of a type."""
-    return model.domain.faces[TOPOLOGIES[int(topology_codes(np.array([kind]))[0])]]
+    return model.body_template.faces[TOPOLOGIES[int(topology_codes(np.array([kind]))[0])]]
 
 
 def sample_table(
@@ -415,7 +417,7 @@ def save_samples(
         The rows of `samples.tsv`.
     """
     rows = sample_table(sampled, body_faces)
-    with whole_folder(folder) as scratch:
+    with atomic_folder(folder) as scratch:
         for sample in sampled:
             parts = [_still("Body", wearer_mesh(bodies, sample.request.cvar), SKIN_COLOUR)]
             if len(sample.mesh.faces):

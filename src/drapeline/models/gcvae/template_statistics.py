@@ -1,4 +1,4 @@
-"""The domain of networks that are trained on registered garments."""
+"""Body templates for networks trained on registered garments: statistics of their data."""
 
 from collections.abc import Mapping
 
@@ -8,22 +8,22 @@ import torch
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.static import StaticData
 from drapeline.learning_data.vertex_moments import body_statistics, offset_statistics
-from drapeline.models.gcvae.body_template import Domain, rest_basis, rest_bodies
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis, rest_bodies
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.models.training.batches import cvar_statistics
 from drapeline.registration.to_body.hierarchy import Hierarchy
 from drapeline.registration.to_body.topology import Topology
 
 
-def static_domain(
+def static_body_template(
     data: StaticData,
     topology: Topology,
     hierarchy: Hierarchy,
     bodies: Mapping[str, BodyModel],
-) -> Domain:
+) -> BodyTemplate:
     """Statistics of the static training rows; offsets are added to the rest body."""
     cvar_mean, cvar_std = cvar_statistics(data.cvar(data.rows("train")))
-    return Domain(
+    return BodyTemplate(
         edges=hierarchy.edges,
         parents=hierarchy.parents,
         faces={"body": topology.faces, "skirt": topology.skirt_faces},
@@ -39,12 +39,12 @@ def static_domain(
     )
 
 
-def dynamic_domain(
+def dynamic_body_template(
     garments: DynamicGarments,
     topology: Topology,
     hierarchy: Hierarchy,
     bodies: Mapping[str, BodyModel],
-) -> Domain:
+) -> BodyTemplate:
     """Statistics of the training frames; the rest body's are those of the samples' wearers."""
     data, rows = garments.data, garments.rows("train")
     cvar_mean, cvar_std = cvar_statistics(garments.cvar(rows))
@@ -56,7 +56,7 @@ def dynamic_domain(
     worn = torch.from_numpy(data.cvar(np.unique(data.wearer[rows])))
     rest = rest_bodies(torch.from_numpy(basis), worn).permute(2, 0, 1).numpy()
     body_mean, body_std = body_statistics(rest)
-    return Domain(
+    return BodyTemplate(
         edges=hierarchy.edges,
         parents=hierarchy.parents,
         faces={"body": topology.faces, "skirt": topology.skirt_faces},

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from drapeline.models.gcvae.body_template import Domain
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.conditioning_training import load_conditioning
 from drapeline.models.gcvae.ppca_vae import LinearDynamicVae, LinearVae
 from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae, VaeSettings
@@ -25,7 +25,7 @@ MODELS: dict[str, type[GarmentVae]] = {
 def train_vae(
     folder: str | Path,
     garments: Garments,
-    domain: Domain,
+    body_template: BodyTemplate,
     settings: VaeSettings,
     *,
     conditioning: str | Path | None,
@@ -43,10 +43,10 @@ def train_vae(
     training = settings.training
     about = {
         **plain(asdict(settings)),
-        "domain": tensors_digest(domain.tensors()),
+        "body_template": tensors_digest(body_template.tensors()),
         "code": code,
     }
-    model = MODELS[training.model](settings, domain)
+    model = MODELS[training.model](settings, body_template)
     if hasattr(model, "conditioning"):
         path = Path(conditioning) / BEST
         load_conditioning(read_checkpoint(path), model.conditioning, path)

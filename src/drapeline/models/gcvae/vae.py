@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from drapeline.models.gcvae.body_template import Domain, rest_bodies
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
 from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
 from drapeline.models.gcvae.loss import (
     GcvaeLoss,
@@ -21,7 +21,7 @@ from drapeline.models.gcvae.loss import (
 from drapeline.models.gcvae.networks import Code, Gcvae, GcvaeNetwork
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import Batch, Garments, as_tensors, refuse_unfinite
-from drapeline.models.training.module import Trained, Training, plain
+from drapeline.models.training.module import TrainableModule, Training, plain
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
@@ -47,7 +47,7 @@ class GcvaeTraining(Training):
 
 @dataclass(frozen=True)
 class VaeSettings:
-    """All that a garment VAE is built from besides its domain."""
+    """All that a garment VAE is built from besides its body template."""
 
     network: GcvaeNetwork = field(default_factory=GcvaeNetwork)
     loss: GcvaeLoss = field(default_factory=GcvaeLoss)
@@ -94,28 +94,28 @@ class Part(NamedTuple):
     target: torch.Tensor
 
 
-class GarmentVae(Trained):
+class GarmentVae(TrainableModule):
     """What SVAE and DVAE share: network, loss, schedules and metrics.
 
     Args:
         settings: sizes, loss and training.
-        domain: graphs, faces, statistics and rest bodies.
+        body_template: graphs, faces, statistics and rest bodies.
         inputs: encoder channels per vertex.
     """
 
     kind = ""
 
-    def __init__(self, settings: VaeSettings, domain: Domain, *, inputs: int) -> None:
+    def __init__(self, settings: VaeSettings, body_template: BodyTemplate, *, inputs: int) -> None:
         super().__init__()
-        self.settings, self.domain = settings, domain
+        self.settings, self.body_template = settings, body_template
         seed = settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
-        self.build(domain, inputs, rng)
+        self.build(body_template, inputs, rng)
         self.normals = torch.nn.ModuleDict(
             {
                 name: FaceNormals(
-                    domain.faces[name],
-                    len(domain.offset_mean),
+                    body_template.faces[name],
+                    len(body_template.offset_mean),
                     parts=settings.training.normal_parts,
                     rng=rng_for(seed, "faces", name),
                 )
@@ -128,23 +128,25 @@ class GarmentVae(Trained):
         self._constant("body_basis")
 
     def _constant(self, name: str) -> None:
-        table = torch.from_numpy(np.asarray(getattr(self.domain, name), dtype=np.float32))
+        table = torch.from_numpy(np.asarray(getattr(self.body_template, name), dtype=np.float32))
         self.register_buffer(name, table, persistent=False)
 
     # ---- what kinds of networks do differently
 
-    def build(self, domain: Domain, inputs: int, rng: torch.Generator) -> None:
+    def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
         """Make the networks."""
         size = self.settings.network
         self.conditioning = ConditioningAutoencoder(
-            len(domain.cvar_mean),
+            len(body_template.cvar_mean),
             2 * size.condition,
             size.condition,
-            mean=torch.from_numpy(domain.cvar_mean),
-            std=torch.from_numpy(domain.cvar_std),
+            mean=torch.from_numpy(body_template.cvar_mean),
+            std=torch.from_numpy(body_template.cvar_std),
             rng=rng,
         ).requires_grad_(False)
-        self.network = Gcvae(domain, size, inputs=inputs, mask=self.settings.training.mask, rng=rng)
+        self.network = Gcvae(
+            body_template, size, inputs=inputs, mask=self.settings.training.mask, rng=rng
+        )
 
     def prepare(self, garments: Garments) -> None:
         """Set what is found from the training rows before training."""
@@ -334,7 +336,7 @@ class GarmentVae(Trained):
         return {
             "kind": self.kind,
             "settings": plain(asdict(self.settings)),
-            "domain": self.domain.tensors(),
+            "body_template": self.body_template.tensors(),
         }
 
 
@@ -359,8 +361,8 @@ class StaticVae(GarmentVae):
 
     kind = "static"
 
-    def __init__(self, settings: VaeSettings, domain: Domain) -> None:
-        super().__init__(settings, domain, inputs=6)
+    def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
+        super().__init__(settings, body_template, inputs=6)
 
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
@@ -385,9 +387,9 @@ class DynamicVae(GarmentVae):
     kind = "dynamic"
     settles = False
 
-    def __init__(self, settings: VaeSettings, domain: Domain) -> None:
+    def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(
-            settings, domain, inputs=9 if settings.training.version == "unposed" else 6
+            settings, body_template, inputs=9 if settings.training.version == "unposed" else 6
         )
 
     def base_and_inputs(

@@ -19,7 +19,7 @@ class SparseMatrix(nn.Module):
     def __init__(self, matrix: sparse.spmatrix) -> None:
         super().__init__()
         self.shape = matrix.shape
-        for name, half in (("forth", matrix.tocsr()), ("back", matrix.T.tocsr())):
+        for name, half in (("forward", matrix.tocsr()), ("transposed", matrix.T.tocsr())):
             half.sort_indices()
             self._hold(f"{name}_index", torch.from_numpy(half.indices.astype(np.int64)))
             self._hold(f"{name}_start", torch.from_numpy(half.indptr.astype(np.int64)))
@@ -33,10 +33,10 @@ class SparseMatrix(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """(N, ...) -> (M, ...)."""
-        return _Product.apply(x, self, "forth")
+        return _Product.apply(x, self, "forward")
 
     def product(self, x: torch.Tensor, way: str) -> torch.Tensor:
-        """The matrix ("forth") or its transpose ("back") times `x`, without a gradient."""
+        """The matrix ("forward") or its transpose ("transposed") times `x`, without a gradient."""
         index, start, value = (getattr(self, f"{way}_{part}") for part in _PARTS)
         rows = x.reshape(len(x), -1)
         out = F.embedding_bag(
@@ -51,7 +51,7 @@ class SparseMatrix(nn.Module):
 
 
 _PARTS = ("index", "start", "value")
-_OTHER_WAY = {"forth": "back", "back": "forth"}
+_TRANSPOSE_OF = {"forward": "transposed", "transposed": "forward"}
 
 
 class _Product(torch.autograd.Function):
@@ -62,7 +62,7 @@ class _Product(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx, gradient: torch.Tensor) -> tuple[torch.Tensor, None, None]:
-        return _Product.apply(gradient, ctx.matrix, _OTHER_WAY[ctx.way]), None, None
+        return _Product.apply(gradient, ctx.matrix, _TRANSPOSE_OF[ctx.way]), None, None
 
 
 def polynomials(laplacian: sparse.spmatrix, order: int) -> list[sparse.csr_matrix]:

@@ -20,9 +20,9 @@ from pytorch_lightning.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from drapeline.models.training.batches import Batch, GarmentData
-from drapeline.models.training.module import BEST, LAST, Position, Trained
+from drapeline.models.training.module import BEST, LAST, Position, TrainableModule
 from drapeline.rule_log import LOGGER
-from drapeline.storage import whole_file, whole_folder, write_json
+from drapeline.storage import atomic_file, atomic_folder, write_json
 
 # What Lightning has to say (devices, tips, that it is done) is for the rule's log, where ours goes.
 for _name in ("pytorch_lightning", "lightning_fabric"):
@@ -62,7 +62,7 @@ class History(lightning.Callback):
         )
 
     def _write(self) -> None:
-        with whole_file(self.path) as scratch:
+        with atomic_file(self.path) as scratch:
             lines = ["\t".join(self.rows[0])]
             lines += ["\t".join(f"{value:.7g}" for value in row.values()) for row in self.rows]
             scratch.write_text("\n".join(lines) + "\n")
@@ -82,7 +82,7 @@ class _Loop(lightning.LightningModule):
     In checkpoints are the network's weights alone.
     """
 
-    def __init__(self, trained: Trained, data: GarmentData) -> None:
+    def __init__(self, trained: TrainableModule, data: GarmentData) -> None:
         super().__init__()
         self.trained, self.data = trained, data
 
@@ -141,7 +141,7 @@ class _Loop(lightning.LightningModule):
 
 
 def fit(
-    module: Trained,
+    module: TrainableModule,
     data: GarmentData,
     folder: str | Path,
     *,
@@ -186,7 +186,7 @@ def fit(
         engine.fit(loop, ckpt_path=last if resumed else None, weights_only=True)
     module.position = None
     if engine.is_global_zero:
-        with whole_folder(folder) as scratch:
+        with atomic_folder(folder) as scratch:
             for name in (LAST, BEST, HISTORY, SETTINGS):
                 shutil.copyfile(under_way / name, scratch / name)
             shutil.copytree(under_way / CURVES, scratch / CURVES)

@@ -55,7 +55,7 @@ class Logged(NamedTuple):
     count: int
 
 
-class Trained(torch.nn.Module, ABC):
+class TrainableModule(torch.nn.Module, ABC):
     """A module whose `settings.training` is a `Training`.
 
     Attributes:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import boundary_loops
-from drapeline.outfits.dress_form import ANGLES, Form, Tube
+from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
 from drapeline.outfits.patterns.curves import smoothstep
 from drapeline.outfits.patterns.lower import (
     SkirtCut,
@@ -31,7 +31,7 @@ _DRAPE_STEPS = 30
 _TORSO_M = 0.53  # the torso that distances in the ranges are meant for
 
 
-def size_of(form: Form) -> float:
+def size_of(form: DressForm) -> float:
     """Torso length in units of the ranges' torso."""
     return (form.landmarks["shoulder"] - form.landmarks["crotch"]) / _TORSO_M
 
@@ -45,12 +45,12 @@ def _mix(a: float, b: float, share: float) -> float:
     return a + (b - a) * share
 
 
-def waist_height(form: Form, values: Numbers) -> float:
+def waist_height(form: DressForm, values: Numbers) -> float:
     """Upper end of a lower garment."""
     return _mix(form.landmarks["hip"] + 0.03, form.landmarks["waist"], values["waist"])
 
 
-def upper_cut(form: Form, values: Numbers, hem_m: float | None = None) -> UpperCut:
+def upper_cut(form: DressForm, values: Numbers, hem_m: float | None = None) -> UpperCut:
     """Measures of an upper garment; `hem_m` overrides its hem where it is sewn to another."""
     marks, size = form.landmarks, size_of(form)
     sleeve_x, sleeve = None, None
@@ -85,7 +85,7 @@ def upper_cut(form: Form, values: Numbers, hem_m: float | None = None) -> UpperC
     )
 
 
-def trousers_cut(form: Form, values: Numbers) -> TrousersCut:
+def trousers_cut(form: DressForm, values: Numbers) -> TrousersCut:
     """Measures of trousers."""
     marks = form.landmarks
     cuff = _mix(marks["crotch"] - 0.07, marks["ankle"], values["leg_length"])
@@ -100,7 +100,7 @@ def trousers_cut(form: Form, values: Numbers) -> TrousersCut:
     )
 
 
-def skirt_cut(form: Form, values: Numbers) -> SkirtCut:
+def skirt_cut(form: DressForm, values: Numbers) -> SkirtCut:
     """Measures of a skirt."""
     marks = form.landmarks
     waist = waist_height(form, values)
@@ -119,7 +119,7 @@ def skirt_cut(form: Form, values: Numbers) -> SkirtCut:
 
 
 def cut_garment(
-    form: Form,
+    form: DressForm,
     edge_length_m: float,
     *,
     upper: Numbers | None = None,
@@ -152,8 +152,12 @@ def cut_garment(
     return pattern
 
 
-def settled(
-    rng: np.random.Generator, form: Form, pattern: Pattern, edge_length_m: float, fullness: float
+def drape_on_form(
+    rng: np.random.Generator,
+    form: DressForm,
+    pattern: Pattern,
+    edge_length_m: float,
+    fullness: float,
 ) -> np.ndarray:
     """Vertices of a garment after it has hung on the dress form for a moment.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from drapeline.frames import REST_POSE
 from drapeline.geometry.smoothing import averaging_matrix, smoothed
-from drapeline.outfits.dress_form import ANGLES, Form, Tube
+from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
 from drapeline.outfits.patterns.curves import (
     curve_length,
     hung,
@@ -66,13 +66,13 @@ class SkirtCut:
     wander: tuple[float, float, float, float]
 
 
-def trousers_half_ring(form: Form, cut: TrousersCut, edge_length_m: float) -> int:
+def trousers_half_ring(form: DressForm, cut: TrousersCut, edge_length_m: float) -> int:
     """Edges of half the hip ring (even) for a target edge length."""
     hips = ring(form.torso, form.landmarks["hip"], GAP_M + cut.ease, 64)
     return max(12, 2 * round(curve_length(hips) / edge_length_m / 4))
 
 
-def skirt_half_ring(form: Form, cut: SkirtCut, edge_length_m: float) -> int:
+def skirt_half_ring(form: DressForm, cut: SkirtCut, edge_length_m: float) -> int:
     """Edges of half the ring (even): right in the middle of the length."""
     middle = ring(form.skirt, (cut.waist + cut.hem) / 2, _skirt_extra(form, cut, 0.5), 64)
     return max(12, 2 * round(curve_length(middle) / edge_length_m / 4))
@@ -80,7 +80,7 @@ def skirt_half_ring(form: Form, cut: SkirtCut, edge_length_m: float) -> int:
 
 def build_trousers(
     pattern: Pattern,
-    form: Form,
+    form: DressForm,
     cut: TrousersCut,
     edge_length_m: float,
     half_ring: int,
@@ -136,7 +136,7 @@ def _bridge(pattern: Pattern, fork_ring: np.ndarray, half: int, crotch: float, e
     return pattern.add(inner)
 
 
-def _leg(pattern, form: Form, cut: TrousersCut, hips, bridge, side: str, e: float) -> None:
+def _leg(pattern, form: DressForm, cut: TrousersCut, hips, bridge, side: str, e: float) -> None:
     """One leg's two panels, hips included."""
     half = hips.shape[1] // 2
     quarter, inner = half // 2, (len(bridge) + 1) // 2
@@ -197,7 +197,7 @@ def _leg_row(
     return np.column_stack([np.maximum(flat[:, 0], BETWEEN_LEGS_M), flat[:, 1], z])
 
 
-def _settle_legs(pattern: Pattern, form: Form, bridge: np.ndarray, fork: float) -> None:
+def _settle_legs(pattern: Pattern, form: DressForm, bridge: np.ndarray, fork: float) -> None:
     points = pattern.vertices
     average = averaging_matrix(pattern.faces(), len(points))
     near = 1 - smoothstep((np.abs(points[:, 2] - fork + 0.04) - 0.06) / 0.06)
@@ -219,7 +219,7 @@ def _settle_legs(pattern: Pattern, form: Form, bridge: np.ndarray, fork: float) 
     pattern.vertices = smoothed(points, average, 0.8 * near, 25, lift)
 
 
-def _skirt_extra(form: Form, cut: SkirtCut, share: float) -> float:
+def _skirt_extra(form: DressForm, cut: SkirtCut, share: float) -> float:
     """Distance of the cloth from the hips' outline at a share of the length."""
     x = share * (cut.waist - cut.hem)
     return GAP_M + max(0.0, float(cut.width(x)) - cut.width.w0_m) / 2
@@ -227,7 +227,7 @@ def _skirt_extra(form: Form, cut: SkirtCut, share: float) -> float:
 
 def build_skirt(
     pattern: Pattern,
-    form: Form,
+    form: DressForm,
     cut: SkirtCut,
     edge_length_m: float,
     half_ring: int,
@@ -249,7 +249,7 @@ def build_skirt(
     pattern.panel(closed[:, half_ring:], half_ring // 2)
 
 
-def _skirt_ring(form: Form, cut: SkirtCut, hips: Tube, share: float, edges: int) -> np.ndarray:
+def _skirt_ring(form: DressForm, cut: SkirtCut, hips: Tube, share: float, edges: int) -> np.ndarray:
     z = cut.waist + (cut.hem - cut.waist) * share
     out = ring(hips, z, _skirt_extra(form, cut, share), edges)
     axis = np.array([0.0, hips.centre[0, 1]])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.geometry.smoothing import averaging_matrix, evened, smoothed
-from drapeline.outfits.dress_form import ANGLES, Form, Tube
+from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
 from drapeline.outfits.patterns.curves import (
     curve_length,
     hung,
@@ -78,7 +78,11 @@ class _Counts:
 
 
 def build_upper(
-    pattern: Pattern, form: Form, cut: UpperCut, edge_length_m: float, half_ring: int | None = None
+    pattern: Pattern,
+    form: DressForm,
+    cut: UpperCut,
+    edge_length_m: float,
+    half_ring: int | None = None,
 ) -> None:
     """Add an upper-body garment to a pattern.
 
@@ -118,7 +122,7 @@ def build_upper(
             _sleeve(pattern, form, cut, side, edge_length_m)
 
 
-def chest_half_ring(form: Form, cut: UpperCut, edge_length_m: float) -> int:
+def chest_half_ring(form: DressForm, cut: UpperCut, edge_length_m: float) -> int:
     """Edges of half the chest ring (even) for a target edge length."""
     chest = ring(form.torso, form.landmarks["armpit"] - 0.06, GAP_M + cut.ease, 64)
     return max(16, 2 * round(curve_length(chest) / edge_length_m / 4))
@@ -127,7 +131,7 @@ def chest_half_ring(form: Form, cut: UpperCut, edge_length_m: float) -> int:
 _FACES = (("front", -1.0), ("back", 1.0))
 
 
-def _ridge(form: Form, x_m: np.ndarray) -> np.ndarray:
+def _ridge(form: DressForm, x_m: np.ndarray) -> np.ndarray:
     """Points (X, 3) on top of the shoulders, above `x_m`, one gap off the form."""
     y = np.arange(-0.12, 0.13, 0.01)
     z = np.arange(form.landmarks["shoulder"] - 0.06, form.landmarks["neck"] + 0.1, 0.004)
@@ -139,7 +143,7 @@ def _ridge(form: Form, x_m: np.ndarray) -> np.ndarray:
     return form.upper.landed(np.column_stack([x_m, middle, top.max(axis=1)]), GAP_M)
 
 
-def _armhole(form: Form, cut: UpperCut, underarm: float, trunk: Tube, y: float) -> np.ndarray:
+def _armhole(form: DressForm, cut: UpperCut, underarm: float, trunk: Tube, y: float) -> np.ndarray:
     """Left armhole's front (y = -1) or back (y = 1) half from underarm to shoulder, (P, 3)."""
     axis_y = trunk.centre[0, 1]
     side_x = float(trunk.at(np.array([underarm]), np.pi / 2)[0]) + GAP_M + cut.ease
@@ -159,7 +163,7 @@ def _armhole(form: Form, cut: UpperCut, underarm: float, trunk: Tube, y: float) 
     return curve
 
 
-def _neckline(form: Form, cut: UpperCut, y: float) -> np.ndarray:
+def _neckline(form: DressForm, cut: UpperCut, y: float) -> np.ndarray:
     """Neckline in front (y = -1) or behind (y = 1), left neck point to right, (P, 3)."""
     high = _ridge(form, np.array([cut.neck_x]))[0]
     depth = cut.neck_depth if y < 0 else cut.neck_depth_back
@@ -278,7 +282,7 @@ def _borders(form, cut, ids: np.ndarray, n: _Counts, armhole, neck, name: str):
         yield ids[top, b : n.half - n.bottom + 1], seam[::-1]
 
 
-def _lifter(form: Form, cut: UpperCut, underarm: float):
+def _lifter(form: DressForm, cut: UpperCut, underarm: float):
     top = form.landmarks["shoulder"]
 
     def lift(points: np.ndarray) -> np.ndarray:
@@ -338,7 +342,9 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
     pattern.marks["placket"] = np.concatenate([column[parted], copies])
 
 
-def _sleeve(pattern: Pattern, form: Form, cut: UpperCut, side: str, edge_length_m: float) -> None:
+def _sleeve(
+    pattern: Pattern, form: DressForm, cut: UpperCut, side: str, edge_length_m: float
+) -> None:
     loop = pattern.marks[f"{side}_armhole"]
     sign = 1.0 if side == "left" else -1.0
     start = pattern.vertices[loop] * [sign, 1, 1]

@@ -12,11 +12,13 @@ from drapeline.geometry.mesh import edge_graph, faces_within, vertex_normals
 from drapeline.geometry.warp_mesh import warp_mesh
 
 _REACH_M = 0.08  # deformed cloth further from the body than this was not laid on it
-_SNAP_EDGES = 0.5  # a vertex beyond the cloth by less than this many body edges stands for its rim
+_SNAP_EDGES = (
+    0.5  # a vertex beyond the cloth by less than this many body edges stands for its boundary
+)
 _END_M = 0.04  # cloth that goes on beyond the body's open ends by less than this is drawn in
 _ALIKE = 0.2  # least cosine between the normals of a body vertex and of its cloth
 _ROUNDS = 6
-_SLIT_M = 0.025  # rims closer to one another than this may be the two sides of a slit
+_SLIT_M = 0.025  # boundaries closer to one another than this may be the two sides of a slit
 # ... if over the cloth they are further apart than this, and than thrice the way across.
 _APART_M = 0.045
 _OVERLAP_M = 0.003
@@ -142,8 +144,8 @@ def correspond(
     """Body vertices that lie under a garment which was laid on the body.
 
     A vertex is in the mask if its closest cloth that faces the same way is within the garment, or
-    if it misses the rim by less than half an edge of the body. The vertices along the mask's border
-    are then moved onto the rim, so that hems and necklines come out as they are.
+    if it misses the boundary by less than half an edge of the body. The vertices along the mask's
+    border are then moved onto the boundary, so that hems and necklines come out as they are.
 
     Args:
         body: (V, 3) vertices.
@@ -156,17 +158,17 @@ def correspond(
     face, bary = _nearest(body, normals, laid, triangles, _ALIKE)
     found = face >= 0
     corner = triangles[np.where(found, face, 0)]
-    rim = _Rim(triangles, laid)
+    boundary = _Boundary(triangles, laid)
     spacing = mesh.spacing(body)
     point = (laid[corner] * bary[..., None]).sum(1)
     gap = body - point
     aside = np.linalg.norm(gap - (gap * normals).sum(1, keepdims=True) * normals, axis=1)
-    on_rim = rim.holds(corner, bary)
-    mask = found & (~on_rim | (aside < _SNAP_EDGES * spacing)) & mesh.used
-    slit = _slit(mesh, mask, corner, bary, rim, _lengths(laid, triangles))
+    on_boundary = boundary.holds(corner, bary)
+    mask = found & (~on_boundary | (aside < _SNAP_EDGES * spacing)) & mesh.used
+    slit = _slit(mesh, mask, corner, bary, boundary, _lengths(laid, triangles))
     cleaned = mesh.cleaned(mask, slit)
     _adopt(cleaned & ~found, body, normals, laid, triangles, corner, bary)
-    _draw_to_rim(mesh, cleaned, point, on_rim, rim, spacing, corner, bary)
+    _draw_to_boundary(mesh, cleaned, point, on_boundary, boundary, spacing, corner, bary)
     bary[~cleaned], corner[~cleaned] = 0, 0
     return Correspondence(
         cleaned,
@@ -177,7 +179,7 @@ def correspond(
     )
 
 
-class _Rim:
+class _Boundary:
     """The openings of a garment that was laid on the body."""
 
     def __init__(self, triangles: np.ndarray, laid: np.ndarray) -> None:
@@ -192,8 +194,8 @@ class _Rim:
         self._keys, lone = key[uses == 1], first[uses == 1]
         self._pairs = half[lone]
         self._laid = laid
-        self._at_rim = np.zeros(len(laid), dtype=bool)
-        self._at_rim[self._pairs] = True
+        self._at_boundary = np.zeros(len(laid), dtype=bool)
+        self._at_boundary[self._pairs] = True
         start, end = laid[self._pairs[:, 0]], laid[self._pairs[:, 1]]
         axis = (end - start) / np.maximum(np.linalg.norm(end - start, axis=1, keepdims=True), 1e-12)
         inward = laid[across[lone]] - start
@@ -203,25 +205,25 @@ class _Rim:
         return len(self._pairs)
 
     def holds(self, corner: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        """Whether points, given by corners (P, 3) and weights (P, 3), lie on the rim."""
-        on = ((bary > 1 - 1e-6) & self._at_rim[corner]).any(axis=1)
+        """Whether points, given by corners (P, 3) and weights (P, 3), lie on the boundary."""
+        on = ((bary > 1 - 1e-6) & self._at_boundary[corner]).any(axis=1)
         for i in range(3):
             edge = np.sort(corner[:, [(i + 1) % 3, (i + 2) % 3]], axis=1) @ self._base
             on |= (bary[:, i] < 1e-6) & np.isin(edge, self._keys)
         return on
 
     def within(self, points: np.ndarray, reach_m: float) -> np.ndarray:
-        """Whether a vertex of the rim is within reach of points (P, 3)."""
+        """Whether a vertex of the boundary is within reach of points (P, 3)."""
         ids = np.unique(self._pairs)
         distance, _ = KDTree(self._laid[ids]).query(points, distance_upper_bound=reach_m)
         return np.isfinite(distance)
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Closest places of points (P, 3) of the cloth on the part of the rim that bounds them.
+        """Closest places, for points (P, 3) of the cloth, on the boundary around them.
 
         Returns:
             Corners (P, 3) of which the last repeats the first, weights (P, 3) and distances (P,).
-            Where two rims lie side by side, the other one does not count.
+            Where two boundaries lie side by side, the other one does not count.
         """
         start = self._laid[self._pairs[:, 0]]
         axis = self._laid[self._pairs[:, 1]] - start
@@ -248,27 +250,27 @@ def _slit(
     mask: np.ndarray,
     corner: np.ndarray,
     bary: np.ndarray,
-    rim: _Rim,
+    boundary: _Boundary,
     cloth: sp.csr_matrix,
 ) -> np.ndarray:
-    """(V,) vertices to leave out so that cloth which meets cloth, rim to rim, stays open.
+    """(V,) vertices to leave out so that cloth which meets cloth, boundary to boundary, stays open.
 
     The fronts of an open shirt lie side by side. An edge of the body that leads from one to the
     other has ends that are far from one another over the cloth; one of the two is left out.
     `cloth` holds the lengths of the garment's edges.
     """
     left_out = np.zeros(len(mask), dtype=bool)
-    if not len(rim):
+    if not len(boundary):
         return left_out
     close = np.zeros(len(mask), dtype=bool)
-    close[mask] = rim.within(rim.places(corner[mask], bary[mask]), _SLIT_M)
+    close[mask] = boundary.within(boundary.places(corner[mask], bary[mask]), _SLIT_M)
     pairs = mesh.pairs[close[mesh.pairs].all(axis=1)]
     ids, rank = np.unique(pairs, return_inverse=True)
     if not len(ids):
         return left_out
     rank = rank.reshape(-1, 2)
-    place = rim.places(corner[ids], bary[ids])
-    _, _, distance = rim.nearest(place)
+    place = boundary.places(corner[ids], bary[ids])
+    _, _, distance = boundary.nearest(place)
     both = corner[ids][rank]  # (E, 2, 3)
     rank = rank[~(both[:, 0, :, None] == both[:, 1, None, :]).any(axis=(1, 2))]
     ends = np.take_along_axis(corner[ids], bary[ids].argmax(axis=1)[:, None], axis=1)[rank, 0]
@@ -316,12 +318,12 @@ def _adopt(wanted, body, normals, laid, triangles, corner, bary) -> None:
     corner[wanted], bary[wanted] = triangles[face], weights
 
 
-def _draw_to_rim(mesh, mask, point, on_rim, rim, spacing, corner, bary) -> None:
-    """Move the points of the mask's border onto the garment's rim where that is near."""
-    border = np.flatnonzero(mesh.border(mask) & ~on_rim)
-    if not len(border) or not len(rim):
+def _draw_to_boundary(mesh, mask, point, on_boundary, boundary, spacing, corner, bary) -> None:
+    """Move the points of the mask's border onto the garment's boundary where that is near."""
+    border = np.flatnonzero(mesh.border(mask) & ~on_boundary)
+    if not len(border) or not len(boundary):
         return
-    edge, share, distance = rim.nearest(point[border])
+    edge, share, distance = boundary.nearest(point[border])
     limit = np.where(mesh.ends[border], _END_M, 2 * spacing[border] + 0.005)
     near = distance < limit
     corner[border[near]], bary[border[near]] = edge[near], share[near]

@@ -302,16 +302,20 @@ def _quadrics(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
     for k in range(3):
         np.add.at(out, faces[:, k], plane)
     pairs, sides = edge_counts(faces)
-    rims = {tuple(pair) for pair in pairs[sides == 1].tolist()}
+    boundaries = {tuple(pair) for pair in pairs[sides == 1].tolist()}
     for k in range(3):
         start, end = faces[:, k - 1], faces[:, k]
-        rim = [tuple(sorted(p)) in rims for p in zip(start.tolist(), end.tolist(), strict=True)]
-        along = places[end[rim]] - places[start[rim]]
-        wall = np.cross(along, normal[rim])
+        boundary = [
+            tuple(sorted(p)) in boundaries for p in zip(start.tolist(), end.tolist(), strict=True)
+        ]
+        along = places[end[boundary]] - places[start[boundary]]
+        wall = np.cross(along, normal[boundary])
         length = np.linalg.norm(along, axis=1)
-        plane = _plane(wall / np.maximum(length, 1e-20)[:, None], places[start[rim]], length**2 / 2)
-        np.add.at(out, start[rim], plane)
-        np.add.at(out, end[rim], plane)
+        plane = _plane(
+            wall / np.maximum(length, 1e-20)[:, None], places[start[boundary]], length**2 / 2
+        )
+        np.add.at(out, start[boundary], plane)
+        np.add.at(out, end[boundary], plane)
     return out
 
 

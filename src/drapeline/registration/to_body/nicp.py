@@ -15,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
-from drapeline.geometry.mesh import edge_graph, edges, rim_edges, vertex_normals
+from drapeline.geometry.mesh import boundary_edges, edge_graph, edges, vertex_normals
 from drapeline.geometry.sparse import symmetric_factor
 
 
@@ -63,7 +63,7 @@ class Surface:
         self._turn_m = turn_m
         self._tree = KDTree(np.hstack([self.vertices, turn_m * self.normals])[self._ids])
         self._open = np.zeros(len(vertices), dtype=bool)
-        self._open[rim_edges(faces)] = True
+        self._open[boundary_edges(faces)] = True
 
     def closest(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where points (P, 3) with unit normals belong.

@@ -11,7 +11,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import rim_edges, triangulate
+from drapeline.geometry.mesh import boundary_edges, triangulate
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
@@ -20,7 +20,7 @@ from drapeline.registration.to_body.round_trip import Measure, round_trip
 from drapeline.registration.to_body.skirt_tube import SkirtTube
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 COLUMNS = ("garment", "name", "metric", "value", "unit")
 
@@ -75,7 +75,7 @@ class Registrar:
         mesh, target = self._body, body
         if name in SKIRTS:
             mesh = self._skirt
-            target = self._tube(body, garment, np.unique(rim_edges(triangles)))
+            target = self._tube(body, garment, np.unique(boundary_edges(triangles)))
         surface = Surface(target, mesh.faces, self._settings.turn_m)
         laid = laid_on(garment, triangles, surface, self._settings)
         match = correspond(target, mesh, laid, triangles)
@@ -139,7 +139,7 @@ def error_rows(garment: str, name: str, measures: Sequence[Measure]) -> list[dic
 
 def write_errors(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write the long form as tab-separated values."""
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         lines = ["\t".join(COLUMNS)]
         for row in rows:
             lines.append(

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.mesh import edge_graph, face_normals, faces_within, rim_edges
+from drapeline.geometry.mesh import boundary_edges, edge_graph, face_normals, faces_within
 from drapeline.registration.to_body.correspondence import Correspondence
 
 LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
@@ -81,7 +81,7 @@ def round_trip(
 
 def _openings(triangles: np.ndarray) -> int:
     """Number of loops that the border consists of."""
-    return _count_pieces(rim_edges(triangles))
+    return _count_pieces(boundary_edges(triangles))
 
 
 def _pieces(triangles: np.ndarray) -> int:

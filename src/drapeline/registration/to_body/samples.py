@@ -8,13 +8,13 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import garment_weights
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.geometry.mesh import faces_within
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.registrar import Registrar, error_rows, write_errors
 from drapeline.registration.to_body.topology import Topology
-from drapeline.storage import whole_folder, write_json
+from drapeline.storage import atomic_folder, write_json
 
 
 def register_sample(
@@ -37,7 +37,7 @@ def register_sample(
     """
     record = read_record(sample)
     status = {key: record.meta[key] for key in ("id", "status", "reason", "split")}
-    with whole_folder(output) as scratch:
+    with atomic_folder(output) as scratch:
         write_json(scratch / "status.json", status)
         if record.accepted:
             _register(scratch, Path(sample), Registrar(topology), topology, bodies)
@@ -52,7 +52,7 @@ def _register(
     bodies: Mapping[str, BodyModel],
 ) -> None:
     errors = []
-    with Sequence(sample) as sequence:
+    with Sample(sample) as sequence:
         model = bodies[sequence.gender]
         body = rest_body(model, sequence.info.shape)
         for name in sequence.garments:

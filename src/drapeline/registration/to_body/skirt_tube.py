@@ -50,18 +50,18 @@ class SkirtTube:
         self.share = spread(guess, periodic=True)[self.moved] % 1
         self.height = height[self.moved]
 
-    def __call__(self, vertices: np.ndarray, skirt: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    def __call__(self, vertices: np.ndarray, skirt: np.ndarray, boundary: np.ndarray) -> np.ndarray:
         """The body in the rest pose with its legs in one tube as wide as a skirt.
 
         Args:
             vertices: (V, 3) body of any shape.
             skirt: (C, 3) vertices of the garment.
-            rim: ids of those along its openings.
+            boundary: ids of those along its openings.
         """
         out = np.array(vertices, dtype=np.float64)
         hem, top = self._levels(out)
         height = hem + self.height * (top - hem)
-        hanging = skirt[rim, 2][skirt[rim, 2] < top]
+        hanging = skirt[boundary, 2][skirt[boundary, 2] < top]
         end = hanging.max() if len(hanging) else top
         cloth = skirt[(skirt[:, 2] < top + _BLEND_M) & (skirt[:, 2] > hem)]
         sections = _sections(np.concatenate([out[self._low], cloth]))

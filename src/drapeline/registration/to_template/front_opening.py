@@ -5,9 +5,11 @@ import numpy as np
 from drapeline.geometry.mesh import boundary_loops
 
 _FRONT_M = 0.04  # wider gaps are no front that has come open a little
-_APART_M = 0.045  # along the rim, two vertices of a gap's sides are at least this far apart ...
+_APART_M = (
+    0.045  # along the boundary, two vertices of a gap's sides are at least this far apart ...
+)
 _APART_TIMES = 3.0  # ... and so many times further than across it
-_ONWARD = 0.8  # cosine at which a rim runs away from the other side: the front has ended
+_ONWARD = 0.8  # cosine at which a boundary runs away from the other side: the front has ended
 
 
 def front_strip(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -42,14 +44,14 @@ def _strip(vertices: np.ndarray, loop: np.ndarray) -> np.ndarray:
         return np.zeros((0, 3), dtype=np.int64)
     first, second = sorted(start)
     count = len(loop)
-    # From the narrowest place the strip runs both ways along the rim.
+    # From the narrowest place the strip runs both ways along the boundary.
     inner = _zipped(points, np.arange(first, second + 1))
     outer = _zipped(points, np.arange(second, first + count + 1) % count)
     return loop[np.array(inner + outer, dtype=np.int64).reshape(-1, 3)]
 
 
 def _zipped(points: np.ndarray, arc: np.ndarray) -> list[tuple[int, int, int]]:
-    """Triangles over a part of the rim (n,), from its ends inwards while they stay close."""
+    """Triangles over a part of the boundary (n,), from its ends inwards while they stay close."""
     made = []
     low, high = 0, len(arc) - 1
     while high - low > 1:
@@ -65,7 +67,7 @@ def _zipped(points: np.ndarray, arc: np.ndarray) -> list[tuple[int, int, int]]:
         if not ways:
             break
         after = min(ways)[1]
-        # Against the direction of the rim, along which the cloth lies to the left.
+        # Against the direction of the boundary, along which the cloth lies to the left.
         made.append((arc[high], arc[after], arc[low]))
         low, high = (after, high) if after == low + 1 else (low, after)
     return made

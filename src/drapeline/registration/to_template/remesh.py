@@ -48,13 +48,14 @@ class Residual(NamedTuple):
         original_to_remeshed_mm: mean distance of the source's vertices from the new surface.
         remeshed_to_original_mm: mean distance of the new surface's vertices, edge middles and
             face centres from the source.
-        rims_mm: mean distance from the new surface of source vertices within 2 cm of an opening.
+        boundaries_mm: mean distance from the new surface of source vertices within 2 cm of an
+            opening.
         flipped_faces: faces of the new surface that are turned over, see `flipped_faces`.
     """
 
     original_to_remeshed_mm: float
     remeshed_to_original_mm: float
-    rims_mm: float
+    boundaries_mm: float
     flipped_faces: int
 
 
@@ -202,8 +203,8 @@ def residual(
     sampled = np.concatenate([new, new[pairs].mean(axis=1), new[template.faces].mean(axis=1)])
     place, _ = closest_points(sampled, vertices, triangles)
     back = 1000 * np.linalg.norm(sampled - place, axis=1)
-    rim = vertices[np.concatenate(boundary_loops(triangles))]
-    near, _ = cKDTree(rim).query(vertices)
+    boundary = vertices[np.concatenate(boundary_loops(triangles))]
+    near, _ = cKDTree(boundary).query(vertices)
     return Residual(
         float(there.mean()),
         float(back.mean()),

@@ -85,7 +85,7 @@ class FitTarget:
         guides: lines of vertex ids that are matched besides the openings.
         points: (N + E, 3) vertices and middles of edges: garments finer than the template would
             otherwise gather about its vertices.
-        rims: opening -> the points on it.
+        boundaries: opening -> the points on it.
     """
 
     def __init__(self, template: GarmentTemplate) -> None:
@@ -98,9 +98,11 @@ class FitTarget:
         pairs, counts = edge_counts(template.faces)
         middles = self.vertices[pairs].mean(axis=1)
         self.points = np.concatenate([self.vertices, middles])
-        at_rim = np.where(counts == 1, template.loop[pairs[:, 0]], -1)
-        number = np.concatenate([template.loop, at_rim])
-        self.rims = {name: self.points[number == k] for k, name in enumerate(template.loop_names)}
+        at_boundary = np.where(counts == 1, template.loop[pairs[:, 0]], -1)
+        number = np.concatenate([template.loop, at_boundary])
+        self.boundaries = {
+            name: self.points[number == k] for k, name in enumerate(template.loop_names)
+        }
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -108,9 +110,9 @@ class FitTarget:
         return cKDTree(self.points)
 
     @cached_property
-    def rim_trees(self) -> dict[str, cKDTree]:
-        """Of `rims`."""
-        return {name: cKDTree(rim) for name, rim in self.rims.items()}
+    def boundary_trees(self) -> dict[str, cKDTree]:
+        """Of `boundaries`."""
+        return {name: cKDTree(boundary) for name, boundary in self.boundaries.items()}
 
 
 def fit_to_template(
@@ -145,7 +147,7 @@ def fit_to_template(
             f" expected the openings {', '.join(names)}"
         )
     guides = _guides(rest, triangles, loops)
-    places = _rims_matched(rest, triangles, loops, guides, target)
+    places = _boundaries_matched(rest, triangles, loops, guides, target)
     held = np.concatenate([*loops.values(), *guides])
     places = _drawn(places, triangles, held, target)
     equation = Equation3(triangles, loops, target, settings)
@@ -204,7 +206,7 @@ def _corner(line: np.ndarray) -> int:
     return int((away**2).sum(axis=1).argmax())
 
 
-def _rims_matched(
+def _boundaries_matched(
     rest: np.ndarray,
     triangles: np.ndarray,
     loops: dict[str, np.ndarray],
@@ -321,11 +323,11 @@ class Equation3:
         value = wanted.chamfer * _chamfer(
             places, target.points, target.tree, wanted.chamfer, gradient
         )
-        rims = wanted.boundary / len(self._loops)
+        boundaries = wanted.boundary / len(self._loops)
         for name, loop in self._loops.items():
             part = np.zeros((len(loop), 3))
-            value += rims * _chamfer(
-                places[loop], target.rims[name], target.rim_trees[name], rims, part
+            value += boundaries * _chamfer(
+                places[loop], target.boundaries[name], target.boundary_trees[name], boundaries, part
             )
             gradient[loop] += part
         value += wanted.edge * self._edge_term(places, wanted.edge, gradient)

@@ -13,7 +13,7 @@ from drapeline.registration.to_template.garment_template import GarmentTemplate
 from drapeline.registration.to_template.remesh import RemeshTable, Residual, remesh_table, residual
 from drapeline.registration.to_template.template_fit import FitSettings, FitTarget, fit_to_template
 from drapeline.rule_log import progress
-from drapeline.storage import load_npz, save_npz, whole_folder
+from drapeline.storage import atomic_folder, load_npz, save_npz
 
 ERRORS = "metrics.tsv"
 _UNITS = {"mm": "mm", "faces": "count"}
@@ -68,7 +68,7 @@ def write_tables(
             tables[one.garment][f"{one.name}/{key}"] = getattr(table, key)
         found = residual(one.vertices, one.faces, target.template, table)
         errors += error_rows(one.garment, one.name, _measures(found))
-    with whole_folder(folder) as scratch:
+    with atomic_folder(folder) as scratch:
         for garment, arrays in tables.items():
             save_npz(scratch / f"{garment}.npz", **arrays)
         write_errors(scratch / ERRORS, errors)

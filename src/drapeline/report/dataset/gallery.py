@@ -1,7 +1,6 @@
 """A still and a moving picture of a sample."""
 
-from collections.abc import Mapping
-from collections.abc import Sequence as Items
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +8,14 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from drapeline.dataset.reader import BODY, Sequence
+from drapeline.dataset.reader import BODY, Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts
 from drapeline.rendering.animated_png import save_moving
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.contact_sheet import text_card
-from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.rule_log import progress
-from drapeline.storage import read_json, whole_file
+from drapeline.storage import atomic_file, read_json
 
 _GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
 _SKIN = (0.83, 0.69, 0.6)
@@ -58,7 +57,7 @@ def render_gallery(
         _save_still(still, _card(meta, still_size))
         _save_still(moving, _card(meta, moving_size))
         return
-    with Sequence(folder) as sequence:
+    with Sample(folder) as sequence:
         parts = sample_parts(sequence)
         frames = np.unique(np.linspace(0, len(sequence) - 1, moving_frames).astype(int)).tolist()
         middle = frames[len(frames) // 2]
@@ -84,15 +83,15 @@ def _view_direction(root_rotation: np.ndarray) -> np.ndarray:
 
 
 def _shot(
-    sequence: Sequence,
-    parts: Items[Part],
+    sequence: Sample,
+    parts: Sequence[Part],
     frame: int,
     camera: Camera,
     *,
     samples: int = 12,
 ) -> np.ndarray:
     painted = [
-        Painted(
+        ColouredMesh(
             part.read(frame, frame + 1)[0],
             part.mesh.faces,
             _SKIN if part.name == BODY else part.colour,
@@ -101,11 +100,11 @@ def _shot(
         for part in parts
     ]
     target = camera.position + _DISTANCE_M * camera.axes[2]
-    return studio_picture(painted, camera, floor_centre=target[:2], samples=samples)
+    return raytrace(painted, camera, floor_centre=target[:2], samples=samples)
 
 
 def _cameras(
-    sequence: Sequence, parts: Items[Part], frames: Items[int], size: tuple[int, int]
+    sequence: Sample, parts: Sequence[Part], frames: Sequence[int], size: tuple[int, int]
 ) -> dict[int, Camera]:
     """Frame -> camera; all look the same way at one scale."""
     direction = _view_direction(sequence.info.poses[frames[len(frames) // 2], :3])
@@ -133,5 +132,5 @@ def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
 
 
 def _save_still(path: str | Path, picture: np.ndarray) -> None:
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         Image.fromarray(picture).save(scratch, format="PNG", optimize=True)

@@ -3,18 +3,18 @@
 import base64
 import json
 import zlib
-from collections.abc import Sequence as Items
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
-from drapeline.storage import read_json, whole_file
+from drapeline.storage import atomic_file, read_json
 
 FRAMES_MAX = 60
 BYTES_MAX = 6_000_000  # of the page; fewer frames are kept rather than a coarser mesh
@@ -50,7 +50,7 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
     if meta["status"] != "accepted":
         title = f"Sample {meta['id']} was {meta['status']}"
         return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
-    with Sequence(folder) as sequence:
+    with Sample(folder) as sequence:
         parts = sample_parts(sequence)
         for stride in range(max(1, -(-len(sequence) // FRAMES_MAX)), len(sequence) + 1):
             header, blob = encode_parts(parts, range(0, len(sequence), stride))
@@ -65,7 +65,7 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
     return _write(path, header, blob)
 
 
-def encode_parts(parts: Items[Part], frames: Items[int]) -> tuple[dict[str, Any], bytes]:
+def encode_parts(parts: Sequence[Part], frames: Sequence[int]) -> tuple[dict[str, Any], bytes]:
     """Meshes and chosen frames as a header and one compressed block.
 
     The block holds, part by part, the triangles as uint32 and the vertices as 16-bit steps from
@@ -144,6 +144,6 @@ def _write(path: str | Path, header: dict[str, Any], blob: bytes) -> int:
         .replace("{{header}}", text)
         .replace("{{data}}", base64.b64encode(blob).decode())
     )
-    with whole_file(path) as scratch:
+    with atomic_file(path) as scratch:
         scratch.write_text(page)
     return len(page.encode())

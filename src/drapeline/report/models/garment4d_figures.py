@@ -17,7 +17,7 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.animated_png import save_moving
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.picture_grid import Cell, heat_parts, save_sheet
-from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.models.gcvae_figures import (
     GARMENT_COLOURS,
     front_of,
@@ -80,14 +80,12 @@ class Scene:
         )
 
     def picture(
-        self, parts: Sequence[Painted], size: tuple[int, int] = _SIZE, samples: int = 10
+        self, parts: Sequence[ColouredMesh], size: tuple[int, int] = _SIZE, samples: int = 10
     ) -> np.ndarray:
         """(height, width, 3) uint8 studio picture of meshes."""
         lift = np.array([0.0, 0.0, -self.floor_z])
         lifted = [replace(part, vertices=part.vertices + lift) for part in parts]
-        return studio_picture(
-            lifted, self.camera(size), floor_centre=self.target[:2], samples=samples
-        )
+        return raytrace(lifted, self.camera(size), floor_centre=self.target[:2], samples=samples)
 
 
 def fitted(scene: Scene, meshes: Sequence[np.ndarray], size: tuple[int, int] = _SIZE) -> Scene:
@@ -103,7 +101,7 @@ def fitted(scene: Scene, meshes: Sequence[np.ndarray], size: tuple[int, int] = _
     return replace(scene, target=(float(x), float(y), _FLOOR_SHARE * height), height_m=height)
 
 
-def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[Painted]:
+def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:
     """A cloud (P, 3) as small balls in the colours of its labels (P,), paler in the distance."""
     colours = [_SKIN if name not in GARMENTS else type_colour(name) for name in LABELS]
     depth = points @ scene.camera(_SIZE).axes[2]
@@ -114,7 +112,9 @@ def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[Pa
     for label, far in sorted(set(zip(labels.tolist(), level.tolist(), strict=True))):
         haze = _HAZE * far / (_DEPTH_LEVELS - 1)
         colour = (1 - haze) * np.array(colours[label]) + haze * _BACKDROP
-        parts.append(Painted(*_balls(points[(labels == label) & (level == far)], radius), colour))
+        parts.append(
+            ColouredMesh(*_balls(points[(labels == label) & (level == far)], radius), colour)
+        )
     return parts
 
 
@@ -175,7 +175,7 @@ def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list
     if not len(case.true):
         return cells
     cells.append(Cell(scene.picture(_worn(case, frame, case.true[frame]))))
-    wearer = Painted(case.body[frame], case.body_faces, _GREY)
+    wearer = ColouredMesh(case.body[frame], case.body_faces, _GREY)
     for vertices in (case.proposal[frame], case.final[frame]):
         error = vertex_errors_mm(vertices, case.true[frame])
         heat = heat_parts(vertices, case.faces, error[case.faces].mean(axis=1), HEAT_SPAN_MM)
@@ -190,13 +190,13 @@ def _canonical_cell(case: Reconstruction, row: int) -> Cell | None:
     scene = fitted(standing, [case.rest_body, case.canonical])
     if row == 1:
         error = vertex_errors_mm(case.canonical, case.true_canonical)
-        wearer = Painted(case.rest_body, case.body_faces, _GREY)
+        wearer = ColouredMesh(case.rest_body, case.body_faces, _GREY)
         of_faces = error[case.faces].mean(axis=1)
         heat = heat_parts(case.canonical, case.faces, of_faces, HEAT_SPAN_MM)
         return Cell(scene.picture([wearer, *heat]), f"its error: {error.mean():.1f} mm")
     shown = case.true_canonical if row == 2 else case.canonical
-    wearer = Painted(case.rest_body, case.body_faces, _SKIN)
-    garment = Painted(shown, case.faces, type_colour(case.garment))
+    wearer = ColouredMesh(case.rest_body, case.body_faces, _SKIN)
+    garment = ColouredMesh(shown, case.faces, type_colour(case.garment))
     return Cell(scene.picture([wearer, garment]), "registered" if row == 2 else "")
 
 
@@ -212,11 +212,11 @@ def _scenes(case: Reconstruction, frames: Sequence[int]) -> list[Scene]:
     return [replace(s, height_m=scale, target=(*s.target[:2], target_z)) for s in found]
 
 
-def _worn(case: Reconstruction, frame: int, garment: np.ndarray) -> list[Painted]:
+def _worn(case: Reconstruction, frame: int, garment: np.ndarray) -> list[ColouredMesh]:
     """A posed garment (N, 3) on its wearer."""
     return [
-        Painted(case.body[frame], case.body_faces, _SKIN),
-        Painted(garment, case.faces, type_colour(case.garment)),
+        ColouredMesh(case.body[frame], case.body_faces, _SKIN),
+        ColouredMesh(garment, case.faces, type_colour(case.garment)),
     ]
 
 
@@ -346,8 +346,8 @@ def _neighbour_cells(case: SkinnedTwice) -> list[Cell]:
     cells = []
     for vertices in (case.nearest, case.interpolated):
         parts = [
-            Painted(case.body, case.body_faces, _SKIN),
-            Painted(vertices, case.faces, type_colour(case.garment)),
+            ColouredMesh(case.body, case.body_faces, _SKIN),
+            ColouredMesh(vertices, case.faces, type_colour(case.garment)),
         ]
         cells.append(Cell(_ringed(far.picture(parts), far, lifted)))
         cells.append(Cell(near.picture(parts)))
@@ -419,7 +419,7 @@ def plot_modes(path: str | Path, spaces: Mapping[str, Space], *, modes: int = 3)
         lifted = (*scene.target[:2], scene.target[2] + 10)
         scene = replace(scene, floor_z=scene.floor_z - 10, target=lifted)
         for mode in progress(range(count), label=name):
-            parts = [Painted(v, space.faces, type_colour(name)) for v in shapes[mode]]
+            parts = [ColouredMesh(v, space.faces, type_colour(name)) for v in shapes[mode]]
             rows.append([Cell(scene.picture([part], size)) for part in parts])
             labels.append(f"{name}\nmode {mode + 1}\n{100 * space.explained[mode]:.1f} %")
     columns = ["mean" if d == 0 else f"{d:+d} std. dev." for d in _DEVIATIONS]

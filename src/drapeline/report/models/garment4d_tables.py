@@ -14,7 +14,7 @@ from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.report.dataset.tables import read_table
 from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.registration.registration_table import summarised
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 OURS, THEIRS = "This dataset", "Garment4D (other data)"
 REGISTRATION_TARGET_MM = 5.0
@@ -71,7 +71,7 @@ _SCALE = {
     "inside_1cm_share": 100,
     "inference_s_per_frame": 1000,
 }
-_LOCATED = (
+_BODY_RELATIVE_POINTS = (
     "Points come with where on the body they are: their place had it rested with the body vertex"
     " nearest to them, and their height over it. Labels know a map of the body with the mean height"
     " of the points on each part, and the network's alpha is added to what a ridge regression reads"
@@ -119,7 +119,7 @@ def write_garment4d_page(
     metrics: str | Path,
     registration: Iterable[str | Path] = (),
     *,
-    located: bool = False,
+    body_relative_points: bool = False,
     balanced: bool = False,
     pulled: bool = False,
     smoothed: bool = False,
@@ -131,7 +131,7 @@ def write_garment4d_page(
         metrics: table of metrics; models that it does not hold have no row.
         registration: `.tsv` in long form (garment, name, metric, value, unit) of the residuals
             of garments registered to templates, one or more.
-        located: whether the networks' points say where on the body they are.
+        body_relative_points: whether the networks' points say where on the body they are.
         balanced: whether points of rare labels weigh more.
         pulled: whether the posed network draws vertices to the nearest points.
         smoothed: whether its displacements are averaged over frames.
@@ -142,7 +142,7 @@ def write_garment4d_page(
     rows = [row for row in read_metrics(metrics) if row.model == MODEL and row.split == "test"]
     residuals = [row for part in registration for row in read_table(part, _REGISTRATION_COLUMNS)]
     added = (
-        (_LOCATED, located),
+        (_BODY_RELATIVE_POINTS, body_relative_points),
         (_BALANCED, balanced),
         (_PULLED, pulled),
         (_SMOOTHED, smoothed),
@@ -218,7 +218,7 @@ def write_beside_paper(path: str | Path, metrics: str | Path) -> None:
         InputError: the table of metrics is missing or unusable.
     """
     rows = [row for row in read_metrics(metrics) if row.model == MODEL and row.split == "test"]
-    with whole_file(path) as scratch, open(scratch, "w", newline="") as stream:
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
         writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
         writer.writerow(("table", "row", "metric", OURS, THEIRS))
         for table, metric, _, printed, _ in _PAPER_TABLES:

@@ -17,7 +17,7 @@ from drapeline.rendering.animated_png import save_moving
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.contact_sheet import contact_sheet
 from drapeline.rendering.picture_grid import Cell, heat_parts, save_sheet
-from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.style import SERIES, saved_figure
 from drapeline.rule_log import progress
 
@@ -64,18 +64,18 @@ def view_picture(
     lift = np.array([0.0, 0.0, -view.floor_z])
     parts = []
     if view.body is not None:
-        parts.append(Painted(view.body.vertices + lift, view.body.faces, _SKIN))
+        parts.append(ColouredMesh(view.body.vertices + lift, view.body.faces, _SKIN))
     if view.garment is not None and len(view.garment.faces):
         vertices, faces = view.garment.vertices + lift, view.garment.faces
         if view.error_mm is None:
-            parts.append(Painted(vertices, faces, view.colour))
+            parts.append(ColouredMesh(vertices, faces, view.colour))
         else:
             error = view.error_mm[faces].mean(axis=1)
             parts += heat_parts(vertices, faces, error, HEAT_SPAN_MM)
     if not parts:
         return np.full((size[1], size[0], 3), 237, dtype=np.uint8)
     camera = _camera(view, size)
-    return studio_picture(parts, camera, floor_centre=view.middle, samples=samples)
+    return raytrace(parts, camera, floor_centre=view.middle, samples=samples)
 
 
 def _camera(view: View, size: tuple[int, int]) -> Camera:

@@ -11,7 +11,7 @@ from pathlib import Path
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_metrics
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.report.html import Cell, html_table, write_page
-from drapeline.storage import whole_file
+from drapeline.storage import atomic_file
 
 OURS, THEIRS = "This dataset", "CLOTH3D (other data)"
 
@@ -162,7 +162,7 @@ def write_beside_paper(path: str | Path, metrics: str | Path) -> None:
                     else _value(rows, variant, garment, "surface_error_mm")
                 )
                 add("4", f"{variant} {garment}", "surface_error_mm", ours, theirs)
-    with whole_file(path) as scratch, open(scratch, "w", newline="") as stream:
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
         writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
         writer.writerow(("table", "row", "metric", OURS, THEIRS))
         writer.writerows(lines)

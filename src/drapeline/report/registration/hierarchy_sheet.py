@@ -13,7 +13,7 @@ from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.contact_sheet import contact_sheet
-from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
 
 _SKIN, _INNER, _NEW = (0.83, 0.69, 0.6), (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)
 _SAMPLES = 8
@@ -103,20 +103,20 @@ def _standing(vertices: np.ndarray) -> np.ndarray:
 
 def _painted(
     vertices: np.ndarray, faces: np.ndarray, look: np.ndarray, colours: tuple
-) -> list[Painted]:
+) -> list[ColouredMesh]:
     """One part for each colour; `look` (F,) says which one a face has."""
-    return [Painted(vertices, faces[look == k], colours[k]) for k in np.unique(look)]
+    return [ColouredMesh(vertices, faces[look == k], colours[k]) for k in np.unique(look)]
 
 
 def _picture(
-    parts: list[Painted],
+    parts: list[ColouredMesh],
     view: str,
     size: tuple[int, int],
     seen_m: float,
     centre: tuple[float, float, float] = (0.0, 0.0, 0.71),
 ) -> np.ndarray:
     camera = _camera(view, size, seen_m, np.array(centre))
-    return studio_picture(parts, camera, samples=_SAMPLES)
+    return raytrace(parts, camera, samples=_SAMPLES)
 
 
 def _camera(view: str, size: tuple[int, int], seen_m: float, centre: np.ndarray) -> Camera:
@@ -152,7 +152,7 @@ def _spread(label: np.ndarray, areas: np.ndarray) -> float:
 
 def _fields(
     vertices: np.ndarray, faces: np.ndarray, label: np.ndarray, standing: np.ndarray
-) -> list[Painted]:
+) -> list[ColouredMesh]:
     """The surface in the colours of its fields, and dots where few vertices stand for them."""
     corners = label[faces]
     owner = np.where(corners[:, 1] == corners[:, 2], corners[:, 1], corners[:, 0])
@@ -190,23 +190,23 @@ def _distinct(count: int) -> tuple:
     )
 
 
-def _dots(places: np.ndarray, radius: float) -> Painted:
+def _dots(places: np.ndarray, radius: float) -> ColouredMesh:
     """Octahedra."""
     corners = radius * np.concatenate([np.eye(3), -np.eye(3)])
     turns = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]
     vertices = (places[:, None] + corners).reshape(-1, 3)
     faces = (np.array(turns) + 6 * np.arange(len(places))[:, None, None]).reshape(-1, 3)
-    return Painted(vertices.astype(np.float32), faces.astype(np.int32), _STANDING)
+    return ColouredMesh(vertices.astype(np.float32), faces.astype(np.int32), _STANDING)
 
 
 def _facets(
     vertices: np.ndarray, faces: np.ndarray, label: np.ndarray, standing: np.ndarray
-) -> Painted:
+) -> ColouredMesh:
     """The coarse mesh with flat faces: one for every face between three fields."""
     corners = np.sort(label[faces], axis=1)
     between = (corners[:, 0] < corners[:, 1]) & (corners[:, 1] < corners[:, 2])
     _, first = np.unique(corners[between], axis=0, return_index=True)
     coarse = standing[label[faces[between][first]]]
-    return Painted(
+    return ColouredMesh(
         vertices[coarse].reshape(-1, 3), np.arange(3 * len(coarse)).reshape(-1, 3), _SKIN
     )

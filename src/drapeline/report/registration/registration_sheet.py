@@ -16,7 +16,7 @@ from drapeline.registration.to_body.round_trip import surface_distance
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.picture_grid import Cell, heat_parts, save_sheet
-from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
 
 _SIZE = (320, 340)
 _SKIN, _CLOTH, _LAID, _REBUILT = (
@@ -61,11 +61,11 @@ def _row(garment: Garment, body: np.ndarray, topology: Topology, done: Registrat
     vertices, kept = body + done.offsets, faces_within(faces, done.match.mask)
     error, _, _ = surface_distance(garment.vertices.astype(float), triangles, vertices, kept)
     values = {m.metric: m.value for m in done.measures}
-    skin = Painted(body, topology.faces, _SKIN)
+    skin = ColouredMesh(body, topology.faces, _SKIN)
     views = [
-        ([skin, Painted(garment.vertices, garment.faces, _CLOTH)], ""),
-        ([skin, Painted(laid, triangles, _LAID)], ""),
-        ([skin, Painted(vertices, kept, _REBUILT)], ""),
+        ([skin, ColouredMesh(garment.vertices, garment.faces, _CLOTH)], ""),
+        ([skin, ColouredMesh(laid, triangles, _LAID)], ""),
+        ([skin, ColouredMesh(vertices, kept, _REBUILT)], ""),
         (
             [skin, *heat_parts(garment.vertices, triangles, 1000 * error, _SCALE_MM)],
             f"mean {values['garment_to_rebuilt_mean_mm']:.2f} mm,"
@@ -75,13 +75,13 @@ def _row(garment: Garment, body: np.ndarray, topology: Topology, done: Registrat
     camera = _camera(body)
     lift = -body[:, 2].min()
     return [
-        Cell(studio_picture([_lifted(p, lift) for p in parts], camera, samples=12), caption)
+        Cell(raytrace([_lifted(p, lift) for p in parts], camera, samples=12), caption)
         for parts, caption in views
     ]
 
 
-def _lifted(part: Painted, height: float) -> Painted:
-    return Painted(part.vertices + [0, 0, height], part.faces, part.colour)
+def _lifted(part: ColouredMesh, height: float) -> ColouredMesh:
+    return ColouredMesh(part.vertices + [0, 0, height], part.faces, part.colour)
 
 
 def _camera(body: np.ndarray) -> Camera:

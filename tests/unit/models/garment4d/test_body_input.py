@@ -7,7 +7,7 @@ import numpy as np
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.garment4d.body_input import BodySurface, Wearers
+from drapeline.models.garment4d.body_input import BodySet, BodySurface
 from drapeline.seeding import rng_for
 from garment4d_toys import toy_bodies
 
@@ -37,11 +37,11 @@ def test_pose_blend_shapes_reach_the_body_points(toy_body):
 
 
 def test_points_over_the_body_rest_where_what_is_beneath_them_rests(toy_body):
-    wearer = Wearers(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
-    poses = REST_POSE + rng_for(0, "located").normal(0, 0.2, (2, 72))
+    wearer = BodySet(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
+    poses = REST_POSE + rng_for(0, "body_relative_points").normal(0, 0.2, (2, 72))
     body, normals = wearer.shown(poses)
     points = body + 0.02 * normals
-    found = wearer.located(points, poses)
+    found = wearer.body_relative_points(points, poses)
     assert found.shape == (*points.shape[:2], 7)
     np.testing.assert_array_equal(found[..., :3], points)
     rest, _ = wearer.rest
@@ -51,11 +51,13 @@ def test_points_over_the_body_rest_where_what_is_beneath_them_rests(toy_body):
 
 
 def test_skin_has_no_height_and_millimetres_above_it_count(toy_body):
-    wearer = Wearers(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
+    wearer = BodySet(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
     poses = REST_POSE[None] + rng_for(0, "height").normal(0, 0.2, (2, 72))
     body = posed_vertices(wearer.model, wearer.shape, poses)[0]
-    np.testing.assert_allclose(wearer.located(body, poses)[..., 6], 0, atol=1e-3)
+    np.testing.assert_allclose(wearer.body_relative_points(body, poses)[..., 6], 0, atol=1e-3)
     out = np.stack([vertex_normals(frame, toy_body.faces) for frame in body])
-    low, high = (wearer.located(body + gap * out, poses)[..., 6] for gap in (0.003, 0.03))
+    low, high = (
+        wearer.body_relative_points(body + gap * out, poses)[..., 6] for gap in (0.003, 0.03)
+    )
     assert np.median(low) > 0.5
     assert np.median(high - low) > 1.5

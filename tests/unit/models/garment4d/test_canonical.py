@@ -341,7 +341,9 @@ def test_scaled_settings_keep_the_number_of_points_per_ball():
 
 def test_a_sleeve_decides_about_points_out_of_its_reach(space):
     """All labels of a cloud may change with the height of points on an arm, in any frame."""
-    network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng()).eval()
+    network = CanonicalNetwork(
+        replace(SETTINGS, body_relative_points=True), space, LABEL, rng()
+    ).eval()
     points, _, _, _ = windows(space, 1)
     place = torch.cat([points, torch.zeros_like(points[..., :1])], -1)
     place[:, 0, 0] = torch.tensor([0.6, 0.0, 0.4, 0.0])
@@ -353,7 +355,7 @@ def test_a_sleeve_decides_about_points_out_of_its_reach(space):
 
 @pytest.mark.parametrize("kind", ["canonical", "pointnet"])
 def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind):
-    settings = replace(SETTINGS, located=True)
+    settings = replace(SETTINGS, body_relative_points=True)
     network = (
         CanonicalNetwork(settings, space, LABEL, rng())
         if kind == "canonical"
@@ -379,7 +381,7 @@ def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind
 
 
 def test_maps_show_share_depth_and_height_where_points_are(space):
-    network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng())
+    network = CanonicalNetwork(replace(SETTINGS, body_relative_points=True), space, LABEL, rng())
     # Two points at the left and the right of one cell, one above all cells, one alone in its cell.
     place = torch.tensor(
         [[0.26, -0.1, -0.49, 2.0], [-0.27, 0.3, -0.48, 1.0], [0.0, 0.2, 9.0, 0.5], [0.9, 0, 0.2, 3]]
@@ -397,7 +399,9 @@ def test_maps_show_share_depth_and_height_where_points_are(space):
 
 
 def test_without_labels_maps_are_made_of_the_points_taken_for_the_garment(space):
-    network = CanonicalNetwork(replace(SETTINGS, located=True), space, LABEL, rng()).eval()
+    network = CanonicalNetwork(
+        replace(SETTINGS, body_relative_points=True), space, LABEL, rng()
+    ).eval()
     as_if_fitted(network.regression)
     points, _, _, _ = windows(space, 2)
     points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)

@@ -9,7 +9,7 @@ import pytest
 from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.models.garment4d.body_input import SkinningSettings, Wearer, Wearers
+from drapeline.models.garment4d.body_input import BodySet, PosedBody, SkinningSettings
 from drapeline.models.garment4d.data import (
     SequenceData,
     Windows,
@@ -31,7 +31,7 @@ def collected(tmp_path_factory, toy_body):
 
 @pytest.fixture
 def data(collected, toy_body):
-    data = SequenceData(collected[0], Wearers(toy_bodies(toy_body), 40))
+    data = SequenceData(collected[0], BodySet(toy_bodies(toy_body), 40))
     data.wear(data.canonical, SKINNING)
     return data
 
@@ -146,13 +146,13 @@ def test_what_does_not_fit_into_memory_is_computed_of_the_frames_asked_for(
     wearers = {sequence: data.wearer(sequence) for sequence in (4, 5)}
     assert all(len(wearer.rest) == 2 for wearer in wearers.values())  # made beforehand
     asked = []
-    shown = Wearer.shown
+    shown = PosedBody.shown
 
     def counted(wearer, poses):
         asked.append(len(poses))
         return shown(wearer, poses)
 
-    monkeypatch.setattr(Wearer, "shown", counted)
+    monkeypatch.setattr(PosedBody, "shown", counted)
     for sequence, expected in ((4, whole[0]), (5, whole[1]), (4, whole[0]), (5, whole[1])):
         found = data.batch(np.array([[sequence, 2]]), 3, posed=True)
         for key, values in zip(("body", "body_normals"), expected, strict=True):
@@ -171,16 +171,16 @@ def test_what_does_not_fit_into_memory_is_computed_of_the_frames_asked_for(
 def test_points_are_located_once_with_the_body_that_is_read_again(data, toy_body, tmp_path):
     for sequence in (0, 5):
         rows = data.rows(sequence)
-        expected = data.wearer(sequence).located(data.points[rows], data.poses[rows])
-        np.testing.assert_array_equal(data.clouds(sequence, located=True), expected)
-        part = data.clouds(sequence, located=True, frames=slice(1, 3))
+        expected = data.wearer(sequence).body_relative_points(data.points[rows], data.poses[rows])
+        np.testing.assert_array_equal(data.clouds(sequence, body_relative_points=True), expected)
+        part = data.clouds(sequence, body_relative_points=True, frames=slice(1, 3))
         np.testing.assert_array_equal(part, expected[1:3])
     sequences = toy_sequences(toy_body)
     collect_garment4d(tmp_path / "data", KIND, sequences, skirt_faces(), 3)
-    plain = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 10))
-    assert plain.clouds(0, located=False).shape[-1] == 3
-    with pytest.raises(InputError, match=r"located\.npy"):
-        plain.clouds(0, located=True)
+    plain = SequenceData(tmp_path / "data", BodySet(toy_bodies(toy_body), 10))
+    assert plain.clouds(0, body_relative_points=False).shape[-1] == 3
+    with pytest.raises(InputError, match=r"body_relative_points\.npy"):
+        plain.clouds(0, body_relative_points=True)
 
 
 def test_shares_of_labels_are_those_of_the_training_points(data):
@@ -228,7 +228,7 @@ def test_long_sequences_do_not_decide_alone_on_canonical_garments(data, posed, m
 def test_validation_falls_back_on_other_sources(tmp_path, toy_body, caplog):
     sequences = [one for one in toy_sequences(toy_body) if one.name != "00007"]
     collect_garment4d(tmp_path / "data", KIND, sequences, skirt_faces(), 3)
-    data = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 10))
+    data = SequenceData(tmp_path / "data", BodySet(toy_bodies(toy_body), 10))
     windows = Windows(data, frames=3, stride=3, sources=("simulated",), posed=False)
     batch = windows.batch(windows.rows("val"))
     assert [str(data.source[s]) for s in batch["sequence"]] == ["skinned"]
@@ -260,7 +260,7 @@ def test_damaged_folders_are_refused(collected, tmp_path, toy_body):
     folder = tmp_path / "data"
     shutil.copytree(collected[0], folder)
     np.save(folder / "labels.npy", np.zeros((3, 160), np.uint8))
-    wearers = Wearers(toy_bodies(toy_body), 10)
+    wearers = BodySet(toy_bodies(toy_body), 10)
     with pytest.raises(InputError, match=r"arrays of 3, \d+ frames, expected \d+ as in"):
         SequenceData(folder, wearers)
     (folder / "labels.npy").write_bytes(b"no array")

@@ -13,7 +13,7 @@ from drapeline.errors import InputError
 from drapeline.metrics.sequence import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.body_input import SkinningSettings, Wearers, proposals
+from drapeline.models.garment4d.body_input import BodySet, SkinningSettings, proposals
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
 from drapeline.models.garment4d.reconstruct import (
@@ -32,7 +32,7 @@ from garment4d_toys import CANONICAL, PLAIN, POSED, as_if_fitted, save_toy_data,
 def data(tmp_path_factory, toy_body):
     folder = tmp_path_factory.mktemp("garment4d") / "data"
     save_toy_data(folder, toy_body)
-    return SequenceData(folder, Wearers(toy_bodies(toy_body), 30))
+    return SequenceData(folder, BodySet(toy_bodies(toy_body), 30))
 
 
 @pytest.fixture
@@ -164,8 +164,8 @@ def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_po
 ):
     """About the vertical. Networks see coordinates turned as the world, so they may tell fronts.
 
-    Skinning, what `located` points know besides their places, and our last step (see its own
-    test) do not depend on where a body faces.
+    Skinning, body-relative points and our last step (see its own test) do not depend on where a
+    body faces.
     """
     turn = Rotation.from_euler("z", 1.1)
     poses = np.array(given["poses"], dtype=np.float64)
@@ -173,7 +173,8 @@ def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_po
     points = (given["points"] @ turn.as_matrix().T).astype(np.float32)
     wearer, canonical = given["wearer"], data.canonical[0]
     before, after = (
-        wearer.located(x, y) for x, y in ((given["points"], given["poses"]), (points, poses))
+        wearer.body_relative_points(x, y)
+        for x, y in ((given["points"], given["poses"]), (points, poses))
     )
     np.testing.assert_allclose(after[..., :3], points, atol=1e-6)
     np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=2e-3)
@@ -296,7 +297,7 @@ def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
     data, identity, toy_body, tmp_path, caplog
 ):
     save_toy_data(tmp_path / "data", toy_body)
-    alone = SequenceData(tmp_path / "data", Wearers(toy_bodies(toy_body), 30))
+    alone = SequenceData(tmp_path / "data", BodySet(toy_bodies(toy_body), 30))
     alone.split[(alone.source == "simulated") & (alone.split == "val")] = "train"
     evaluation = Evaluation(alone, "val", EvaluationSettings())
     assert "no simulated Skirt in the val split" in caplog.text

@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.models.garment4d.refine import (
     Cloth,
-    Habits,
     RefineSettings,
     SpaceTime,
+    WornGarmentStatistics,
     barycentric,
     body_push,
     habits_of,
@@ -55,7 +55,7 @@ def fitted(start, points, rest=None, settings=SETTINGS, body=None, chosen=None, 
 def habits(shares=1.0, error_m=0.1, follow=0.0):
     """The same everywhere, unless (N,) or (K,) are given."""
     count = len(springs(FACES)[0])
-    return Habits(
+    return WornGarmentStatistics(
         np.broadcast_to(shares, count),
         np.broadcast_to(error_m, VERTICES),
         np.broadcast_to(follow, VERTICES),

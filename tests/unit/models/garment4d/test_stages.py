@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.body_input import Wearers
+from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.canonical import balanced
 from drapeline.models.garment4d.data import SequenceData, Windows, window_starts
 from drapeline.models.garment4d.stages import (
@@ -35,7 +35,7 @@ def folder(tmp_path_factory, toy_body):
 
 @pytest.fixture(scope="module")
 def wearers(toy_body):
-    return Wearers(toy_bodies(toy_body), 30)
+    return BodySet(toy_bodies(toy_body), 30)
 
 
 @pytest.fixture
@@ -65,9 +65,9 @@ def canonical(folder, wearers):
 
 
 @pytest.fixture(scope="module")
-def located(folder, wearers):
+def body_relative_points(folder, wearers):
     data = SequenceData(folder / "data", wearers)
-    return run(train_canonical, folder, "located", data, CANONICAL)
+    return run(train_canonical, folder, "body_relative_points", data, CANONICAL)
 
 
 @pytest.fixture(scope="module")
@@ -82,15 +82,21 @@ def column(folder, name):
     return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
 
 
-def windows_of(data, training, *, posed, located):
+def windows_of(data, training, *, posed, body_relative_points):
     return Windows(
-        data, frames=training.frames, stride=training.stride, posed=posed, located=located
+        data,
+        frames=training.frames,
+        stride=training.stride,
+        posed=posed,
+        body_relative_points=body_relative_points,
     )
 
 
 def batch_of(data, stage, split):
     training = stage.settings.training
-    windows = windows_of(data, training, posed=stage.POSED, located=stage.located)
+    windows = windows_of(
+        data, training, posed=stage.POSED, body_relative_points=stage.body_relative_points
+    )
     return as_tensors(windows.batch(windows.rows(split)))
 
 
@@ -135,7 +141,9 @@ def test_a_loaded_stage_says_what_was_validated_last(posed, canonical, data):
 
 
 @pytest.mark.parametrize("stage", ["canonical", "pointnet", "posed", "mgn"])
-def test_mixed_precision_trains_to_about_the_same_error(folder, wearers, located, stage):
+def test_mixed_precision_trains_to_about_the_same_error(
+    folder, wearers, body_relative_points, stage
+):
     errors = []
     for precision in ("32-true", "bf16-mixed"):
         data = SequenceData(folder / "data", wearers)
@@ -147,7 +155,7 @@ def test_mixed_precision_trains_to_about_the_same_error(folder, wearers, located
         else:
             network = {"widths": [32, 32, 64]} if stage == "mgn" else POSED["network"]
             values = {**POSED, "network": network, "training": training}
-            before = load_stage(located, CanonicalStage)
+            before = load_stage(body_relative_points, CanonicalStage)
             options = {"mgn": stage == "mgn", "precision": precision}
             run(train_posed, folder, name, data, values, before, **options)
             errors.append(column(folder / name, "val_vertex_error_mm"))
@@ -223,7 +231,7 @@ def test_baselines_are_trained_and_loaded(folder, data, canonical):
         assert np.abs(body - row).max(axis=1).min() < 1e-6
 
 
-@pytest.mark.parametrize("values", [CANONICAL, PLAIN], ids=["located", "plain"])
+@pytest.mark.parametrize("values", [CANONICAL, PLAIN], ids=["body_relative_points", "plain"])
 def test_two_trainings_end_with_the_same_weights(tmp_path, folder, wearers, values):
     short = {**values, "training": {**CANONICAL["training"], "epochs": 2}}
     ends = []
@@ -288,20 +296,20 @@ def test_a_killed_training_goes_on_with_the_same_data_alone(
     for name, start, changed in (
         ("same", 1, data),
         ("moved", 0, moved),
-        ("fewer_body_points", 0, lambda: data(wearers=Wearers(toy_bodies(toy_body), 29))),
+        ("fewer_body_points", 0, lambda: data(wearers=BodySet(toy_bodies(toy_body), 29))),
     ):
         killed(monkeypatch, train_canonical, tmp_path, name, data(), short)
         assert begun(tmp_path, name, monkeypatch, train_canonical, changed(), short) == start
 
 
 def test_a_killed_training_goes_on_with_the_same_canonical_network_alone(
-    tmp_path, data, located, monkeypatch
+    tmp_path, data, body_relative_points, monkeypatch
 ):
     short = {**POSED, "training": {**POSED["training"], "epochs": 2}}
     for name, start in (("same", 1), ("other", 0)):
-        stage = load_stage(located, CanonicalStage)
+        stage = load_stage(body_relative_points, CanonicalStage)
         killed(monkeypatch, train_posed, tmp_path, name, data, short, stage)
-        again = load_stage(located, CanonicalStage)
+        again = load_stage(body_relative_points, CanonicalStage)
         if name == "other":
             with torch.no_grad():
                 again.network.encoder.coefficients.bias[0] += 1e-4
@@ -324,48 +332,54 @@ def test_weights_of_labels_come_from_the_data_and_are_loaded_again(folder, data)
     torch.testing.assert_close(uneven.label_weights, expected)
 
 
-def test_maps_of_the_body_are_fitted_to_training_sequences_and_loaded_again(located, data):
-    stage = load_stage(located, CanonicalStage)
+def test_maps_of_the_body_are_fitted_to_training_sequences_and_loaded_again(
+    body_relative_points, data
+):
+    stage = load_stage(body_relative_points, CanonicalStage)
     trained = data.name[data.of_split("train")].tolist()
-    assert sorted(stage.left_out) == sorted(trained)
+    assert sorted(stage.out_of_fold_alpha) == sorted(trained)
     again = CanonicalStage(stage.settings, data.space, data.label)
-    again.prepare(windows_of(data, stage.settings.training, posed=False, located=True))
+    again.prepare(windows_of(data, stage.settings.training, posed=False, body_relative_points=True))
     for name in ("mean", "scale", "low", "high", "weight", "bias"):
         found, expected = (getattr(x.network.regression, name) for x in (stage, again))
         torch.testing.assert_close(found, expected)
     assert stage.network.regression.weight.abs().max() > 0
     for name in trained:
-        torch.testing.assert_close(stage.left_out[name], again.left_out[name])
+        torch.testing.assert_close(stage.out_of_fold_alpha[name], again.out_of_fold_alpha[name])
 
 
-def test_in_training_estimates_begin_with_what_is_left_out(located, data):
-    stage = load_stage(located, CanonicalStage)
+def test_in_training_estimates_begin_with_what_is_left_out(body_relative_points, data):
+    stage = load_stage(body_relative_points, CanonicalStage)
     windows = data.windows("train", 3, 3)[:2]
-    batch = as_tensors(data.batch(windows, 3, posed=False, located=True))
+    batch = as_tensors(data.batch(windows, 3, posed=False, body_relative_points=True))
     names = data.name[windows[:, 0]].tolist()
-    begins = torch.stack([stage.left_out[name] for name in names])
+    initial_alpha = torch.stack([stage.out_of_fold_alpha[name] for name in names])
     with torch.no_grad():
         trained = stage.train().estimated(batch).coefficients
-        expected = stage.network(batch["points"], batch["labels"], begins).coefficients
+        expected = stage.network(batch["points"], batch["labels"], initial_alpha).coefficients
     torch.testing.assert_close(trained, expected)
     maps = stage.network.maps(batch["points"], batch["labels"] == data.label)
-    assert (stage.network.regression(maps) - begins).abs().max() > 0.1
+    assert (stage.network.regression(maps) - initial_alpha).abs().max() > 0.1
 
 
-def test_proposals_of_training_garments_begin_with_what_is_left_out(located, data):
-    stage = PosedStage(PosedStage.settings_of(POSED), load_stage(located, CanonicalStage))
+def test_proposals_of_training_garments_begin_with_what_is_left_out(body_relative_points, data):
+    stage = PosedStage(
+        PosedStage.settings_of(POSED), load_stage(body_relative_points, CanonicalStage)
+    )
     found = stage.predicted_canonicals(data, ("train", "val"))
     for split in ("train", "val"):
         sequence = int(data.of_split(split)[0])
         name = str(data.name[sequence])
-        points = torch.from_numpy(data.clouds(sequence, located=True))
+        points = torch.from_numpy(data.clouds(sequence, body_relative_points=True))
         starts = window_starts(len(points), 3, 3, name)
         windows = torch.stack([points[start : start + 3] for start in starts])
-        begins = None
+        initial_alpha = None
         if split == "train":
-            begins = stage.canonical.left_out[name].expand(len(windows), -1)
+            initial_alpha = stage.canonical.out_of_fold_alpha[name].expand(len(windows), -1)
         with torch.no_grad():
-            alpha = stage.canonical.network(windows, None, begins).coefficients.mean(0).numpy()
+            alpha = (
+                stage.canonical.network(windows, None, initial_alpha).coefficients.mean(0).numpy()
+            )
         np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-4)
 
 
@@ -374,9 +388,9 @@ def test_one_training_sequence_begins_with_the_mean_garment(data, caplog):
     others = data.of_split("train")[1:]
     data.split = data.split.copy()
     data.split[others] = "test"
-    stage.prepare(windows_of(data, stage.settings.training, posed=False, located=True))
+    stage.prepare(windows_of(data, stage.settings.training, posed=False, body_relative_points=True))
     assert "one training sequence" in caplog.text
-    assert not stage.left_out
+    assert not stage.out_of_fold_alpha
     assert stage.network.regression.weight.abs().max() == 0
 
 

@@ -8,7 +8,7 @@ import torch
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
-from drapeline.models.gcvae.body_template import Domain, rest_basis, rest_bodies
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis, rest_bodies
 from drapeline.models.gcvae.networks import GcvaeNetwork
 from drapeline.models.gcvae.vae import GcvaeTraining, StaticVae, VaeSettings
 from drapeline.outfits.garment_types import GARMENTS
@@ -127,12 +127,12 @@ def test_same_seed_same_weights():
 
 
 def test_a_domain_survives_its_flat_form():
-    domain = toy_domain()
-    again = Domain.from_tensors(domain.tensors())
-    np.testing.assert_array_equal(again.offset_std, domain.offset_std)
+    body_template = toy_domain()
+    again = BodyTemplate.from_tensors(body_template.tensors())
+    np.testing.assert_array_equal(again.offset_std, body_template.offset_std)
     for name in ("body", "skirt"):
         for key in ("edges", "parents"):
-            pairs = zip(getattr(again, key)[name], getattr(domain, key)[name], strict=True)
+            pairs = zip(getattr(again, key)[name], getattr(body_template, key)[name], strict=True)
             assert all(np.array_equal(a, b) for a, b in pairs)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.collision import settled
+from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh, faces_within, load_obj
 from drapeline.models.gcvae import sample as sampling
 from drapeline.models.gcvae.codes import (
@@ -163,7 +163,7 @@ def test_samples_are_decoded_on_the_topology_of_their_type(model, types, halves)
             assert sample.garment == sample.request.garment
         else:
             assert (sample.garment == "Dress") == (sample.z[0] > 0)
-        faces = model.domain.faces["skirt" if sample.garment == "Dress" else "body"]
+        faces = model.body_template.faces["skirt" if sample.garment == "Dress" else "body"]
         assert len(sample.decoded.faces) == len(faces_within(faces, half(sample.z[0] > 0)))
         np.testing.assert_array_equal(sample.body, rest_body(model, sample.request.cvar))
     again = sample_garments(model, types, asked, seed=3, settle=False)
@@ -181,7 +181,7 @@ def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
 
     monkeypatch.setattr(sampling, "decode_codes", with_a_gap)
     sampled = sample_garments(model, types, requests(6), seed=0, settle=False)
-    rows = sample_table(sampled, model.domain.faces["body"])
+    rows = sample_table(sampled, model.body_template.faces["body"])
     for sample, row in zip(sampled, rows, strict=True):
         assert (row["pieces_before"], row["pieces"]) == (2, 1)
         assert row["vertices"] == 10 * AROUND
@@ -196,11 +196,11 @@ def test_settled_garments_are_the_decoded_ones_evened_and_outside(model, types):
     asked = requests(6)
     plain = sample_garments(model, types, asked, seed=0, settle=False)
     sampled = sample_garments(model, types, asked, seed=0, settle=True)
-    body_faces = model.domain.faces["body"]
+    body_faces = model.body_template.faces["body"]
     for sample, before in zip(sampled, plain, strict=True):
         np.testing.assert_array_equal(sample.piece.vertices, before.mesh.vertices)
         np.testing.assert_array_equal(sample.mesh.faces, before.mesh.faces)
-        (expected,) = settled(
+        (expected,) = resolve_penetration(
             before.mesh.vertices[None], before.mesh.faces, before.body[None], body_faces
         )
         np.testing.assert_array_equal(sample.mesh.vertices, expected)
@@ -236,7 +236,7 @@ def test_a_garment_that_is_not_sound_is_drawn_again(model, types, monkeypatch):
 
 def test_torn_garments_and_those_in_the_body_are_not_sound(model, types):
     sample = sample_garments(model, types, requests(1), seed=0, settle=False)[0]
-    body_faces = model.domain.faces["body"]
+    body_faces = model.body_template.faces["body"]
     outside = replace(sample.mesh, vertices=sample.mesh.vertices + np.float32(10))
     good = replace(sample, decoded=outside, piece=outside)
     assert good.sound(body_faces)
@@ -251,7 +251,7 @@ def test_torn_garments_and_those_in_the_body_are_not_sound(model, types):
 def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
     bodies = dict.fromkeys(GENDERS, toy_body)
     sampled = sample_garments(model, types, requests(3), seed=0, settle=False)
-    save_samples(tmp_path / "out", sampled, bodies, model.domain.faces["body"])
+    save_samples(tmp_path / "out", sampled, bodies, model.body_template.faces["body"])
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {f"0000{i}.{e}" for i in (1, 2, 3) for e in ("obj", "glb")} | {
         "samples.tsv",
@@ -329,7 +329,7 @@ def test_a_walk_across_types_changes_topology_where_the_mask_does(model, types, 
     steps = walk(model, types, (start, cvar), (end, cvar), 8)
     assert [step.type for step in steps] == [TROUSERS] * 4 + [DRESS] * 4
     for step in steps:
-        faces = model.domain.faces["skirt" if step.type == DRESS else "body"]
+        faces = model.body_template.faces["skirt" if step.type == DRESS else "body"]
         assert len(step.garment.faces) == len(faces_within(faces, half(step.type == DRESS)))
 
 

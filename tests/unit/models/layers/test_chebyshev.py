@@ -45,7 +45,7 @@ def test_a_sparse_matrix_is_its_dense_twin_and_so_are_its_gradients(laplacian):
 def test_a_matrix_follows_its_module_but_stays_out_of_checkpoints(laplacian):
     matrix = SparseMatrix(laplacian)
     assert not matrix.state_dict()
-    assert matrix.float().forth_value.dtype == torch.float32
+    assert matrix.float().forward_value.dtype == torch.float32
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])

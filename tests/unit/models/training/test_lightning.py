@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import torch
 
 from drapeline.models.training.lightning import begin, fit
-from drapeline.models.training.module import Trained, Training
+from drapeline.models.training.module import TrainableModule, Training
 from drapeline.storage import read_json
 
 
-class Line(Trained):
+class Line(TrainableModule):
     """One number that goes to zero."""
 
     def __init__(self):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.geometry.mesh import faces_within, rim_edges
+from drapeline.geometry.mesh import boundary_edges, faces_within
 from drapeline.registration.to_body.correspondence import BodyMesh, correspond
 from drapeline.registration.to_body.round_trip import round_trip
 
@@ -40,7 +40,7 @@ def test_a_patch_covers_what_lies_under_it_and_its_rim_is_met(body):
     assert out[match.mask].max() <= 0.006
     offsets = match.offsets(garment, vertices)
     rebuilt = (vertices + offsets)[match.mask]
-    for axis in (0, 1):  # drawn onto the rim exactly
+    for axis in (0, 1):  # drawn onto the boundary exactly
         assert rebuilt[:, axis].min() == pytest.approx(laid[:, axis].min(), abs=1e-6)
         assert rebuilt[:, axis].max() == pytest.approx(laid[:, axis].max(), abs=1e-6)
     assert not offsets[~match.mask].any()
@@ -124,8 +124,8 @@ def test_the_mask_is_one_piece_with_simple_borders(body):
     mask = rng.random(len(vertices)) < 0.75
     cleaned = mesh.cleaned(mask, np.zeros(len(mask), dtype=bool))
     assert mesh.islands(cleaned) == 0
-    rim = rim_edges(faces_within(mesh.faces, cleaned))
-    assert np.bincount(rim.ravel()).max() <= 2
+    boundary = boundary_edges(faces_within(mesh.faces, cleaned))
+    assert np.bincount(boundary.ravel()).max() <= 2
 
 
 def test_holes_are_counted_by_pieces(body):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body
-from drapeline.geometry.mesh import edges, rim_edges, triangulate, vertex_normals
+from drapeline.geometry.mesh import boundary_edges, edges, triangulate, vertex_normals
 from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.registrar import Registrar
@@ -78,7 +78,7 @@ def test_a_skirt_comes_back_from_its_offsets(made, skirt, first):
     assert found["garment_to_rebuilt_mean_mm"] < 3
     assert found["rebuilt_to_garment_mean_mm"] < 3
     assert found["holes_after"] == found["islands_after"] == 0
-    rim = np.unique(rim_edges(triangulate(skirt.faces)))
-    hem = wide[rim][:, 2].min()
+    boundary = np.unique(boundary_edges(triangulate(skirt.faces)))
+    hem = wide[boundary][:, 2].min()
     lowest = (body + done.offsets)[done.match.mask][:, 2].min()
     assert lowest == pytest.approx(hem, abs=0.01)

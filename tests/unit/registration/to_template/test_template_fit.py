@@ -171,7 +171,9 @@ def test_chamfer_terms_are_those_of_all_pairs(template, crooked):
     value, _ = Equation3(triangles, loops, target, only("chamfer"))(vertices)
     assert value == pytest.approx(both_ways(vertices, target.points))
     value, _ = Equation3(triangles, loops, target, only("boundary", 3.0))(vertices)
-    expected = np.mean([both_ways(vertices[loops[name]], target.rims[name]) for name in loops])
+    expected = np.mean(
+        [both_ways(vertices[loops[name]], target.boundaries[name]) for name in loops]
+    )
     assert value == pytest.approx(3 * expected)
 
 

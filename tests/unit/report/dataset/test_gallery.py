@@ -6,7 +6,7 @@ from PIL import Image
 
 from drapeline.rendering.camera import look_at
 from drapeline.rendering.contact_sheet import contact_sheet, text_card
-from drapeline.rendering.raytracer import Painted, studio_picture
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.dataset.gallery import render_gallery
 from tiny_sample import write_tiny_sample
 
@@ -67,7 +67,7 @@ def test_a_rejected_sample_gets_a_card(toy_body, tmp_path):
 
 
 def test_empty_backdrop_is_even_and_things_stand_where_the_camera_sees_them(camera):
-    picture = studio_picture([Painted(BOX, SIDES, (0.1, 0.2, 0.9))], camera, samples=16)
+    picture = raytrace([ColouredMesh(BOX, SIDES, (0.1, 0.2, 0.9))], camera, samples=16)
     assert (picture[:10] == BACKDROP).all()
     blue = picture[..., 2].astype(int) - picture[..., 0] > 40
     where, _ = camera.project(BOX)
@@ -78,7 +78,7 @@ def test_empty_backdrop_is_even_and_things_stand_where_the_camera_sees_them(came
 
 
 def test_shadow_lies_on_the_floor_and_away_from_the_lamp(camera):
-    picture = studio_picture([Painted(BOX, SIDES, (0.1, 0.2, 0.9))], camera, samples=16)
+    picture = raytrace([ColouredMesh(BOX, SIDES, (0.1, 0.2, 0.9))], camera, samples=16)
     grey = np.ptp(picture.astype(int), axis=2) <= 2
     rows, columns = np.nonzero(grey & (picture[..., 0] < BACKDROP - 15))
     (_, horizon), _ = camera.project(np.array([0.0, 1e6, 0.0]))
@@ -87,10 +87,10 @@ def test_shadow_lies_on_the_floor_and_away_from_the_lamp(camera):
 
 
 def test_the_nearer_thing_hides_the_other(camera):
-    near = Painted(BOX + [0, -1, 0], SIDES, (0.9, 0.1, 0.1))
-    far = Painted(BOX + [0, 1, 0], SIDES, (0.1, 0.1, 0.9))
+    near = ColouredMesh(BOX + [0, -1, 0], SIDES, (0.9, 0.1, 0.1))
+    far = ColouredMesh(BOX + [0, 1, 0], SIDES, (0.1, 0.1, 0.9))
     for parts in ([near, far], [far, near]):
-        middle = studio_picture(parts, camera, samples=4)[60:66, 44:52].reshape(-1, 3).mean(0)
+        middle = raytrace(parts, camera, samples=4)[60:66, 44:52].reshape(-1, 3).mean(0)
         assert middle[0] > middle[2] + 60
 
 

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from drapeline.dataset.reader import Sequence
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
@@ -59,7 +59,7 @@ def test_the_page_holds_the_sample_within_rounding(tmp_path, dataset):
     size = write_viewer(tmp_path / "x.html", folder)
     text, header, data = read_page(tmp_path / "x.html")
     assert size == (tmp_path / "x.html").stat().st_size
-    sequence = Sequence(folder)
+    sequence = Sample(folder)
     expected = sample_parts(sequence)
     found = parts_of(header, data)
     assert [part["name"] for part in header["parts"]] == ["Body", "Tshirt", "Skirt"]

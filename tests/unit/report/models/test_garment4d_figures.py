@@ -44,7 +44,7 @@ def made(monkeypatch):
         found.append(parts)
         return np.full((camera.height, camera.width, 3), 200, dtype=np.uint8)
 
-    monkeypatch.setattr(figures, "studio_picture", record)
+    monkeypatch.setattr(figures, "raytrace", record)
     return found
 
 

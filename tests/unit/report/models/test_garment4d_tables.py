@@ -139,7 +139,7 @@ def test_what_is_not_the_papers_is_said_where_it_holds(metrics, tmp_path):
         write_garment4d_page(
             tmp_path / "page.html",
             metrics,
-            located=ours,
+            body_relative_points=ours,
             balanced=ours,
             pulled=ours,
             smoothed=ours,
@@ -171,7 +171,7 @@ def test_registration_is_judged_against_its_targets(metrics, tmp_path):
     values = {
         "original_to_remeshed_mm": (2, 4),
         "remeshed_to_original_mm": (1, 1),
-        "rims_mm": (6, 12),
+        "boundaries_mm": (6, 12),
         "flipped_faces": (0, 2),
     }
     assert list(values) == [row["metric"] for row in rows]
@@ -184,8 +184,8 @@ def test_registration_is_judged_against_its_targets(metrics, tmp_path):
     write_errors(tmp_path / "both.tsv", found)
     write_garment4d_page(tmp_path / "page.html", metrics, [tmp_path / "both.tsv"])
     text = sections(tmp_path / "page.html")["Registration to the templates"]
-    near, exact, rims = "3.00, at most 4.00", "1.00, at most 1.00", "9.00, at most 12.00"
-    assert body_rows(text) == [["Skirt", "2", near, exact, rims, "2"]]
+    near, exact, boundaries = "3.00, at most 4.00", "1.00, at most 1.00", "9.00, at most 12.00"
+    assert body_rows(text) == [["Skirt", "2", near, exact, boundaries, "2"]]
     assert ">Flipped faces, total<" in text
     assert '"number good">3.00' in text
     assert '"number bad">9.00' in text
