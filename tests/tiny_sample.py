@@ -8,10 +8,10 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, save_body_sequence
-from drapeline.dataset.point_cache import write_point_cache
 from drapeline.dataset.writer import write_sample
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.point_cache import write_point_cache
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz, write_json

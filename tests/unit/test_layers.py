@@ -20,7 +20,7 @@ MAY_IMPORT = {
         "motions": ["bodies"],
         "outfits": ["bodies", "geometry"],
         "simulation": ["outfits", "bodies", "geometry"],
-        "dataset": ["simulation", "outfits", "motions", "bodies", "geometry"],
+        "dataset": ["outfits", "motions", "bodies", "geometry"],
         "experiment": ["dataset", "outfits", "motions", "bodies"],
         "registration": ["dataset", "outfits", "bodies", "geometry"],
         "learning_data": ["registration", "dataset", "outfits", "bodies", "geometry"],

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from drapeline.blender.picture import add_mesh, new_scene
+from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.frames import FPS
 from drapeline.outfits.fabrics import ClothParameters
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from drapeline.blender.picture import add_mesh, new_scene
+from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
-from drapeline.dataset.point_cache import point_cache_writer
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts, y_up
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh, save_obj
+from drapeline.geometry.point_cache import point_cache_writer
 from drapeline.storage import atomic_folder
 
 

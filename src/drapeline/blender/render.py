@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Matrix
 from PIL import Image
 
-from drapeline.blender.picture import add_mesh, new_scene
+from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import Part, sample_parts
 from drapeline.errors import InputError

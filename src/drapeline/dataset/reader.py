@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from drapeline.dataset.info_mat import SampleInfo, read_info
-from drapeline.dataset.point_cache import PointCache
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
 from drapeline.geometry.mesh import Mesh, load_obj
+from drapeline.geometry.point_cache import PointCache
 from drapeline.storage import load_npz, read_json
 
 if TYPE_CHECKING:

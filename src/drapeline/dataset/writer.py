@@ -11,11 +11,11 @@ from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
-from drapeline.dataset.point_cache import PointCache, point_cache_writer
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges, save_obj
+from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.outfits.outfit import Garment, load_outfit
 from drapeline.storage import (
     atomic_folder,

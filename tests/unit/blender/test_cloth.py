@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from drapeline.blender.cloth import ClothPiece, Solver, simulate_cloth
-from drapeline.dataset.point_cache import write_point_cache
 from drapeline.geometry.mesh import triangulate
+from drapeline.geometry.point_cache import write_point_cache
 from drapeline.outfits.fabrics import FABRICS, cloth_parameters
 from drapeline.simulation.health import beneath_share
 

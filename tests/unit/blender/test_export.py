@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial import KDTree
 
 from drapeline.blender.export import FORMATS, export_sample
-from drapeline.dataset.point_cache import PointCache
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import sample_parts, y_up
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import load_obj, vertex_normals
+from drapeline.geometry.point_cache import PointCache
 from tiny_sample import write_tiny_sample
 
 FRAMES = 5

@@ -8,8 +8,8 @@ from drapeline.blender import simulate
 from drapeline.blender.cloth import simulate_cloth
 from drapeline.blender.simulate import simulate_outfit
 from drapeline.bodies.sequence import make_body_sequence
-from drapeline.dataset.point_cache import PointCache
 from drapeline.frames import REST_POSE
+from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.settings import SimulationSettings

@@ -6,7 +6,6 @@ import pytest
 
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.info_mat import SampleInfo, read_info
-from drapeline.dataset.point_cache import PointCache, PointCacheWriter, point_cache_writer
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import body_fingerprint
 from drapeline.dataset.writer import (
@@ -18,6 +17,7 @@ from drapeline.dataset.writer import (
 from drapeline.errors import InputError
 from drapeline.frames import PARENTS, REST_POSE
 from drapeline.geometry.mesh import Mesh, load_obj, triangulate
+from drapeline.geometry.point_cache import PointCache, PointCacheWriter, point_cache_writer
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz
 from tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample

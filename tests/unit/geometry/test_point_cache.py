@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drapeline.dataset.point_cache import (
+from drapeline.errors import InputError
+from drapeline.geometry.point_cache import (
     SUFFIXES,
     PointCache,
     half_to_single,
     point_cache_writer,
     write_point_cache,
 )
-from drapeline.errors import InputError
 
 
 @pytest.fixture

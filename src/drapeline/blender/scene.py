@@ -1,0 +1,35 @@
+"""Blender scenes and the meshes in them."""
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+
+def add_mesh(
+    name: str,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    colour: Sequence[float] = (0.6, 0.6, 0.6),
+) -> bpy.types.Object:
+    """Add a smooth-shaded mesh object, vertices (V, 3) metres, to the current scene."""
+    data = bpy.data.meshes.new(name)
+    count, size = faces.shape
+    data.vertices.add(len(vertices))
+    data.vertices.foreach_set("co", np.ascontiguousarray(vertices, dtype=np.float32).ravel())
+    data.loops.add(count * size)
+    data.loops.foreach_set("vertex_index", np.ascontiguousarray(faces, dtype=np.int32).ravel())
+    data.polygons.add(count)
+    data.polygons.foreach_set("loop_start", np.arange(0, count * size, size, dtype=np.int32))
+    data.polygons.foreach_set("use_smooth", np.ones(count, dtype=bool))
+    data.update(calc_edges=True)
+    thing = bpy.data.objects.new(name, data)
+    thing.color = (*colour, 1.0)
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def new_scene() -> bpy.types.Scene:
+    """An empty Blender file with an empty scene."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return bpy.context.scene
