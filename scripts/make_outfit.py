@@ -20,7 +20,7 @@ with rule_log(snakemake.log[0]) as log:
         load_body(snakemake.input.body),
         gender=snakemake.params.gender,
         shape=load_body_sequence(snakemake.input.animation).shape,
-        kind=snakemake.params.kind,
+        outfit_type=snakemake.params.outfit_type,
         edge_length_m=snakemake.params.edge_length_m,
         vertices_min=snakemake.params.vertices_min,
         ranges=OutfitRanges(

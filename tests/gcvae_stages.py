@@ -10,7 +10,7 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.learning_data.static import collect_static
 from drapeline.registration.to_body.hierarchy import build_hierarchy, level_counts, save_hierarchy
-from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import build_topology, save_topology
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
@@ -25,7 +25,7 @@ SETTINGS = {
 
 def write_stages(folder: Path, body: BodyModel) -> dict[str, Path]:
     """Body, topology, hierarchy and static data: inputs of `train_svae` by name."""
-    refined = super_body({"female": body, "male": body}, VERTICES)
+    refined = build_super_body({"female": body, "male": body}, VERTICES)
     topology = build_topology(refined)
     files = {name: folder / f"{name}.npz" for name in (*GENDERS, "topology", "hierarchy")}
     for gender in GENDERS:

@@ -5,14 +5,16 @@ import pytest
 from PIL import Image
 
 from drapeline.registration.to_body.hierarchy import POOLINGS, load_hierarchy
-from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import build_topology, save_topology
 
 
 @pytest.fixture
 def topology(tmp_path, toy_body):
     path = tmp_path / "topology.npz"
-    save_topology(path, build_topology(super_body({"female": toy_body, "male": toy_body}, 1600)))
+    save_topology(
+        path, build_topology(build_super_body({"female": toy_body, "male": toy_body}, 1600))
+    )
     return path
 
 

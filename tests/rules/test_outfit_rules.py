@@ -13,7 +13,7 @@ from drapeline.outfits.outfit import load_outfit
 PARAMS = {
     "seed": 5,
     "gender": "female",
-    "kind": "Top+Skirt",
+    "outfit_type": "Top+Skirt",
     "edge_length_m": 0.05,
     "vertices_min": 0,
     "tightness_range": [-0.5, 0.5],
@@ -52,7 +52,7 @@ def make(run_rule, stages, **changes):
     return load_outfit(stages / "outfit.npz", stages / "outfit.json")
 
 
-def test_an_outfit_is_made_of_the_kind_and_ranges_asked_for(run_rule, stages):
+def test_an_outfit_is_made_of_the_type_and_ranges_asked_for(run_rule, stages):
     outfit = make(run_rule, stages)
     assert [g.name for g in outfit.garments] == ["Skirt", "Top"]
     assert np.abs(outfit.tightness).max() <= 0.5

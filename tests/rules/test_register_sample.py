@@ -17,11 +17,11 @@ from tiny_sample import write_tiny_sample
 
 @pytest.fixture(scope="module")
 def supers(tmp_path_factory, toy_body):
-    from drapeline.registration.to_body.super_body import super_body
+    from drapeline.registration.to_body.super_body import build_super_body
     from drapeline.registration.to_body.topology import build_topology, save_topology
 
     folder = tmp_path_factory.mktemp("super")
-    refined = super_body({"female": toy_body, "male": toy_body}, 3000)
+    refined = build_super_body({"female": toy_body, "male": toy_body}, 3000)
     save_topology(folder / "topology.npz", build_topology(refined))
     for gender, body in refined.bodies.items():
         save_body(folder / f"{gender}.npz", body)

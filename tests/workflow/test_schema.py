@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import checked_settings
-from drapeline.outfits.garment_types import KINDS
+from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.settings import SimulationSettings
 
@@ -46,8 +46,8 @@ def test_shipped_configs_fit(name):
 
 
 def test_every_outfit_can_be_asked_for():
-    kinds = SCHEMA["properties"]["outfits"]["properties"]["kinds"]
-    assert set(kinds["items"]["enum"]) == set(kinds["default"]) == set(KINDS)
+    types = SCHEMA["properties"]["outfits"]["properties"]["types"]
+    assert set(types["items"]["enum"]) == set(types["default"]) == set(OUTFIT_TYPES)
 
 
 @pytest.mark.parametrize("path", ["simulation/settings", "garment4d/posed/network"])

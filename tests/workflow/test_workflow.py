@@ -53,7 +53,7 @@ def test_each_size_plans_every_step(config, tmp_path):
             "static.test_share 0, which puts none of 24 into test",
         ),
         (
-            {"outfits": {"kinds": ["Jumpsuit"]}, "garment4d": {"skinned": {"shards": 0}}},
+            {"outfits": {"types": ["Jumpsuit"]}, "garment4d": {"skinned": {"shards": 0}}},
             "the plan has 0 sequences of a",
         ),
     ],

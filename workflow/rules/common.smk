@@ -26,7 +26,7 @@ from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
 from drapeline.models.gcvae.variants import dynamic_conditions, laid_over, pooling_of
 from drapeline.outfits.static_plan import plan_static
-from drapeline.outfits.garment_types import KINDS, TEMPLATE_TYPES
+from drapeline.outfits.garment_types import OUTFIT_TYPES, TEMPLATE_TYPES
 from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.config import checked_settings
 from drapeline.experiment.source_digest import Sources
@@ -54,7 +54,7 @@ try:
         val_share=config["samples"]["val_share"],
         test_share=config["samples"]["test_share"],
         female_share=config["body"]["female_share"],
-        kinds=config["outfits"]["kinds"],
+        outfit_types=config["outfits"]["types"],
         male_skirts=config["outfits"]["male_skirts"],
     )
     STATIC = plan_static(
@@ -63,7 +63,7 @@ try:
         config["static"]["shard_size"],
         {split: config["static"][f"{split}_share"] for split in ("val", "test")},
         female_share=config["body"]["female_share"],
-        kinds=KINDS,
+        outfit_types=OUTFIT_TYPES,
         male_skirts=config["outfits"]["male_skirts"],
     )
 except (InputError, OSError) as error:
@@ -78,7 +78,7 @@ SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
 TEMPLATE_WEARERS = [
     sample
     for sample, planned in SAMPLES.items()
-    if set(planned.kind.split("+")) & set(TEMPLATE_TYPES)
+    if set(planned.outfit_type.split("+")) & set(TEMPLATE_TYPES)
 ]
 RECONSTRUCT = config["garment4d"]["reconstruct"]
 # Networks of several kinds are trained side by side; more threads each would only slow all down.
@@ -157,7 +157,9 @@ def own_garment_files(wildcards):
     """The user's own OBJ files among the garments of this sample."""
     own = config["outfits"]["own_garments"]
     return [
-        own[name] for name in SAMPLES[wildcards.sample].kind.split("+") if name in own
+        own[name]
+        for name in SAMPLES[wildcards.sample].outfit_type.split("+")
+        if name in own
     ]
 
 

@@ -42,7 +42,7 @@ rule make_outfit:
     params:
         seed=config["seed"],
         gender=plan("gender"),
-        kind=plan("kind"),
+        outfit_type=plan("outfit_type"),
         edge_length_m=lookup(dpath="outfits/edge_length_m", within=config),
         vertices_min=lookup(dpath="outfits/vertices_min", within=config),
         tightness_range=lookup(dpath="outfits/tightness_range", within=config),

@@ -4,7 +4,7 @@ REGISTRATION_FILES = expand(
 )
 
 
-rule super_body:
+rule build_super_body:
     input:
         female=body_file("female"),
         male=body_file("male"),
@@ -13,9 +13,9 @@ rule super_body:
         male=f"{RESULTS}/registration/body/male.npz",
         topology=f"{RESULTS}/registration/topology.npz",
     log:
-        f"{LOGS}/super_body.log",
+        f"{LOGS}/build_super_body.log",
     benchmark:
-        f"{BENCHMARKS}/super_body.tsv"
+        f"{BENCHMARKS}/build_super_body.tsv"
     conda:
         "../../envs/geometry.yaml"
     threads: 1
@@ -24,9 +24,9 @@ rule super_body:
         runtime=10,
     params:
         vertices=lookup(dpath="registration/vertices", within=config),
-        code=source_hash("super_body"),
+        code=source_hash("build_super_body"),
     script:
-        "../../scripts/super_body.py"
+        "../../scripts/build_super_body.py"
 
 
 rule build_hierarchy:

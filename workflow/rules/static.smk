@@ -1,4 +1,4 @@
-rule static_outfits:
+rule make_static_outfits:
     input:
         **{f"{gender}_body": body_file(gender) for gender in GENDERS},
         **{
@@ -9,9 +9,9 @@ rule static_outfits:
         arrays=f"{RESULTS}/static/outfits/{{shard}}.npz",
         parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
     log:
-        f"{LOGS}/static_outfits/{{shard}}.log",
+        f"{LOGS}/make_static_outfits/{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/static_outfits/{{shard}}.tsv"
+        f"{BENCHMARKS}/make_static_outfits/{{shard}}.tsv"
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
@@ -25,9 +25,9 @@ rule static_outfits:
         shape_range=lookup(dpath="body/shape_range", within=config),
         edge_length_m=lookup(dpath="static/edge_length_m", within=config),
         tightness_range=lookup(dpath="outfits/tightness_range", within=config),
-        code=source_hash("static_outfits"),
+        code=source_hash("make_static_outfits"),
     script:
-        "../../scripts/static_outfits.py"
+        "../../scripts/make_static_outfits.py"
 
 
 rule register_static:

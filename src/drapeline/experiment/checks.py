@@ -120,12 +120,12 @@ def planned_sequences(
         *(
             PlannedSequence("simulated", one.split, one.stop - one.start)
             for one in samples
-            if garment in one.kind.split("+")
+            if garment in one.outfit_type.split("+")
         ),
         *(
             PlannedSequence("skinned", one.split, frames)
             for one in outfits
-            if garment in one.kind.split("+") and one.split in moving
+            if garment in one.outfit_type.split("+") and one.split in moving
         ),
     ]
 
@@ -154,16 +154,16 @@ def require_sequences(
     train = [one for one in planned if one.split == "train"]
     val = [one for one in planned if one.split == "val"]
     own = [one for one in train if one.source in sources]
-    for split, found, least, kinds in (
+    for split, found, least, origin in (
         ("train", train, _SPACE_GARMENTS, "of any source"),
         ("train", own, 1, f"of garment4d.{stage}.training.sources ({', '.join(sources)})"),
         ("val", val, 1, "of any source"),
     ):
         if len(found) < least:
             raise InputError(
-                f"the plan has {len(found)} sequences of a {garment} for {split} {kinds}, expected"
-                f" {least} or more; outfits.kinds, samples.count, the shares of the splits and"
-                " garment4d.skinned.shards decide"
+                f"the plan has {len(found)} sequences of a {garment} for {split} {origin},"
+                f" expected {least} or more; outfits.types, samples.count, the shares of the"
+                " splits and garment4d.skinned.shards decide"
             )
     seen = own + ([one for one in val if one.source in sources] or val)
     shortest = min(seen, key=lambda one: one.frames)

@@ -8,7 +8,7 @@ from itertools import cycle, islice
 from drapeline.dataset.splits import SPLITS, SplitItem, split_samples
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.outfits.garment_types import kinds_by_gender
+from drapeline.outfits.garment_types import outfit_types_by_gender
 from drapeline.seeding import rng_for
 
 
@@ -22,7 +22,7 @@ class SamplePlan:
         part: number k of the sub-sequence ``{sequence}_s{k}``.
         start, stop: its frames in the clip at 30 fps.
         gender: "female" or "male".
-        kind: garments from inner to outer, joined by "+".
+        outfit_type: garments from inner to outer, joined by "+".
         split: "train", "val" or "test".
     """
 
@@ -32,7 +32,7 @@ class SamplePlan:
     start: int
     stop: int
     gender: str
-    kind: str
+    outfit_type: str
     split: str
 
     @property
@@ -43,7 +43,7 @@ class SamplePlan:
     @property
     def removable(self) -> str:
         """Which parts of the body the outfit surely leaves bare, for self-collisions (3.1)."""
-        return "forearms" if self.kind.startswith("Top") else "hands"
+        return "forearms" if self.outfit_type.startswith("Top") else "hands"
 
 
 def sub_sequences(
@@ -70,7 +70,7 @@ def plan_samples(
     val_share: float,
     test_share: float,
     female_share: float,
-    kinds: Sequence[str],
+    outfit_types: Sequence[str],
     male_skirts: bool,
 ) -> dict[str, SamplePlan]:
     """Plan every sample (CLOTH3D 3: one outfit and body per sub-sequence, genders 2:1).
@@ -84,8 +84,8 @@ def plan_samples(
         count: number of samples; None means every sub-sequence once.
         val_share, test_share: shares of the samples.
         female_share: share of female bodies, met exactly up to rounding.
-        kinds: outfits to take turns over, in each split anew; one named twice is worn twice
-            as often.
+        outfit_types: some of `OUTFIT_TYPES`, to take turns over in each split anew; a type named
+            twice is worn twice as often.
         male_skirts: whether male bodies wear skirts and dresses.
 
     Raises:
@@ -114,11 +114,15 @@ def plan_samples(
     )
     splits = [split_of[sample] for sample in ids]
     genders = _genders(seed, splits, female_share)
-    outfits = _outfits(genders, splits, kinds, male_skirts)
+    outfits = _outfits(genders, splits, outfit_types, male_skirts)
     plans = {}
-    for sample, (name, part), gender, kind in zip(ids, chosen, genders, outfits, strict=True):
+    for sample, (name, part), gender, outfit_type in zip(
+        ids, chosen, genders, outfits, strict=True
+    ):
         start, stop = pieces[name][part]
-        plans[sample] = SamplePlan(sample, name, part, start, stop, gender, kind, split_of[sample])
+        plans[sample] = SamplePlan(
+            sample, name, part, start, stop, gender, outfit_type, split_of[sample]
+        )
     return plans
 
 
@@ -148,16 +152,20 @@ def _genders(seed: int, splits: Sequence[str], female_share: float) -> list[str]
 
 
 def _outfits(
-    genders: Sequence[str], splits: Sequence[str], kinds: Sequence[str], male_skirts: bool
+    genders: Sequence[str], splits: Sequence[str], outfit_types: Sequence[str], male_skirts: bool
 ) -> list[str]:
     """Outfit of each sample: of those its gender may wear the one its split used least so far.
 
-    Small splits then wear the first kinds of the list, so that a type of garment which is tested
+    Small splits then wear the first types of the list, so that a garment type which is tested
     was trained too. In each split males choose first: what they cannot wear is left to females.
     """
-    allowed = kinds_by_gender(kinds, male_skirts=male_skirts, males="male" in genders)
+    allowed = outfit_types_by_gender(outfit_types, male_skirts=male_skirts, males="male" in genders)
     slots = {
-        gender: [(kind, list(kinds[:i]).count(kind)) for i, kind in enumerate(kinds) if kind in own]
+        gender: [
+            (name, list(outfit_types[:i]).count(name))
+            for i, name in enumerate(outfit_types)
+            if name in own
+        ]
         for gender, own in allowed.items()
     }
     used: Counter[tuple[str, tuple[str, int]]] = Counter()

@@ -10,8 +10,8 @@ GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
 SKIRTS = ("Skirt", "Dress")
 # Types that Garment4D has templates of.
 TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
-# Every combination of garments that makes an outfit, inner to outer.
-KINDS = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
+# Every combination of garment types that makes an outfit.
+OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
 
 
 Item = TypeVar("Item")
@@ -31,26 +31,28 @@ def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
     return [found[garment] for garment in GARMENTS if garment in found]
 
 
-def kinds_by_gender(
-    kinds: Sequence[str], *, male_skirts: bool, males: bool
+def outfit_types_by_gender(
+    outfit_types: Sequence[str], *, male_skirts: bool, males: bool
 ) -> dict[str, list[str]]:
     """Which of the wanted outfits bodies of each gender may wear.
 
     Args:
-        kinds: some of `KINDS`.
+        outfit_types: some of `OUTFIT_TYPES`.
         male_skirts: whether male bodies wear skirts and dresses too.
         males: whether there are male bodies at all.
 
     Returns:
-        Gender -> kinds, in the given order.
+        Gender -> outfit types, in the given order.
 
     Raises:
-        InputError: no kind is left for male bodies.
+        InputError: male bodies are left with nothing to wear.
     """
-    bare = [kind for kind in kinds if male_skirts or not set(SKIRTS) & set(kind.split("+"))]
-    if males and not bare:
+    for_males = [
+        name for name in outfit_types if male_skirts or not set(SKIRTS) & set(name.split("+"))
+    ]
+    if males and not for_males:
         raise InputError(
-            f"outfits.kinds is {', '.join(kinds)}, which leaves nothing for male bodies to wear;"
-            " expected one without a skirt, or outfits.male_skirts: true"
+            f"outfits.types is {', '.join(outfit_types)}, which leaves nothing for male bodies to"
+            " wear; expected a type without a skirt, or outfits.male_skirts: true"
         )
-    return {"female": list(kinds), "male": bare}
+    return {"female": list(outfit_types), "male": for_males}

@@ -128,10 +128,10 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
 
 
 def sample_numbers(
-    rng: np.random.Generator, kind: str, ranges: OutfitRanges
+    rng: np.random.Generator, outfit_type: str, ranges: OutfitRanges
 ) -> list[tuple[str, dict[str, Any]]]:
     """Every random number of an outfit: (garment name, description) from inner to outer."""
-    names = kind.split("+")
+    names = outfit_type.split("+")
     whole = names[0] in ("Jumpsuit", "Dress")
     out = []
     for name in names:
@@ -190,7 +190,7 @@ def sample_outfit(
     *,
     gender: str,
     shape: np.ndarray,
-    kind: str,
+    outfit_type: str,
     edge_length_m: float,
     vertices_min: int = 0,
     ranges: OutfitRanges | None = None,
@@ -201,7 +201,7 @@ def sample_outfit(
     Args:
         templates: of the body's gender.
         shape: (10,) the wearer's shape coefficients.
-        kind: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
+        outfit_type: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
         edge_length_m: mean edge length wanted.
         vertices_min: a garment that would have fewer vertices gets shorter edges.
         ranges: what is drawn from; the defaults if None.
@@ -214,7 +214,7 @@ def sample_outfit(
         Garments in rest pose, outside the body of the wearer's shape plus tightness.
     """
     ranges = ranges or OutfitRanges()
-    numbers = sample_numbers(rng, kind, ranges)
+    numbers = sample_numbers(rng, outfit_type, ranges)
     tightness = np.array([uniform(rng, ranges.tightness), uniform(rng, ranges.tightness)])
     return make_outfit(
         numbers,

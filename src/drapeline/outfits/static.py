@@ -61,7 +61,7 @@ def make_static(
                 bodies[plan.gender],
                 gender=plan.gender,
                 shape=sample_shape(rng_for(seed, "static", plan.name, "shape"), shape_range),
-                kind=plan.kind,
+                outfit_type=plan.outfit_type,
                 edge_length_m=edge_length_m,
                 ranges=ranges,
             ),

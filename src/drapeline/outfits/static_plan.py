@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.frames import GENDERS
-from drapeline.outfits.garment_types import GARMENTS, kinds_by_gender
+from drapeline.outfits.garment_types import GARMENTS, outfit_types_by_gender
 from drapeline.seeding import rng_for
 
 _GOLDEN = (5**0.5 - 1) / 2
@@ -19,14 +19,14 @@ class StaticPlan:
     Attributes:
         name: "s" and five digits.
         gender: "female" or "male".
-        kind: garments joined by "+".
+        outfit_type: garments joined by "+".
         split: "train", "val" or "test".
         shard: the file it goes to.
     """
 
     name: str
     gender: str
-    kind: str
+    outfit_type: str
     split: str
     shard: str
 
@@ -37,7 +37,7 @@ def plan_static(
     shard_size: int,
     shares: Mapping[str, float],
     female_share: float,
-    kinds: Sequence[str],
+    outfit_types: Sequence[str],
     male_skirts: bool,
 ) -> dict[str, list[StaticPlan]]:
     """Plan every static outfit; types of garments come out as even as genders allow.
@@ -48,46 +48,47 @@ def plan_static(
         shard_size: outfits per file, the last file may have fewer.
         shares: "val" and "test", shares of the outfits; the rest is for training.
         female_share: share of female bodies, met exactly up to rounding.
-        kinds: outfits to choose from.
+        outfit_types: some of `OUTFIT_TYPES`.
         male_skirts: whether male bodies wear skirts and dresses too.
 
     Returns:
-        Shard name -> its plans. Kinds and genders are spread evenly over the splits.
+        Shard name -> its plans. Types and genders are spread evenly over the splits.
 
     Raises:
-        InputError: no kind is left for male bodies.
+        InputError: male bodies are left with nothing to wear.
     """
     females = round(count * female_share)
-    allowed = kinds_by_gender(kinds, male_skirts=male_skirts, males=females < count)
+    allowed = outfit_types_by_gender(outfit_types, male_skirts=male_skirts, males=females < count)
     rng = rng_for(seed, "static plan")
     genders = rng.permutation([GENDERS[0]] * females + [GENDERS[1]] * (count - females)).tolist()
-    chosen = _even_kinds(genders, allowed)
+    chosen = _even_types(genders, allowed)
     splits = _even_splits(rng, list(zip(chosen, genders, strict=True)), shares)
     digits = len(str((count - 1) // shard_size))
     plans: dict[str, list[StaticPlan]] = {}
-    for i, (gender, kind, split) in enumerate(zip(genders, chosen, splits, strict=True)):
+    for i, (gender, outfit_type, split) in enumerate(zip(genders, chosen, splits, strict=True)):
         shard = f"{i // shard_size:0{max(digits, 3)}d}"
-        plan = StaticPlan(f"s{i + 1:05d}", gender, kind, split, shard)
+        plan = StaticPlan(f"s{i + 1:05d}", gender, outfit_type, split, shard)
         plans.setdefault(shard, []).append(plan)
     return plans
 
 
-def _even_kinds(genders: Sequence[str], allowed: Mapping[str, Sequence[str]]) -> list[str]:
-    """For each outfit in turn the kind whose garments are the rarest so far.
+def _even_types(genders: Sequence[str], allowed: Mapping[str, Sequence[str]]) -> list[str]:
+    """For each outfit in turn the type whose garments are the rarest so far.
 
     Males choose first: what they cannot wear is then made up for by females.
     """
     worn, used = dict.fromkeys(GARMENTS, 0), dict.fromkeys(allowed["female"], 0)
     chosen = [""] * len(genders)
     for i in sorted(range(len(genders)), key=lambda i: genders[i] == GENDERS[0]):
-        names = {kind: kind.split("+") for kind in allowed[genders[i]]}
+        garments = {name: name.split("+") for name in allowed[genders[i]]}
         rarity = {
-            kind: (sum(worn[n] for n in ns) / len(ns), used[kind]) for kind, ns in names.items()
+            name: (sum(worn[g] for g in parts) / len(parts), used[name])
+            for name, parts in garments.items()
         }
         chosen[i] = min(rarity, key=rarity.__getitem__)
         used[chosen[i]] += 1
-        for name in names[chosen[i]]:
-            worn[name] += 1
+        for garment in garments[chosen[i]]:
+            worn[garment] += 1
     return chosen
 
 

@@ -83,12 +83,12 @@ def test_an_empty_split_is_named_where_it_is_needed():
         require_splits([], ["train"], group="static", shares=SHARES)
 
 
-def sample(kind, split, frames=60):
-    return SamplePlan("00001", "walk", 0, 30, 30 + frames, "female", kind, split)
+def sample(outfit_type, split, frames=60):
+    return SamplePlan("00001", "walk", 0, 30, 30 + frames, "female", outfit_type, split)
 
 
-def outfit(kind, split):
-    return StaticPlan("s00001", "female", kind, split, "000")
+def outfit(outfit_type, split):
+    return StaticPlan("s00001", "female", outfit_type, split, "000")
 
 
 def test_sequences_of_a_type_are_those_who_wear_it_and_static_ones_of_splits_that_move():

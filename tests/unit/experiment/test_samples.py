@@ -5,7 +5,7 @@ import pytest
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.experiment.samples import plan_samples, sub_sequences
-from drapeline.outfits.garment_types import KINDS
+from drapeline.outfits.garment_types import OUTFIT_TYPES
 
 FRAMES = {"walk": 120, "run": 125, "jump": 60, "dance": 59, "crawl": 70, "spin": 130}
 
@@ -18,7 +18,7 @@ def plan(seed=1, count=18, **changes):
         "val_share": 0.2,
         "test_share": 0.2,
         "female_share": 2 / 3,
-        "kinds": KINDS,
+        "outfit_types": OUTFIT_TYPES,
         "male_skirts": False,
     }
     return plan_samples(seed, FRAMES, **{**settings, **changes})
@@ -61,22 +61,22 @@ def test_genders_are_two_to_one_up_to_rounding_and_mixed_in_every_split(count, s
 
 def test_outfits_are_balanced_and_men_wear_no_skirts_unless_asked():
     plans = plan(count=90).values()
-    worn = Counter(s.kind for s in plans)
-    men = Counter(s.kind for s in plans if s.gender == "male")
-    assert set(worn) == set(KINDS)
+    worn = Counter(s.outfit_type for s in plans)
+    men = Counter(s.outfit_type for s in plans if s.gender == "male")
+    assert set(worn) == set(OUTFIT_TYPES)
     assert max(worn.values()) - min(worn.values()) <= 3  # one for each split
     assert set(men) == {"Tshirt+Trousers", "Top+Trousers", "Jumpsuit"}
     assert "Dress" in {
-        s.kind for s in plan(count=90, male_skirts=True).values() if s.gender == "male"
+        s.outfit_type for s in plan(count=90, male_skirts=True).values() if s.gender == "male"
     }
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_every_split_wears_the_first_kinds_and_one_named_twice_is_worn_twice(seed):
-    kinds = ["Tshirt+Trousers", "Tshirt+Skirt", "Dress", "Jumpsuit", "Dress"]
+def test_every_split_wears_the_first_types_and_one_named_twice_is_worn_twice(seed):
+    outfit_types = ["Tshirt+Trousers", "Tshirt+Skirt", "Dress", "Jumpsuit", "Dress"]
     worn = {}
-    for sample in plan(seed, count=30, kinds=kinds).values():
-        worn.setdefault(sample.split, Counter())[sample.kind] += 1
+    for sample in plan(seed, count=30, outfit_types=outfit_types).values():
+        worn.setdefault(sample.split, Counter())[sample.outfit_type] += 1
     for split in worn.values():
         assert split["Tshirt+Trousers"]
         assert split["Tshirt+Skirt"]
@@ -109,10 +109,10 @@ def test_a_least_length_above_the_length_is_named():
 
 def test_nothing_to_wear_is_named():
     with pytest.raises(InputError, match="nothing for male bodies to wear"):
-        plan(kinds=["Dress", "Top+Skirt"])
+        plan(outfit_types=["Dress", "Top+Skirt"])
 
 
 def test_sub_sequences_are_named_as_in_cloth3d_and_tops_leave_the_arms_bare():
     for sample in plan().values():
         assert sample.sub_sequence == f"{sample.sequence}_s{sample.start // 60}"
-        assert (sample.removable == "forearms") == ("Top" in sample.kind)
+        assert (sample.removable == "forearms") == ("Top" in sample.outfit_type)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.outfits.garment_types import KINDS
+from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.seeding import rng_for
@@ -18,19 +18,19 @@ def templates(toy_body):
 
 @pytest.fixture(scope="session")
 def outfits(toy_body, templates):
-    """One outfit of every kind."""
-    shapes = rng_for(5, "shape").uniform(-1, 1, (len(KINDS), 10))
+    """One outfit of every type."""
+    shapes = rng_for(5, "shape").uniform(-1, 1, (len(OUTFIT_TYPES), 10))
     return {
-        kind: sample_outfit(
-            rng_for(5, kind),
+        outfit_type: sample_outfit(
+            rng_for(5, outfit_type),
             templates,
             toy_body,
             gender="female",
             shape=shape,
-            kind=kind,
+            outfit_type=outfit_type,
             edge_length_m=EDGE_M,
         )
-        for kind, shape in zip(KINDS, shapes, strict=True)
+        for outfit_type, shape in zip(OUTFIT_TYPES, shapes, strict=True)
     }
 
 

@@ -11,7 +11,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import boundary_loops, edge_counts, edges, triangulate
 from drapeline.geometry.signed_distance import SignedDistance
 from drapeline.outfits.distributions import OutfitRanges
-from drapeline.outfits.garment_types import GARMENTS, KINDS
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.outfit import load_outfit, sample_numbers, sample_outfit
 from drapeline.outfits.templates import load_templates
 from drapeline.outfits.user_garment import mean_edge_m
@@ -21,18 +21,18 @@ from drapeline.storage import save_npz
 ARRAYS = ("vertices", "faces", "uv", "uv_faces", "pin", "elastic")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_garment_starts_inside_the_body(outfits, toy_body, kind):
-    outfit = outfits[kind]
+@pytest.mark.parametrize("outfit_type", OUTFIT_TYPES)
+def test_no_garment_starts_inside_the_body(outfits, toy_body, outfit_type):
+    outfit = outfits[outfit_type]
     body = rest_body(toy_body, tightness_shape(outfit.shape, outfit.tightness, outfit.gender))
     for garment in outfit.garments:
         distance, _ = SignedDistance(body, toy_body.faces).outside(garment.vertices)
         assert distance.min() > 0.0045
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if "+" in kind])
-def test_the_upper_garment_lies_over_the_lower_one(outfits, kind):
-    inner, outer = outfits[kind].garments
+@pytest.mark.parametrize("outfit_type", [name for name in OUTFIT_TYPES if "+" in name])
+def test_the_upper_garment_lies_over_the_lower_one(outfits, outfit_type):
+    inner, outer = outfits[outfit_type].garments
     assert inner.name in ("Trousers", "Skirt")
     assert outer.name in ("Tshirt", "Top")
     distance, _ = SignedDistance(inner.vertices, triangulate(inner.faces)).outside(outer.vertices)
@@ -48,7 +48,7 @@ def test_same_seed_same_outfit(outfits, toy_body, templates):
         toy_body,
         gender="female",
         shape=first.shape,
-        kind="Tshirt+Trousers",
+        outfit_type="Tshirt+Trousers",
         edge_length_m=0.025,
     )
     for a, b in zip(first.garments, again.garments, strict=True):
@@ -128,19 +128,19 @@ def test_elastic_marks_are_on_the_ends_that_have_it(outfits):
     assert seen
 
 
-def numbers_of(index, kind, ranges=None):
-    return sample_numbers(rng_for(3, index), kind, ranges or OutfitRanges())
+def numbers_of(index, outfit_type, ranges=None):
+    return sample_numbers(rng_for(3, index), outfit_type, ranges or OutfitRanges())
 
 
 def test_ten_thousand_outfits_are_all_different():
-    seen = {json.dumps(numbers_of(k, KINDS[k % len(KINDS)])) for k in range(10_000)}
+    seen = {json.dumps(numbers_of(k, OUTFIT_TYPES[k % len(OUTFIT_TYPES)])) for k in range(10_000)}
     assert len(seen) == 10_000
 
 
 def test_upper_garments_are_cotton_or_silk_and_the_others_anything():
     upper, other = set(), set()
     for k in range(300):
-        for name, about in numbers_of(k, KINDS[k % len(KINDS)]):
+        for name, about in numbers_of(k, OUTFIT_TYPES[k % len(OUTFIT_TYPES)]):
             (upper if name in ("Tshirt", "Top") else other).add(about["fabric"])
     assert upper == {"cotton", "silk"}
     assert other == {"cotton", "silk", "denim", "leather"}
@@ -161,7 +161,7 @@ def test_elastics_have_the_chance_they_are_given(chance):
 def test_numbers_stay_in_their_ranges():
     ranges = OutfitRanges()
     for k in range(200):
-        for name, about in numbers_of(k, KINDS[k % len(KINDS)]):
+        for name, about in numbers_of(k, OUTFIT_TYPES[k % len(OUTFIT_TYPES)]):
             parts = about["parameters"]
             if "trousers" in parts:
                 for key, value in parts["trousers"].items():
@@ -183,7 +183,7 @@ def test_small_garments_get_shorter_edges_where_a_vertex_count_is_asked_for(toy_
             toy_body,
             gender="female",
             shape=np.zeros(10),
-            kind="Top+Skirt",
+            outfit_type="Top+Skirt",
             edge_length_m=0.04,
             vertices_min=least,
         )
@@ -202,7 +202,7 @@ def test_positive_tightness_makes_smaller_garments(toy_body, templates):
             toy_body,
             gender="female",
             shape=np.zeros(10),
-            kind="Tshirt+Trousers",
+            outfit_type="Tshirt+Trousers",
             edge_length_m=0.03,
             ranges=ranges,
         )

@@ -51,7 +51,7 @@ def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_bod
         toy_body,
         gender="female",
         shape=np.zeros(10),
-        kind="Tshirt+Skirt",
+        outfit_type="Tshirt+Skirt",
         edge_length_m=0.03,
         own={"Skirt": path},
     )

@@ -62,7 +62,7 @@ class SuperBody:
         return next(iter(self.bodies.values())).faces
 
 
-def super_body(bodies: Mapping[str, BodyModel], vertices: int = VERTICES) -> SuperBody:
+def build_super_body(bodies: Mapping[str, BodyModel], vertices: int = VERTICES) -> SuperBody:
     """Cut and refine the bodies of all genders alike.
 
     Args:

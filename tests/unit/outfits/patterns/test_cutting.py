@@ -193,8 +193,8 @@ def test_random_garments_are_sound_at_every_resolution(templates, edge_m):
     ranges = OutfitRanges()
     for draw in range(4):
         rng = rng_for(2, draw, str(edge_m))
-        for kind, openings in (("Tshirt", 4), ("Top", 4), ("Dress", 4), ("Jumpsuit", 5)):
-            ((_, about),) = sample_numbers(rng, kind, ranges)
+        for name, openings in (("Tshirt", 4), ("Top", 4), ("Dress", 4), ("Jumpsuit", 5)):
+            ((_, about),) = sample_numbers(rng, name, ranges)
             parts = {k: v for k, v in about["parameters"].items() if k in PARTS}
             pattern = cut_garment(templates.form, edge_m, **parts)
             faces = pattern.faces()

@@ -19,7 +19,7 @@ from drapeline.registration.to_body.hierarchy import (
     save_hierarchy,
 )
 from drapeline.registration.to_body.segments import vertex_areas
-from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import TOPOLOGIES, build_topology, skirt_body
 
 COUNTS = (2000, 700, 250, 100, 56, 21)
@@ -29,7 +29,7 @@ COUNTS = (2000, 700, 250, 100, 56, 21)
 def topology(toy_body):
     noise = np.random.default_rng(0).normal(0, 5e-4, toy_body.v_template.shape)
     body = replace(toy_body, v_template=(toy_body.v_template + noise).astype("f4"))
-    return build_topology(super_body({"female": body, "male": body}, COUNTS[0]))
+    return build_topology(build_super_body({"female": body, "male": body}, COUNTS[0]))
 
 
 @pytest.fixture(scope="module", params=POOLINGS)

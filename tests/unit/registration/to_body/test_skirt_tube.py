@@ -9,14 +9,14 @@ from drapeline.outfits.outfit import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.skirt_tube import SkirtTube
-from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import build_topology, skirt_body
 from drapeline.seeding import rng_for
 
 
 @pytest.fixture(scope="module")
 def made(toy_body):
-    refined = super_body({"female": toy_body, "male": toy_body}, 3000)
+    refined = build_super_body({"female": toy_body, "male": toy_body}, 3000)
     return refined, build_topology(refined)
 
 

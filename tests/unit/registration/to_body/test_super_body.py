@@ -11,7 +11,12 @@ from drapeline.bodies.model import load_body, posed_vertices, save_body, shaped
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
 from drapeline.geometry.mesh import boundary_loops, edge_counts
-from drapeline.registration.to_body.super_body import VERTICES, interpolation, mirror_of, super_body
+from drapeline.registration.to_body.super_body import (
+    VERTICES,
+    build_super_body,
+    interpolation,
+    mirror_of,
+)
 
 
 def rough_body(body, seed=0):
@@ -31,7 +36,7 @@ def rough_body(body, seed=0):
 def pair(request, toy_body):
     """A body and its refined form."""
     body = toy_body if request.param == "symmetric" else rough_body(toy_body)
-    return body, super_body({"female": body, "male": body}, 3000)
+    return body, build_super_body({"female": body, "male": body}, 3000)
 
 
 def assert_clean(refined, count):
@@ -57,7 +62,7 @@ def test_is_one_clean_piece_with_as_many_vertices_as_asked_for(pair):
 
 @pytest.mark.parametrize("count", [2000, 2001])
 def test_both_sides_are_mirror_images_for_even_and_odd_counts(toy_body, count):
-    refined = super_body({"female": toy_body, "male": toy_body}, count)
+    refined = build_super_body({"female": toy_body, "male": toy_body}, count)
     assert_clean(refined, count)
     template = refined.bodies["male"].v_template
     np.testing.assert_allclose(template[refined.mirror], template * [-1, 1, 1], atol=1e-6)
@@ -121,14 +126,14 @@ def test_new_vertices_lie_in_triangles_of_the_file_with_its_parameters(pair):
 
 def test_edges_come_out_even(toy_body):
     bodies = {"female": toy_body, "male": toy_body}
-    before = edge_lengths(super_body(bodies, 0).bodies["male"])
-    after = edge_lengths(super_body(bodies, 6000).bodies["male"])
+    before = edge_lengths(build_super_body(bodies, 0).bodies["male"])
+    after = edge_lengths(build_super_body(bodies, 6000).bodies["male"])
     assert after.max() < 2 * np.median(after)
     assert after.max() < 0.6 * before.max()
 
 
 def test_texture_is_carried_over_and_seams_stay_seams(toy_body):
-    refined = super_body({"female": toy_body, "male": toy_body}, 3000).bodies["male"]
+    refined = build_super_body({"female": toy_body, "male": toy_body}, 3000).bodies["male"]
     # The toy's texture is a plane projection, the back's shifted by a half.
     low = toy_body.v_template[:, :2].min(axis=0)
     size = np.ptp(toy_body.v_template[:, :2], axis=0).max()
@@ -140,14 +145,14 @@ def test_texture_is_carried_over_and_seams_stay_seams(toy_body):
 
 
 def test_without_refinement_the_cut_body_comes_back(toy_body):
-    cut = super_body({"female": toy_body, "male": toy_body}, 0)
+    cut = build_super_body({"female": toy_body, "male": toy_body}, 0)
     assert_clean(cut, len(cut.corners))
     assert len(cut.corners) < len(toy_body.v_template)
 
 
 def test_the_same_bodies_give_the_same_arrays(pair):
     body, refined = pair
-    again = super_body({"female": body, "male": body}, 3000)
+    again = build_super_body({"female": body, "male": body}, 3000)
     for field in fields(body):
         np.testing.assert_array_equal(
             getattr(again.bodies["male"], field.name), getattr(refined.bodies["male"], field.name)
@@ -168,13 +173,13 @@ def test_a_saved_body_loads_as_it_was(pair, tmp_path):
 
 def test_too_few_vertices_are_refused_with_both_numbers(toy_body):
     with pytest.raises(InputError, match=r"toy-1: has 1\d{3} vertices .* at most the 500 asked"):
-        super_body({"female": toy_body, "male": toy_body}, 500)
+        build_super_body({"female": toy_body, "male": toy_body}, 500)
 
 
 def test_genders_of_different_meshes_are_refused(toy_body):
     other = replace(toy_body, faces=toy_body.faces[::-1], name="other")
     with pytest.raises(InputError, match="other: its faces differ from those of toy-1"):
-        super_body({"female": toy_body, "male": other}, 3000)
+        build_super_body({"female": toy_body, "male": other}, 3000)
 
 
 def test_faces_across_the_plane_are_not_symmetric():
@@ -187,7 +192,7 @@ def test_faces_across_the_plane_are_not_symmetric():
 
 
 def test_the_real_bodies_have_the_papers_number_of_vertices(baked_bodies):
-    refined = super_body(baked_bodies)
+    refined = build_super_body(baked_bodies)
     assert_clean(refined, VERTICES)
     assert refined.mirror is not None
     rng = np.random.default_rng(3)

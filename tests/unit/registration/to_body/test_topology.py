@@ -21,7 +21,7 @@ from drapeline.registration.to_body.segments import (
     segment_body,
     vertex_areas,
 )
-from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import (
     build_topology,
     load_topology,
@@ -37,7 +37,7 @@ def made(request, toy_body):
     if request.param == "rough":
         noise = np.random.default_rng(0).normal(0, 5e-4, body.v_template.shape)
         body = replace(body, v_template=(body.v_template + noise).astype("f4"))
-    refined = super_body({"female": body, "male": body}, 3000)
+    refined = build_super_body({"female": body, "male": body}, 3000)
     return refined, build_topology(refined)
 
 
@@ -169,7 +169,7 @@ def test_twenty_one_segments_each_in_one_piece_in_both_topologies(made):
 
 
 def test_segments_of_both_sides_are_mirror_images(toy_body):
-    refined = super_body({"female": toy_body, "male": toy_body}, 2500)
+    refined = build_super_body({"female": toy_body, "male": toy_body}, 2500)
     topology = build_topology(refined)
     swap = np.r_[0:MIDDLE, MIDDLE + PAIRS : SEGMENTS, MIDDLE : MIDDLE + PAIRS]
     aside = np.abs(topology.rest[:, 0]) > 1e-4
@@ -208,7 +208,7 @@ def test_a_saved_topology_loads_as_it_was(made, tmp_path):
 
 
 def test_the_real_bodies_legs_are_joined_by_flat_sheets(baked_bodies):
-    topology = build_topology(super_body(baked_bodies, 6000))
+    topology = build_topology(build_super_body(baked_bodies, 6000))
     tube = skirt_body(topology, topology.rest.astype(np.float64))
     assert len(boundary_loops(topology.skirt_faces)) == 4
     for height in (-0.3, -0.5, -0.7):

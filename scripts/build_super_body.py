@@ -1,10 +1,10 @@
-"""Rule `super_body`: bodies without head, hands and feet, refined, and their two topologies."""
+"""Rule `build_super_body`: refined bodies without head, hands and feet; their two topologies."""
 
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body, save_body
 from drapeline.frames import GENDERS
-from drapeline.registration.to_body.super_body import super_body
+from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import build_topology, save_topology
 from drapeline.rule_log import rule_log
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    refined = super_body(
+    refined = build_super_body(
         {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
         snakemake.params.vertices,
     )

@@ -1,4 +1,4 @@
-"""Rule `static_outfits`: a shard of outfits in rest pose, each on a body of its own."""
+"""Rule `make_static_outfits`: a shard of outfits in rest pose, each on a body of its own."""
 
 from typing import TYPE_CHECKING
 

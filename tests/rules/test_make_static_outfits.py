@@ -12,7 +12,7 @@ from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates
 from drapeline.report.registration.registration_table import write_registration_tables
 
-KINDS = ["Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit"]
+OUTFIT_TYPES = ["Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit"]
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,12 @@ def stages(toy_body, tmp_path_factory):
 @pytest.fixture(scope="module")
 def plans():
     shares = {"val": 0.25, "test": 0.25}
-    return plan_static(3, 4, 4, shares, 1.0, KINDS, male_skirts=False)["000"]
+    return plan_static(3, 4, 4, shares, 1.0, OUTFIT_TYPES, male_skirts=False)["000"]
 
 
 def make(run_rule, stages, plans):
     run_rule(
-        "static_outfits",
+        "make_static_outfits",
         input={
             f"{gender}_{what}": stages / f"{gender}{end}.npz"
             for gender in ("female", "male")
@@ -57,7 +57,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
     outfits = load_static(stages / "000.npz")
     assert [(o.name, o.split) for o in outfits] == [(p.name, p.split) for p in plans]
     run_rule(
-        "super_body",
+        "build_super_body",
         input={gender: stages / f"{gender}.npz" for gender in ("female", "male")},
         output={
             "female": stages / "super_female.npz",
@@ -76,9 +76,9 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
     rows = [line.split("\t") for line in (stages / "offsets.tsv").read_text().splitlines()]
     assert rows[0] == ["garment", "name", "metric", "value", "unit"]
     values = {(r[0], r[2]): float(r[3]) for r in rows[1:]}
-    kinds = {name for kind in KINDS for name in kind.split("+")}
-    assert {garment for garment, _ in values} == kinds
-    for garment in kinds:
+    garments = {name for outfit_type in OUTFIT_TYPES for name in outfit_type.split("+")}
+    assert {garment for garment, _ in values} == garments
+    for garment in garments:
         assert values[garment, "garment_to_rebuilt_mean_mm"] < 3
         assert values[garment, "rebuilt_to_garment_mean_mm"] < 3
         assert values[garment, "area_lost_percent"] < 3

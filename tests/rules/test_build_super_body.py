@@ -1,4 +1,4 @@
-"""The rule `super_body`: refined bodies that load as bodies, and their topologies."""
+"""The rule `build_super_body`: refined bodies that load as bodies, and their topologies."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def files(tmp_path, toy_body):
 
 def test_super_body_writes_both_genders_and_the_topology(run_rule, files):
     inputs, outputs = files
-    run_rule("super_body", input=inputs, output=outputs, params={"vertices": 2000})
+    run_rule("build_super_body", input=inputs, output=outputs, params={"vertices": 2000})
     topology = load_topology(outputs["topology"])
     for gender in inputs:
         body = load_body(outputs[gender])
@@ -32,5 +32,5 @@ def test_super_body_writes_both_genders_and_the_topology(run_rule, files):
 def test_too_few_vertices_end_the_job_in_one_sentence(run_rule, files):
     inputs, outputs = files
     with pytest.raises(SystemExit, match="at most the 300 asked for"):
-        run_rule("super_body", input=inputs, output=outputs, params={"vertices": 300})
+        run_rule("build_super_body", input=inputs, output=outputs, params={"vertices": 300})
     assert not outputs["topology"].exists()
