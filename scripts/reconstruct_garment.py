@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.dataset.info_mat import SampleInfo
 from drapeline.dataset.scans import read_scans
-from drapeline.dataset.writer import MovingGarment, write_reconstructed
+from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
@@ -37,7 +37,7 @@ with rule_log(snakemake.log[0]) as log:
     )
     write_metrics(made.metrics, found.rows)
     found.shown.save(made.shown)
-    write_reconstructed(
+    write_reconstruction(
         made.sample,
         bodies[body.gender],
         SampleInfo(
@@ -47,6 +47,6 @@ with rule_log(snakemake.log[0]) as log:
             gender=GENDERS.index(body.gender),
             outfit={params.garment: {"texture": {"type": "color", "data": params.colour}}},
         ),
-        [MovingGarment(params.garment, Mesh(found.canonical, stage.space.faces), found.final)],
+        [GarmentAnimation(params.garment, Mesh(found.canonical, stage.space.faces), found.final)],
     )
     log.info("%s in %d frames", params.garment, len(found.final))

@@ -106,7 +106,7 @@ def link_or_copy(source: str | Path, target: str | Path) -> None:
         shutil.copy2(source, target)
 
 
-def mapped(path: str | Path) -> np.ndarray:
+def open_array(path: str | Path) -> np.ndarray:
     """An `.npy` array, memory-mapped for reading.
 
     Raises:
@@ -118,7 +118,7 @@ def mapped(path: str | Path) -> np.ndarray:
         raise InputError(f"{path}: not readable as an array ({error})") from error
 
 
-def new_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
+def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
     """An `.npy` array to fill piece by piece, which may be larger than memory."""
     return np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
 

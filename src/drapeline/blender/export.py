@@ -11,7 +11,7 @@ from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import Part, sample_parts, y_up
+from drapeline.dataset.sample_meshes import ScenePart, scene_parts, to_y_up
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh, save_obj
@@ -57,11 +57,11 @@ def export_sample(
                 f"{folder}: the sample was {sequence.meta['status']}"
                 f" ({sequence.meta['reason']}), expected an accepted one to export"
             )
-        FORMATS[file_format](scratch, sequence.id, sample_parts(sequence))
+        FORMATS[file_format](scratch, sequence.id, scene_parts(sequence))
         return sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())
 
 
-def _export_usd(folder: Path, name: str, parts: list[Part]) -> None:
+def _export_usd(folder: Path, name: str, parts: list[ScenePart]) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         _scene_with_caches(parts, Path(scratch))
         bpy.ops.wm.usd_export(
@@ -77,7 +77,7 @@ def _export_usd(folder: Path, name: str, parts: list[Part]) -> None:
         )
 
 
-def _export_alembic(folder: Path, name: str, parts: list[Part]) -> None:
+def _export_alembic(folder: Path, name: str, parts: list[ScenePart]) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         _scene_with_caches(parts, Path(scratch))
         bpy.ops.wm.alembic_export(
@@ -89,33 +89,33 @@ def _export_alembic(folder: Path, name: str, parts: list[Part]) -> None:
         )
 
 
-def _export_gltf(folder: Path, name: str, parts: list[Part]) -> None:
+def _export_gltf(folder: Path, name: str, parts: list[ScenePart]) -> None:
     write_glb(folder / f"{name}.glb", parts)
 
 
-def _export_caches(suffix: str) -> Callable[[Path, str, list[Part]], None]:
-    def export(folder: Path, name: str, parts: list[Part]) -> None:
+def _export_caches(suffix: str) -> Callable[[Path, str, list[ScenePart]], None]:
+    def export(folder: Path, name: str, parts: list[ScenePart]) -> None:
         for part in parts:
-            save_obj(folder / f"{part.name}.obj", _moved(part.mesh, y_up(part.mesh.vertices)))
+            save_obj(folder / f"{part.name}.obj", _moved(part.mesh, to_y_up(part.mesh.vertices)))
             with point_cache_writer(
                 folder / f"{part.name}{suffix}",
                 len(part.mesh.vertices),
                 frame_count=part.frame_count,
             ) as cache:
                 for points in part.frames():
-                    cache.append(y_up(points))
+                    cache.append(to_y_up(points))
 
     return export
 
 
-def _export_obj_sequence(folder: Path, name: str, parts: list[Part]) -> None:
+def _export_obj_sequence(folder: Path, name: str, parts: list[ScenePart]) -> None:
     for part in parts:
         for frame, points in enumerate(part.frames()):
             path = folder / part.name / f"{part.name}_{frame:04d}.obj"
-            save_obj(path, _moved(part.mesh, y_up(points)))
+            save_obj(path, _moved(part.mesh, to_y_up(points)))
 
 
-FORMATS: dict[str, Callable[[Path, str, list[Part]], None]] = {
+FORMATS: dict[str, Callable[[Path, str, list[ScenePart]], None]] = {
     "usdc": _export_usd,
     "glb": _export_gltf,
     "abc": _export_alembic,
@@ -138,7 +138,7 @@ def _empty_scene(frame_count: int) -> None:
     scene.frame_set(0)
 
 
-def _scene_with_caches(parts: list[Part], scratch: Path) -> None:
+def _scene_with_caches(parts: list[ScenePart], scratch: Path) -> None:
     """Every part driven by a PC2 file, so that memory does not grow with frames."""
     _empty_scene(parts[0].frame_count)
     for part in parts:
@@ -153,7 +153,7 @@ def _scene_with_caches(parts: list[Part], scratch: Path) -> None:
         modifier.interpolation = "NONE"
 
 
-def _add_part(part: Part) -> bpy.types.Object:
+def _add_part(part: ScenePart) -> bpy.types.Object:
     """The part as it is in frame 0, with texture coordinates and a plain material."""
     thing = add_mesh(part.name, part.read(0, 1)[0], part.mesh.faces, part.colour)
     if part.mesh.uv is not None:

@@ -10,7 +10,7 @@ from PIL import Image
 
 from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import Part, sample_parts
+from drapeline.dataset.sample_meshes import ScenePart, scene_parts
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.rendering.camera import Camera, look_at
@@ -56,7 +56,7 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[i
         for frame in frames:
             if not 0 <= frame < len(sequence):
                 raise InputError(f"{folder}: frame {frame}, expected 0 to {len(sequence) - 1}")
-        parts = sample_parts(sequence)
+        parts = scene_parts(sequence)
         place = sequence.info.camera_location
         place = np.array([5.0, 0.0, 1.0]) if place is None else np.asarray(place, np.float64)
         cameras = {}
@@ -82,7 +82,7 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[i
         )
 
 
-def render_colour(path: Path, parts: Sequence[Part], frame: int, camera: Camera) -> None:
+def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Camera) -> None:
     """Render one frame with Cycles on a grey floor under a soft sky and a lamp."""
     scene = new_scene()
     for part in parts:
@@ -130,7 +130,7 @@ def _material(name: str, colour: Sequence[float], *, roughness: float) -> bpy.ty
     return material
 
 
-def _moving(part: Part, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _moving(part: ScenePart, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices, faces and velocities in m/s (central differences; one-sided at the ends)."""
     start, stop = max(frame - 1, 0), min(frame + 2, part.frame_count)
     around = part.read(start, stop).astype(np.float64)

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from drapeline import __version__
-from drapeline.dataset.sample_meshes import Part, y_up
+from drapeline.dataset.sample_meshes import ScenePart, to_y_up
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.storage import atomic_file
@@ -25,7 +25,7 @@ _VERTEX_DATA, _INDEX_DATA = 34962, 34963
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 
 
-def write_glb(path: str | Path, parts: Sequence[Part]) -> None:
+def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
     """Write parts, Y up and in metres, with normals, texture coordinates and plain colours.
 
     Frame 0 is the base mesh; each later frame is a morph target that is fully on at its time and
@@ -82,13 +82,13 @@ class _Asset:
             ]
         return document
 
-    def add_part(self, part: Part) -> None:
+    def add_part(self, part: ScenePart) -> None:
         source, uv, triangles = _corners(part)
         faces = triangulate(part.mesh.faces)
         targets, base = [], None
         for points in part.frames():
-            normals = y_up(vertex_normals(points, faces))[source]
-            points = y_up(points)[source]
+            normals = to_y_up(vertex_normals(points, faces))[source]
+            points = to_y_up(points)[source]
             if base is None:
                 base = points, normals
                 attributes = self._positions_and_normals(points, normals)
@@ -150,7 +150,7 @@ class _Asset:
         return len(self._lists["accessors"]) - 1
 
 
-def _corners(part: Part) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+def _corners(part: ScenePart) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """glTF keeps one index per corner, so vertices on a UV seam are doubled.
 
     Returns:
@@ -167,7 +167,7 @@ def _corners(part: Part) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     return unique[:, 0], uv, inverse.reshape(-1, 3)
 
 
-def _material(part: Part) -> dict[str, Any]:
+def _material(part: ScenePart) -> dict[str, Any]:
     return {
         "name": part.name,
         "pbrMetallicRoughness": {

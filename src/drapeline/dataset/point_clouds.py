@@ -20,7 +20,7 @@ from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, mapped, read_json, write_json
+from drapeline.storage import atomic_folder, open_array, read_json, write_json
 
 LABELS = (BODY, *GARMENTS)  # index = label of a point
 
@@ -311,7 +311,7 @@ def _outside_of_holes(points: np.ndarray, missing: int, rng: np.random.Generator
     return left
 
 
-def with_holes(
+def cut_holes(
     points: np.ndarray, labels: np.ndarray, share: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """A cloud with holes (figure 9): whole patches are taken away, and points left repeated.
@@ -331,7 +331,7 @@ def with_holes(
     return points[chosen], labels[chosen]
 
 
-def with_wrong_labels(
+def corrupt_labels(
     labels: np.ndarray, accuracy: float, garment_label: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Labels of which a share is right (figure 10).
@@ -429,7 +429,7 @@ def _write_frames(folder: Path, sequence: Sample, settings: CloudSettings, name:
         settings,
         turn_rad=rig_turn(settings, name),
     )
-    points, labels = open_clouds(folder, sequence.frame_count, settings.points)
+    points, labels = create_clouds(folder, sequence.frame_count, settings.points)
     for start in range(0, sequence.frame_count, _CHUNK):
         stop = min(start + _CHUNK, sequence.frame_count)
         parts = [
@@ -444,7 +444,7 @@ def _write_frames(folder: Path, sequence: Sample, settings: CloudSettings, name:
     labels.flush()
 
 
-def open_clouds(folder: Path, frames: int, points: int) -> tuple[np.memmap, np.memmap]:
+def create_clouds(folder: Path, frames: int, points: int) -> tuple[np.memmap, np.memmap]:
     """New `points.npy` (F, P, 3) float32 and `labels.npy` (F, P) uint8 in a folder, to fill."""
     return (
         np.lib.format.open_memmap(folder / "points.npy", "w+", np.float32, (frames, points, 3)),
@@ -462,7 +462,7 @@ def load_clouds(folder: str | Path) -> CloudSequence:
     about = read_json(folder / "about.json")
     if about.get("status") != "accepted":
         return CloudSequence(np.zeros((0, 0, 3), np.float32), np.zeros((0, 0), np.uint8), about)
-    points, labels = mapped(folder / "points.npy"), mapped(folder / "labels.npy")
+    points, labels = open_array(folder / "points.npy"), open_array(folder / "labels.npy")
     if points.shape != (*labels.shape, 3):
         raise InputError(
             f"{folder}: points.npy has shape {points.shape} and labels.npy {labels.shape},"

@@ -14,7 +14,7 @@ _CHUNK = 32  # frames held in memory at once
 
 
 @dataclass(frozen=True)
-class Part:
+class ScenePart:
     """One mesh of a sample, body or garment, that moves.
 
     Attributes:
@@ -37,18 +37,20 @@ class Part:
             yield from self.read(start, min(start + _CHUNK, self.frame_count))
 
 
-def sample_parts(sequence: Sample) -> list[Part]:
+def scene_parts(sequence: Sample) -> list[ScenePart]:
     """The body, where the sample has one, and the garments."""
     parts = []
     if sequence.has_body:
         parts.append(
-            Part(BODY, sequence.body_mesh(), SKIN_COLOUR, sequence.body_vertices, len(sequence))
+            ScenePart(
+                BODY, sequence.body_mesh(), SKIN_COLOUR, sequence.body_vertices, len(sequence)
+            )
         )
     for name in sequence.garments:
         texture = sequence.info.outfit.get(name, {}).get("texture", {})
         colour = tuple(map(float, texture["data"])) if "data" in texture else PLAIN_COLOUR
         parts.append(
-            Part(
+            ScenePart(
                 name,
                 sequence.mesh(name),
                 colour,
@@ -59,6 +61,6 @@ def sample_parts(sequence: Sample) -> list[Part]:
     return parts
 
 
-def y_up(points: np.ndarray) -> np.ndarray:
+def to_y_up(points: np.ndarray) -> np.ndarray:
     """Z-up points (..., 3) in a Y-up frame: what was towards -Y now is towards +Z."""
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)

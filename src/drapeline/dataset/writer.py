@@ -218,7 +218,7 @@ def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndar
             writer.append(posed_vertices(body, shape, poses[start : start + _CHUNK])[0])
 
 
-class MovingGarment(NamedTuple):
+class GarmentAnimation(NamedTuple):
     """A garment that no simulation made.
 
     Attributes:
@@ -232,8 +232,8 @@ class MovingGarment(NamedTuple):
     frames: np.ndarray
 
 
-def write_reconstructed(
-    folder: str | Path, body: BodyModel, info: SampleInfo, garments: Sequence[MovingGarment]
+def write_reconstruction(
+    folder: str | Path, body: BodyModel, info: SampleInfo, garments: Sequence[GarmentAnimation]
 ) -> None:
     """Write garments and their wearer as a CLOTH3D folder without `meta.json`, as the original.
 

@@ -20,7 +20,7 @@ from drapeline.registration.to_body.dynamic_offsets import (
 )
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, load_npz, mapped, new_array, read_json, save_npz
+from drapeline.storage import atomic_folder, create_array, load_npz, open_array, read_json, save_npz
 
 # A condition on f frames is on the pose of the frame and of f - 1 before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
@@ -92,7 +92,7 @@ def collect_dynamic(
     vertices = (len(next(iter(bodies.values())).v_template), 3)
     with atomic_folder(output) as scratch:
         arrays = {
-            key: new_array(scratch / f"{key}.npy", dtype, shape)
+            key: create_array(scratch / f"{key}.npy", dtype, shape)
             for key, dtype, shape in (
                 ("offsets", np.float32, (sum(counts), *vertices)),
                 ("base", np.float32, (sum(counts), *vertices)),
@@ -198,7 +198,7 @@ class DynamicData:
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
         for key in (*_FRAME_ARRAYS, *_GARMENT_ARRAYS):
-            setattr(self, key, mapped(folder / f"{key}.npy"))
+            setattr(self, key, open_array(folder / f"{key}.npy"))
 
     def __len__(self) -> int:
         return len(self.frame)

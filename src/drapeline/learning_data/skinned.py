@@ -23,7 +23,7 @@ from drapeline.dataset.point_clouds import (
     CloudSampler,
     CloudSettings,
     cloud_rngs,
-    open_clouds,
+    create_clouds,
     rig_turn,
 )
 from drapeline.dataset.reader import BODY, Sample
@@ -39,7 +39,7 @@ from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, load_npz, mapped, read_json, save_npz, write_json
+from drapeline.storage import atomic_folder, load_npz, open_array, read_json, save_npz, write_json
 
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.
@@ -224,7 +224,7 @@ def _write(
     settings: SkinnedSettings,
 ) -> None:
     span = settings.step * np.arange(settings.frames)
-    points, labels = open_clouds(folder, len(outfits) * settings.frames, settings.clouds.points)
+    points, labels = create_clouds(folder, len(outfits) * settings.frames, settings.clouds.points)
     sizes = [[len(g.vertices) for g in o.outfit.garments] for o in outfits]
     rows = settings.frames * sum(map(sum, sizes))
     cloth = np.lib.format.open_memmap(folder / "cloth.npy", "w+", np.float32, (rows, 3))
@@ -320,7 +320,9 @@ def load_skinned(folder: str | Path) -> Iterator[SkinnedSequence]:
         folder / "sequences.npz",
         *("name", "split", "gender", "shape", "sample", "number", "poses", "vertices"),
     )
-    points, labels, cloth = (mapped(folder / f"{key}.npy") for key in ("points", "labels", "cloth"))
+    points, labels, cloth = (
+        open_array(folder / f"{key}.npy") for key in ("points", "labels", "cloth")
+    )
     frames = table["number"].shape[1]
     wanted = (frames * len(names), frames * int(table["vertices"].sum()))
     if (len(points), len(cloth)) != wanted:

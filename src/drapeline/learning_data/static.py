@@ -13,7 +13,7 @@ from drapeline.learning_data.vertex_moments import body_statistics, offset_stati
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, load_npz, mapped, new_array, save_npz
+from drapeline.storage import atomic_folder, create_array, load_npz, open_array, save_npz
 
 _ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
 
@@ -48,8 +48,8 @@ def collect_static(
     )
     with atomic_folder(output) as scratch:
         shape = (len(rows["split"]), count)
-        offsets = new_array(scratch / "offsets.npy", np.float32, (*shape, 3))
-        mask = new_array(scratch / "mask.npy", np.bool_, shape)
+        offsets = create_array(scratch / "offsets.npy", np.float32, (*shape, 3))
+        mask = create_array(scratch / "mask.npy", np.bool_, shape)
         start = 0
         for path in progress(shards, total=len(shards), label="shards"):
             part = load_npz(path, "offsets", "mask", only=True)
@@ -114,7 +114,7 @@ class StaticData:
 
     def _mapped(self, name: str) -> np.ndarray:
         path = self.folder / f"{name}.npy"
-        array = mapped(path)
+        array = open_array(path)
         if array.shape[:2] != (len(self), len(self.mean)):
             raise InputError(
                 f"{path}: has shape {array.shape}, expected {len(self)} rows"

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from drapeline.blender.export import FORMATS, export_sample
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import sample_parts, y_up
+from drapeline.dataset.sample_meshes import scene_parts, to_y_up
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import load_obj, vertex_normals
 from drapeline.geometry.point_cache import PointCache
@@ -103,7 +103,7 @@ def imported(exports):
 
 @pytest.fixture(scope="module")
 def truth(tiny):
-    return {part.name: np.stack(list(part.frames())) for part in sample_parts(Sample(tiny.folder))}
+    return {part.name: np.stack(list(part.frames())) for part in scene_parts(Sample(tiny.folder))}
 
 
 @pytest.mark.parametrize("suffix", ["usdc", "abc"])
@@ -148,9 +148,9 @@ def test_caches_fit_the_meshes_beside_them(exports, tiny, truth, suffix):
     for name, frames in truth.items():
         mesh = load_obj(exports / suffix / f"{name}.obj")
         cache = PointCache(exports / suffix / f"{name}.{suffix}", len(mesh.vertices))
-        np.testing.assert_array_equal(cache.frames(), y_up(frames))
+        np.testing.assert_array_equal(cache.frames(), to_y_up(frames))
     rest = load_obj(exports / suffix / "Skirt.obj")
-    np.testing.assert_allclose(rest.vertices, y_up(tiny.meshes["Skirt"].vertices), atol=1e-6)
+    np.testing.assert_allclose(rest.vertices, to_y_up(tiny.meshes["Skirt"].vertices), atol=1e-6)
     np.testing.assert_array_equal(rest.uv_faces, tiny.meshes["Skirt"].uv_faces)
 
 
@@ -159,7 +159,7 @@ def test_the_obj_sequence_has_a_file_per_mesh_and_frame(exports, truth):
         paths = sorted((exports / "obj" / name).iterdir())
         assert [path.name for path in paths] == [f"{name}_{f:04d}.obj" for f in range(FRAMES)]
         for path, points in zip(paths, frames, strict=True):
-            np.testing.assert_allclose(load_obj(path).vertices, y_up(points), atol=1e-6)
+            np.testing.assert_allclose(load_obj(path).vertices, to_y_up(points), atol=1e-6)
 
 
 def read_glb(path):
@@ -201,8 +201,8 @@ def test_gltf_holds_normals_and_times_of_every_frame(exports, truth, tiny):
     change = accessor_values(document, binary, primitive["targets"][2]["NORMAL"])
     points = accessor_values(document, binary, primitive["attributes"]["POSITION"])
     points = points + accessor_values(document, binary, primitive["targets"][2]["POSITION"])
-    expected = y_up(vertex_normals(truth["Skirt"][3], tiny.meshes["Skirt"].triangles))
-    nearest = KDTree(y_up(truth["Skirt"][3])).query(points)[1]
+    expected = to_y_up(vertex_normals(truth["Skirt"][3], tiny.meshes["Skirt"].triangles))
+    nearest = KDTree(to_y_up(truth["Skirt"][3])).query(points)[1]
     np.testing.assert_allclose(base + change, expected[nearest], atol=1e-5)
     sampler = document["animations"][0]["samplers"][0]
     times = accessor_values(document, binary, sampler["input"])

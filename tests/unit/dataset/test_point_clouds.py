@@ -13,9 +13,9 @@ from drapeline.dataset.point_clouds import (
     CloudRngs,
     CloudSampler,
     CloudSettings,
+    corrupt_labels,
+    cut_holes,
     load_clouds,
-    with_holes,
-    with_wrong_labels,
     write_clouds,
 )
 from drapeline.errors import InputError
@@ -213,7 +213,7 @@ def test_unknown_labels_and_unseen_scenes_are_refused():
 def test_a_hole_is_a_point_and_those_nearest_to_it():
     points = rng().normal(size=(400, 3))
     labels = np.arange(400) % 7
-    left, left_labels = with_holes(points, labels, 0.05, rng("hole"))
+    left, left_labels = cut_holes(points, labels, 0.05, rng("hole"))
     assert left.shape == points.shape
     index = {tuple(p): i for i, p in enumerate(points)}
     kept = np.array([index[tuple(p)] for p in left])
@@ -228,7 +228,7 @@ def test_a_hole_is_a_point_and_those_nearest_to_it():
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.9])
 def test_holes_take_exactly_their_share(share):
     points = rng().normal(size=(1000, 3))
-    left, _ = with_holes(points, np.zeros(1000, np.uint8), share, rng("hole"))
+    left, _ = cut_holes(points, np.zeros(1000, np.uint8), share, rng("hole"))
     _, repeats = np.unique(left, axis=0, return_counts=True)
     assert len(repeats) == 1000 - round(1000 * share)
     assert np.ptp(repeats) <= 1
@@ -236,13 +236,13 @@ def test_holes_take_exactly_their_share(share):
 
 def test_wrong_labels_are_as_many_as_asked_for_and_turn_the_right_way():
     labels = np.repeat(np.array([0, 3, 4], np.uint8), 100)
-    found = with_wrong_labels(labels, 0.7, 4, rng())
+    found = corrupt_labels(labels, 0.7, 4, rng())
     wrong = found != labels
     assert wrong.sum() == 90
     assert (found[wrong & (labels == 4)] == 0).all()
     assert (found[wrong & (labels != 4)] == 4).all()
     assert found.dtype == labels.dtype
-    np.testing.assert_array_equal(with_wrong_labels(labels, 1.0, 4, rng()), labels)
+    np.testing.assert_array_equal(corrupt_labels(labels, 1.0, 4, rng()), labels)
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import body_fingerprint
 from drapeline.dataset.writer import (
-    MovingGarment,
+    GarmentAnimation,
     summarise_health,
-    write_reconstructed,
+    write_reconstruction,
     write_sample,
 )
 from drapeline.errors import InputError
@@ -210,7 +210,9 @@ def test_a_reconstructed_garment_reads_as_a_sample_of_the_original(tmp_path, toy
         outfit={"Skirt": {"texture": {"type": "color", "data": [0.4, 0.5, 0.7]}}},
     )
     mesh = Mesh(rest.vertices, triangulate(rest.faces))
-    write_reconstructed(tmp_path / "Skirt", toy_body, info, [MovingGarment("Skirt", mesh, frames)])
+    write_reconstruction(
+        tmp_path / "Skirt", toy_body, info, [GarmentAnimation("Skirt", mesh, frames)]
+    )
     with Sample(tmp_path / "Skirt") as sample:
         assert list(sample.garments) == ["Skirt"]
         np.testing.assert_allclose(sample.vertices("Skirt"), frames + trans[:, None], atol=1e-6)

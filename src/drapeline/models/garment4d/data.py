@@ -22,9 +22,9 @@ from drapeline.registration.to_template.garment_space import fit_space, load_spa
 from drapeline.rule_log import LOGGER, progress
 from drapeline.storage import (
     atomic_folder,
+    create_array,
     load_npz,
-    mapped,
-    new_array,
+    open_array,
     read_json,
     save_npz,
     write_json,
@@ -112,7 +112,7 @@ def collect_garment4d(
     ]
     with atomic_folder(output) as scratch:
         arrays = {
-            name: new_array(scratch / f"{name}.npy", dtype, (total, *shape))
+            name: create_array(scratch / f"{name}.npy", dtype, (total, *shape))
             for name, dtype, shape in kinds
         }
         starts = np.cumsum(counts) - counts
@@ -220,7 +220,7 @@ class SequenceData:
         self.label = LABELS.index(self.kind)
         self.space = load_space(folder / "space.npz")
         self.points, self.labels, self.garment = (
-            mapped(folder / f"{key}.npy") for key in ("points", "labels", "garment")
+            open_array(folder / f"{key}.npy") for key in ("points", "labels", "garment")
         )
         frames = load_npz(folder / "frames.npz", "poses", "sequence", "number")
         self.poses, self.number = frames["poses"], frames["number"]
@@ -331,7 +331,7 @@ class SequenceData:
 
     @cached_property
     def _body_relative_points(self) -> np.ndarray:
-        return mapped(self._folder / "body_relative_points.npy")
+        return open_array(self._folder / "body_relative_points.npy")
 
     def batch(
         self, windows: np.ndarray, frames: int, *, posed: bool, body_relative_points: bool = False

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import posed_vertices
-from drapeline.dataset.point_clouds import with_holes, with_wrong_labels
+from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.sequence import Measured
@@ -223,17 +223,14 @@ class Evaluation:
             for share in settings.missing:
                 rng = rng_for(settings.seed, "missing", name, share)
                 holed = np.stack(
-                    [
-                        with_holes(*frame, share, rng)[0]
-                        for frame in zip(points, labels, strict=True)
-                    ]
+                    [cut_holes(*frame, share, rng)[0] for frame in zip(points, labels, strict=True)]
                 )
                 made = self._reconstructed(stage, sequence, points=holed)
                 variant = f"missing_{round(100 * share)}"
                 self._errors(variant, sequence, made.final, made.seconds)
             for share in settings.accuracy:
                 rng = rng_for(settings.seed, "accuracy", name, share)
-                wrong = with_wrong_labels(labels.ravel(), share, self.data.label, rng)
+                wrong = corrupt_labels(labels.ravel(), share, self.data.label, rng)
                 made = self._reconstructed(stage, sequence, labels=wrong.reshape(labels.shape))
                 variant = f"accuracy_{round(100 * share)}"
                 self._errors(variant, sequence, made.final, made.seconds)

@@ -20,7 +20,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import signed_tightness
 from drapeline.dataset.gltf import write_glb
-from drapeline.dataset.sample_meshes import PLAIN_COLOUR, SKIN_COLOUR, Part
+from drapeline.dataset.sample_meshes import PLAIN_COLOUR, SKIN_COLOUR, ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.collision import resolve_penetration
@@ -478,5 +478,5 @@ def load_samples(folder: str | Path) -> list[SavedSample]:
     return samples
 
 
-def _still(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> Part:
-    return Part(name, mesh, colour, lambda start, stop: mesh.vertices[None], 1)
+def _still(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> ScenePart:
+    return ScenePart(name, mesh, colour, lambda start, stop: mesh.vertices[None], 1)

@@ -9,7 +9,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from drapeline.dataset.reader import BODY, Sample
-from drapeline.dataset.sample_meshes import Part, sample_parts
+from drapeline.dataset.sample_meshes import ScenePart, scene_parts
 from drapeline.rendering.animated_png import save_moving
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.contact_sheet import text_card
@@ -58,7 +58,7 @@ def render_gallery(
         _save_still(moving, _card(meta, moving_size))
         return
     with Sample(folder) as sequence:
-        parts = sample_parts(sequence)
+        parts = scene_parts(sequence)
         frames = np.unique(np.linspace(0, len(sequence) - 1, moving_frames).astype(int)).tolist()
         middle = frames[len(frames) // 2]
         camera = _cameras(sequence, parts, frames, still_size)[middle]
@@ -84,7 +84,7 @@ def _view_direction(root_rotation: np.ndarray) -> np.ndarray:
 
 def _shot(
     sequence: Sample,
-    parts: Sequence[Part],
+    parts: Sequence[ScenePart],
     frame: int,
     camera: Camera,
     *,
@@ -104,7 +104,7 @@ def _shot(
 
 
 def _cameras(
-    sequence: Sample, parts: Sequence[Part], frames: Sequence[int], size: tuple[int, int]
+    sequence: Sample, parts: Sequence[ScenePart], frames: Sequence[int], size: tuple[int, int]
 ) -> dict[int, Camera]:
     """Frame -> camera; all look the same way at one scale."""
     direction = _view_direction(sequence.info.poses[frames[len(frames) // 2], :3])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import Part, sample_parts
+from drapeline.dataset.sample_meshes import ScenePart, scene_parts
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.storage import atomic_file, read_json
@@ -51,7 +51,7 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
         title = f"Sample {meta['id']} was {meta['status']}"
         return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
     with Sample(folder) as sequence:
-        parts = sample_parts(sequence)
+        parts = scene_parts(sequence)
         for stride in range(max(1, -(-len(sequence) // FRAMES_MAX)), len(sequence) + 1):
             header, blob = encode_parts(parts, range(0, len(sequence), stride))
             if 4 / 3 * len(blob) < 0.99 * BYTES_MAX:
@@ -65,7 +65,7 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
     return _write(path, header, blob)
 
 
-def encode_parts(parts: Sequence[Part], frames: Sequence[int]) -> tuple[dict[str, Any], bytes]:
+def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dict[str, Any], bytes]:
     """Meshes and chosen frames as a header and one compressed block.
 
     The block holds, part by part, the triangles as uint32 and the vertices as 16-bit steps from

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import Part, sample_parts
+from drapeline.dataset.sample_meshes import ScenePart, scene_parts
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.report.dataset import viewer
@@ -51,7 +51,7 @@ def read_page(path):
 def triangle_part(frames, vertices=3):
     points = np.asarray(frames, dtype=np.float32)
     mesh = Mesh(points[0], np.array([[0, 1, 2]], dtype=np.int32))
-    return Part("Skirt", mesh, (0.1, 0.2, 0.3), lambda a, b: points[a:b], len(points))
+    return ScenePart("Skirt", mesh, (0.1, 0.2, 0.3), lambda a, b: points[a:b], len(points))
 
 
 def test_the_page_holds_the_sample_within_rounding(tmp_path, dataset):
@@ -60,7 +60,7 @@ def test_the_page_holds_the_sample_within_rounding(tmp_path, dataset):
     text, header, data = read_page(tmp_path / "x.html")
     assert size == (tmp_path / "x.html").stat().st_size
     sequence = Sample(folder)
-    expected = sample_parts(sequence)
+    expected = scene_parts(sequence)
     found = parts_of(header, data)
     assert [part["name"] for part in header["parts"]] == ["Body", "Tshirt", "Skirt"]
     for part, about, (vertices, triangles) in zip(expected, header["parts"], found, strict=True):
