@@ -22,7 +22,7 @@ from drapeline.models.garment4d.losses import (
     interpenetration,
     laplacian_difference,
 )
-from drapeline.models.layers.chebyshev import linear
+from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import farthest_points, gathered
 from drapeline.models.layers.pointnet import (
     FeaturePropagation,

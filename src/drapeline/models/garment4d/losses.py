@@ -7,8 +7,8 @@ from scipy import sparse
 from torch import nn
 
 from drapeline.geometry.mesh import edge_graph, edges
-from drapeline.models.layers.chebyshev import SparseMatrix
 from drapeline.models.layers.point_search import nearest_neighbours
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
 def interpenetration(

@@ -23,11 +23,12 @@ from drapeline.models.garment4d.losses import (
     roughness,
     temporal_difference,
 )
-from drapeline.models.layers.chebyshev import SparseMatrix, linear
 from drapeline.models.layers.lbs import skinned
+from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import gathered, nearest_neighbours
 from drapeline.models.layers.pointnet import Neighbourhoods, PointLevel, pooled
 from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 _PULL_PASSES = 3
 _SHARE = 0.3  # of the way to the points that an untrained iteration goes

@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from drapeline.models.layers.chebyshev import linear
+from drapeline.models.layers.linear import linear
 
 
 class ConditioningAutoencoder(nn.Module):

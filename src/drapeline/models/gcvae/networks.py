@@ -15,7 +15,8 @@ from torch import nn
 
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv, linear
+from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv
+from drapeline.models.layers.linear import linear
 from drapeline.models.layers.mesh_graph import MeshGraph
 from drapeline.models.layers.precision import full_precision
 from drapeline.registration.to_body.topology import TOPOLOGIES

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import torch
 from torch import nn
 
-from drapeline.models.layers.chebyshev import SparseMatrix
 from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
 class LinearFit(NamedTuple):

@@ -1,68 +1,11 @@
-"""Chebyshev graph convolution on node-major tensors (N, B, F), after CLOTH3D equation 2.
+"""Chebyshev graph convolution on node-major tensors (N, B, F), after CLOTH3D equation 2."""
 
-A fixed sparse matrix is applied with `embedding_bag`: one pass over the rows, B * F numbers at a
-time, and no message tensor; its backward pass is the same call on the transposed matrix.
-"""
-
-import math
-
-import numpy as np
 import torch
-import torch.nn.functional as F
 from scipy import sparse
 from torch import nn
 
-
-class SparseMatrix(nn.Module):
-    """A constant (M, N) matrix that maps (N, ...) tensors to (M, ...) ones, differentiably."""
-
-    def __init__(self, matrix: sparse.spmatrix) -> None:
-        super().__init__()
-        self.shape = matrix.shape
-        for name, half in (("forward", matrix.tocsr()), ("transposed", matrix.T.tocsr())):
-            half.sort_indices()
-            self._hold(f"{name}_index", torch.from_numpy(half.indices.astype(np.int64)))
-            self._hold(f"{name}_start", torch.from_numpy(half.indptr.astype(np.int64)))
-            self._hold(f"{name}_value", torch.from_numpy(half.data.astype(np.float64)))
-
-    def _hold(self, name: str, tensor: torch.Tensor) -> None:
-        # Rebuilt from the mesh whenever a network is, so no part of a checkpoint.
-        if tensor.is_floating_point():
-            tensor = tensor.to(torch.get_default_dtype())
-        self.register_buffer(name, tensor, persistent=False)
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """(N, ...) -> (M, ...)."""
-        return _Product.apply(x, self, "forward")
-
-    def product(self, x: torch.Tensor, way: str) -> torch.Tensor:
-        """The matrix ("forward") or its transpose ("transposed") times `x`, without a gradient."""
-        index, start, value = (getattr(self, f"{way}_{part}") for part in _PARTS)
-        rows = x.reshape(len(x), -1)
-        out = F.embedding_bag(
-            index,
-            rows,
-            start,
-            mode="sum",
-            per_sample_weights=value.to(rows.dtype),
-            include_last_offset=True,
-        )
-        return out.view(-1, *x.shape[1:])
-
-
-_PARTS = ("index", "start", "value")
-_TRANSPOSE_OF = {"forward": "transposed", "transposed": "forward"}
-
-
-class _Product(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, x: torch.Tensor, matrix: SparseMatrix, way: str) -> torch.Tensor:
-        ctx.matrix, ctx.way = matrix, way
-        return matrix.product(x.detach(), way)
-
-    @staticmethod
-    def backward(ctx, gradient: torch.Tensor) -> tuple[torch.Tensor, None, None]:
-        return _Product.apply(gradient, ctx.matrix, _TRANSPOSE_OF[ctx.way]), None, None
+from drapeline.models.layers.linear import he_uniform
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
 def polynomials(laplacian: sparse.spmatrix, order: int) -> list[sparse.csr_matrix]:
@@ -87,7 +30,9 @@ class ChebConv(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, order: int, rng: torch.Generator) -> None:
         super().__init__()
-        self.weight = nn.Parameter(drawn((order + 1, inputs, outputs), inputs * (order + 1), rng))
+        self.weight = nn.Parameter(
+            he_uniform((order + 1, inputs, outputs), inputs * (order + 1), rng)
+        )
         self.bias = nn.Parameter(torch.zeros(outputs))
 
     def forward(self, x: torch.Tensor, laplacian: SparseMatrix) -> torch.Tensor:
@@ -130,7 +75,9 @@ class UnpoolConv(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, order: int, rng: torch.Generator) -> None:
         super().__init__()
-        self.weight = nn.Parameter(drawn((order + 1, inputs, outputs), inputs * (order + 1), rng))
+        self.weight = nn.Parameter(
+            he_uniform((order + 1, inputs, outputs), inputs * (order + 1), rng)
+        )
         self.bias = nn.Parameter(torch.zeros(outputs))
 
     def forward(self, x: torch.Tensor, unpool: SparseMatrix) -> torch.Tensor:
@@ -145,18 +92,3 @@ class UnpoolConv(nn.Module):
         """
         wide = torch.matmul(x.flatten(0, 1), self.weight)  # (order + 1, n * B, outputs)
         return unpool(wide.view(-1, x.shape[1], wide.shape[-1])).flatten(0, 1) + self.bias
-
-
-def drawn(shape: tuple[int, ...], inputs: int, rng: torch.Generator) -> torch.Tensor:
-    """Uniform initial weights that keep the variance through a ReLU (He et al.)."""
-    bound = math.sqrt(6 / inputs)
-    return (2 * torch.rand(shape, generator=rng) - 1) * bound
-
-
-def linear(inputs: int, outputs: int, rng: torch.Generator) -> nn.Linear:
-    """A fully connected layer whose initial weights come from `rng` alone."""
-    layer = nn.utils.skip_init(nn.Linear, inputs, outputs)
-    with torch.no_grad():
-        layer.weight.copy_(drawn((outputs, inputs), inputs, rng))
-        layer.bias.zero_()
-    return layer

@@ -9,7 +9,8 @@ from scipy.sparse.linalg import eigsh
 from torch import nn
 
 from drapeline.geometry.mesh import edge_graph
-from drapeline.models.layers.chebyshev import SparseMatrix, polynomials
+from drapeline.models.layers.chebyshev import polynomials
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 _DENSE_NODES = 64
 

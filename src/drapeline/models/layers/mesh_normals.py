@@ -5,7 +5,7 @@ import torch
 from scipy import sparse
 from torch import nn
 
-from drapeline.models.layers.chebyshev import SparseMatrix
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 _SMALL_M2 = 1e-12
 

@@ -13,7 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from drapeline.models.layers.chebyshev import linear
+from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import ball_neighbours, gathered, nearest_neighbours
 from drapeline.models.layers.precision import full_precision
 

@@ -16,8 +16,8 @@ from drapeline.models.garment4d.posed import (
     mean_of_neighbours,
     posed_loss,
 )
-from drapeline.models.layers.chebyshev import SparseMatrix
 from drapeline.models.layers.pointnet import PointLevel
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 from gcvae_toys import VERTICES, tube, tube_faces
 
 FACES = tube_faces(False)

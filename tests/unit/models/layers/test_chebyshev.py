@@ -6,14 +6,9 @@ import torch
 from scipy import sparse
 
 from drapeline.geometry.mesh import edges
-from drapeline.models.layers.chebyshev import (
-    ChebConv,
-    SparseMatrix,
-    UnpoolConv,
-    linear,
-    polynomials,
-)
+from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv, polynomials
 from drapeline.models.layers.mesh_graph import copy_matrix, scaled_laplacian, unpool_matrix
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 from gcvae_toys import VERTICES, tube_faces
 
 
@@ -31,21 +26,6 @@ def laplacian():
 
 def rng(seed=0):
     return torch.Generator().manual_seed(seed)
-
-
-def test_a_sparse_matrix_is_its_dense_twin_and_so_are_its_gradients(laplacian):
-    part = laplacian[:, :50]
-    matrix, dense = SparseMatrix(part), torch.from_numpy(part.toarray())
-    x = torch.randn(50, 3, 2, generator=rng(), requires_grad=True)
-    torch.testing.assert_close(matrix(x), torch.einsum("mn,nbf->mbf", dense, x))
-    assert torch.autograd.gradcheck(matrix, x)
-    assert torch.autograd.gradgradcheck(matrix, x)
-
-
-def test_a_matrix_follows_its_module_but_stays_out_of_checkpoints(laplacian):
-    matrix = SparseMatrix(laplacian)
-    assert not matrix.state_dict()
-    assert matrix.float().forward_value.dtype == torch.float32
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -134,8 +114,3 @@ def test_node_order_does_not_matter(laplacian):
     x = torch.randn(VERTICES, 2, 3, generator=rng(1))
     turned = SparseMatrix(laplacian[order][:, order])
     torch.testing.assert_close(conv(x[order], turned), conv(x, SparseMatrix(laplacian))[order])
-
-
-def test_weights_come_from_the_generator_alone():
-    torch.testing.assert_close(linear(3, 4, rng(5)).weight, linear(3, 4, rng(5)).weight)
-    assert not torch.equal(linear(3, 4, rng(5)).weight, linear(3, 4, rng(6)).weight)
