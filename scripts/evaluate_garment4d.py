@@ -8,17 +8,13 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.body_input import BodySet
+from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.evaluate import EvaluationSettings, evaluate
+from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.refine import RefineSettings
-from drapeline.models.garment4d.stages import (
-    CanonicalStage,
-    MgnStage,
-    PointNetStage,
-    PosedStage,
-    load_stage,
-    settings_of,
-)
+from drapeline.models.garment4d.settings import settings_of
 from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 

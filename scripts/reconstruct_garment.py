@@ -11,9 +11,11 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.scans import reconstruct_scans
-from drapeline.models.garment4d.stages import PosedStage, load_stage, settings_of
+from drapeline.models.garment4d.settings import settings_of
 from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.models.garment4d.body_input import BodySet
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.data import SequenceData
-from drapeline.models.garment4d.stages import CanonicalStage, load_stage
+from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.train import train_posed
 from drapeline.models.garment4d.variants import POSED_VARIANTS
 from drapeline.models.gcvae.variants import laid_over

@@ -9,7 +9,9 @@ from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
 from drapeline.metrics.sequence import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics
-from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PosedStage, load_stage
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
+from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from garment4d_toys import CANONICAL, KIND, POINTS, POSED, save_toy_data
 
 BODY_POINTS = 30

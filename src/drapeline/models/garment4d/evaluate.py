@@ -16,7 +16,9 @@ from drapeline.metrics import sequence as metrics
 from drapeline.metrics.sequence import Measured
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     Estimate,
     Reconstruction,
@@ -27,7 +29,6 @@ from drapeline.models.garment4d.reconstruct import (
     training_habits,
 )
 from drapeline.models.garment4d.refine import RefineSettings, WornGarmentStatistics
-from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.models.training.digests import tensors_digest
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for

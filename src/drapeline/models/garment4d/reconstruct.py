@@ -16,14 +16,15 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.metrics import sequence as metrics
 from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings, proposals
 from drapeline.models.garment4d.canonical import CanonicalOutput
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.data import SequenceData, window_starts
+from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.refine import (
     RefineSettings,
     WornGarmentStatistics,
     habits_of,
     refined,
 )
-from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 
 _BATCH = 4  # windows at once
 

@@ -15,6 +15,7 @@ from drapeline.metrics import sequence as metrics
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     Reconstruction,
     pictured,
@@ -23,7 +24,6 @@ from drapeline.models.garment4d.reconstruct import (
     training_habits,
 )
 from drapeline.models.garment4d.refine import RefineSettings
-from drapeline.models.garment4d.stages import PosedStage
 from drapeline.rule_log import LOGGER
 
 SPLIT = "scans"

@@ -7,14 +7,10 @@ from typing import Any
 
 import torch
 
+from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
 from drapeline.models.garment4d.data import SequenceData, Windows
-from drapeline.models.garment4d.stages import (
-    CanonicalStage,
-    MgnStage,
-    PointNetStage,
-    PosedStage,
-    Stage,
-)
+from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
+from drapeline.models.garment4d.stage import Stage
 from drapeline.models.training.batches import GarmentData
 from drapeline.models.training.digests import arrays_digest
 from drapeline.models.training.lightning import fit

@@ -14,8 +14,10 @@ from drapeline.metrics.sequence import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
 from drapeline.models.garment4d.body_input import BodySet, SkinningSettings, proposals
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
+from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,
@@ -23,7 +25,6 @@ from drapeline.models.garment4d.reconstruct import (
     training_habits,
 )
 from drapeline.models.garment4d.refine import RefineSettings
-from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.seeding import rng_for
 from garment4d_toys import CANONICAL, PLAIN, POSED, as_if_fitted, save_toy_data, toy_bodies
 

@@ -1,6 +1,6 @@
 import pytest
 
-from drapeline.models.garment4d.stages import PosedStage
+from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.variants import POSED_VARIANTS, posed_variants
 from drapeline.models.gcvae.variants import laid_over
 from garment4d_toys import POSED
