@@ -9,7 +9,7 @@ from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import interpolated_weights
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.models.garment4d.body_input import BodySet

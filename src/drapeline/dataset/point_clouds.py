@@ -13,16 +13,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import warp as wp
 
-from drapeline.dataset.reader import BODY, Sample
+from drapeline.dataset.labels import BODY, LABELS
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
-from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, open_array, read_json, write_json
-
-LABELS = (BODY, *GARMENTS)  # index = label of a point
 
 Visibility = Literal["all", "multi", "single"]
 Protocol = Literal["surface", "vertices"]

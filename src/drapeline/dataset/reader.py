@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from drapeline.dataset.info_mat import SampleInfo, read_info
+from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
@@ -19,7 +20,6 @@ from drapeline.storage import load_npz, read_json
 if TYPE_CHECKING:
     from drapeline.bodies.model import BodyModel
 
-BODY = "Body"
 Frame = Literal["world", "root"]
 
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.dataset.reader import BODY, Sample
+from drapeline.dataset.labels import BODY
+from drapeline.dataset.reader import Sample
 from drapeline.geometry.mesh import Mesh
 
 SKIN_COLOUR = (0.62, 0.52, 0.46)

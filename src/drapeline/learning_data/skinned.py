@@ -19,6 +19,7 @@ from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import garment_weights
+from drapeline.dataset.labels import BODY
 from drapeline.dataset.point_clouds import (
     CloudSampler,
     CloudSettings,
@@ -26,7 +27,7 @@ from drapeline.dataset.point_clouds import (
     create_clouds,
     rig_turn,
 )
-from drapeline.dataset.reader import BODY, Sample
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import FPS

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import (
-    LABELS,
     CloudRngs,
     CloudSampler,
     CloudSettings,

@@ -10,7 +10,8 @@ import pytest
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import garment_weights
-from drapeline.dataset.point_clouds import LABELS, CloudSettings
+from drapeline.dataset.labels import LABELS
+from drapeline.dataset.point_clouds import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import edges, triangulate

@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.models.garment4d.body_maps import MapRegression, body_map, map_cells
 from drapeline.models.garment4d.losses import (
     CotangentLaplacian,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.models.garment4d.canonical import (
     CanonicalNetwork,
     CanonicalOutput,

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.garment4d.body_input import BodySet, PosedBody, SkinningSettings, proposals

@@ -8,7 +8,8 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from drapeline.dataset.reader import BODY, Sample
+from drapeline.dataset.labels import BODY
+from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import ScenePart, scene_parts
 from drapeline.rendering.animated_png import save_moving
 from drapeline.rendering.camera import Camera, look_at

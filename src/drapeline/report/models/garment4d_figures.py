@@ -10,7 +10,7 @@ from matplotlib.ticker import PercentFormatter
 from PIL import Image, ImageDraw, ImageFont
 from trimesh.creation import icosahedron
 
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.geometry.mesh import edges
 from drapeline.metrics.sequence import Reconstruction, vertex_errors_mm
 from drapeline.outfits.garment_types import GARMENTS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.models.garment4d.canonical import (
     Abstraction,
     CanonicalNetwork,

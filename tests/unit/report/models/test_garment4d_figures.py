@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from drapeline.dataset.point_clouds import LABELS
+from drapeline.dataset.labels import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.sequence import Reconstruction
 from drapeline.rendering.picture_grid import heat_parts
