@@ -48,7 +48,7 @@ COVERED_BY = {
     "models/gcvae/train": "unit/models/gcvae/test_vae.py",
     "models/gcvae/variants": "unit/models/gcvae/test_vae.py",
     "models/training/batches": "unit/models/garment4d/test_data.py",
-    "models/training/checkpoints": "unit/models/garment4d/test_load.py",
+    "models/training/checkpoints": "unit/models/garment4d/test_posed_stage.py",
     "models/training/module": "unit/models/training/test_lightning.py",
     "motions/deepmimic": "unit/motions/test_clips.py",
     "motions/grounding": "unit/motions/test_floor.py",
