@@ -50,7 +50,9 @@ def _arrays(path: Path) -> Iterator[tuple[str, np.ndarray]]:
         values = scipy.io.loadmat(path, simplify_cells=True)
         yield from _leaves({key: value for key, value in values.items() if key[0] != "_"})
     elif suffix == ".ckpt":
-        yield from _leaves(torch.load(path, map_location="cpu", weights_only=True))
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+        # The trainer's callbacks name the folder that a training ran in.
+        yield from _leaves({key: part for key, part in checkpoint.items() if key != "callbacks"})
     elif suffix == ".png":
         with Image.open(path) as picture:
             for number, frame in enumerate(ImageSequence.Iterator(picture)):
