@@ -1,9 +1,9 @@
-"""The one exception that a user's input may raise."""
+"""The exception raised for unusable input."""
 
 
 class InputError(ValueError):
-    """A file or value from outside is unusable.
+    """A file or value supplied by the user is unusable.
 
-    The message is one sentence that names the file, the value found and what was expected;
-    rule logs and the command line print it without a traceback.
+    The message is a single sentence naming the file, the offending value and what was expected;
+    rules print it on the terminal without a traceback.
     """

@@ -1,14 +1,14 @@
 """Axes and conventions: metres, radians, seconds, kilograms, Z up, 30 frames per second.
 
-The body model file is in the SMPL frame (Y up, facing +Z, arms along X). Everything else is in
-the world frame (Z up). The root rotation of a pose carries the turn from one to the other: +90
-degrees about X turns Y up into Z up and leaves the body facing -Y, as in CLOTH3D.
+A body model file is in the SMPL frame (Y up, facing +Z, arms along X); everything else is in the
+world frame (Z up). The root rotation of every pose includes the change of frame: +90 degrees about
+X takes Y up to Z up and leaves the body facing -Y, as in CLOTH3D.
 """
 
 import numpy as np
 
 FPS = 30
-# CLOTH3D's rest pose: upright in the Z-up world with each leg opened by 0.15 rad.
+# CLOTH3D's rest pose: upright in the Z-up world, with each leg turned outwards by 0.15 rad.
 REST_POSE = np.zeros(72)
 REST_POSE[0] = np.pi / 2
 REST_POSE[3 * 1 + 2] = 0.15

@@ -1,6 +1,6 @@
-"""Say what this machine lacks, one sentence each, before anything is installed or run.
+"""Check what this machine lacks before anything is installed or run: one sentence per problem.
 
-Runs on any Python 3 with nothing installed: `python src/drapeline/preflight.py`.
+Needs nothing but Python 3: `python src/drapeline/preflight.py`.
 """
 
 import ctypes
@@ -8,7 +8,7 @@ import platform
 import shutil
 import sys
 
-# Shared libraries that Blender's wheel links to, and Debian's packages that bring them.
+# Shared libraries that Blender's wheel links to, and the Debian packages that provide them.
 SYSTEM_LIBRARIES = {
     "libX11.so.6": "libx11-6",
     "libXrender.so.1": "libxrender1",
@@ -35,41 +35,41 @@ def missing_libraries(names):
     return missing
 
 
-def problems(folder, version=None, system=None, libraries=None, free_gb=None):
-    """Sentences about what the machine lacks; none when all is there.
+def find_problems(folder, version=None, system=None, libraries=None, free_gb=None):
+    """List what the machine lacks, one sentence each; empty if it has everything.
 
     Args:
-        folder: where the environment and the results are going to be.
-        version, system, libraries, free_gb: stand-ins for the machine's own, for tests.
+        folder: where the environment and the results will be.
+        version, system, libraries, free_gb: replace the machine's own values in tests.
     """
     version = version or tuple(sys.version_info[:2])
     system = system or platform.system()
     libraries = SYSTEM_LIBRARIES if libraries is None else libraries
     free_gb = shutil.disk_usage(folder).free / 1e9 if free_gb is None else free_gb
-    found = []
+    problems = []
     if tuple(version) != (3, 11):
-        found.append(
+        problems.append(
             "Python {}.{} is running, but Blender's wheel needs exactly Python 3.11;"
-            " pass one with 'make PYTHON=/path/to/python3.11'.".format(*version)
+            " choose it with 'make PYTHON=/path/to/python3.11'.".format(*version)
         )
     if system == "Linux":
         missing = missing_libraries(libraries)
         if missing:
-            found.append(
+            problems.append(
                 "Blender needs the system libraries {}, which are not installed;"
                 " on Debian or Ubuntu: apt-get install {}.".format(
                     ", ".join(missing), " ".join(libraries[name] for name in missing)
                 )
             )
     if free_gb < DISK_GB:
-        found.append(
-            f"{free_gb:.1f} GB of disk are free at {folder},"
+        problems.append(
+            f"{folder} has only {free_gb:.1f} GB of free disk space,"
             f" but the environment and a default run need {DISK_GB} GB."
         )
-    return found
+    return problems
 
 
 if __name__ == "__main__":
-    sentences = problems(".")
-    if sentences:
-        sys.exit("\n".join("drapeline preflight: " + sentence for sentence in sentences))
+    found = find_problems(".")
+    if found:
+        sys.exit("\n".join("drapeline preflight: " + problem for problem in found))

@@ -1,4 +1,4 @@
-"""What a rule prints goes to its log; what a user did wrong comes back as one sentence."""
+"""Log files of rules, and user errors reported as a single sentence."""
 
 import logging
 import os
@@ -19,14 +19,14 @@ LOGGER = logging.getLogger("drapeline")
 
 @contextmanager
 def rule_log(path: str) -> Iterator[logging.Logger]:
-    """Send logging and errors of the block to the log file `path`.
+    """Send the messages and errors of the block to the log file `path`.
 
-    An InputError, or an operating-system error such as a full disk, ends the job with its one
-    sentence on the terminal and the traceback in the log; anything else is a bug and keeps its
-    traceback in both.
+    An InputError, or an operating-system error such as a full disk, ends the job with a single
+    sentence on the terminal and the traceback in the log. Any other exception is a bug and is
+    re-raised, so its traceback appears in both places.
     """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    # Lightning runs the script once more for each further device; those only add to the log.
+    # Lightning runs the script again for each further device; those processes only append.
     if os.environ.get("LOCAL_RANK", "0") == "0":
         Path(path).write_text("")
     handler = logging.FileHandler(path)
@@ -49,7 +49,7 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
 
 
 def progress(items: Iterable[Item], *, total: int | None = None, label: str) -> Iterator[Item]:
-    """Iterate with a progress bar on a terminal, and a line every ten seconds in the log."""
+    """Iterate with a progress bar on a terminal and a log message every ten seconds."""
     bar = tqdm(items, total=total, desc=label, disable=not sys.stderr.isatty())
     last = started = time.perf_counter()
     for index, item in enumerate(bar):

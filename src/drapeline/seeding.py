@@ -1,4 +1,4 @@
-"""Independent, reproducible random streams: every random function takes one of these first."""
+"""Independent, reproducible random streams; every random function takes a generator first."""
 
 import hashlib
 
@@ -6,14 +6,14 @@ import numpy as np
 
 
 def rng_for(seed: int, *names: str | int) -> np.random.Generator:
-    """Random stream of one purpose, independent of every other purpose and of call order.
+    """Random stream for a single purpose, independent of all others and of the order of calls.
 
     Args:
         seed: the experiment's seed; 0 is a seed like any other.
         names: what the stream is for, such as ``("shape", "00012")``.
 
     Returns:
-        A generator that depends on `seed` and `names` alone.
+        A generator that depends only on `seed` and `names`.
     """
     digest = hashlib.sha256("\x1f".join(str(name) for name in (seed, *names)).encode()).digest()
     return np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))

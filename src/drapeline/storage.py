@@ -1,4 +1,4 @@
-"""Files that are whole or absent: everything is written beside its target and then renamed."""
+"""Reading and writing files: written under a temporary name first, so never left half-written."""
 
 import errno
 import json
@@ -15,7 +15,7 @@ import numpy as np
 
 from drapeline.errors import InputError
 
-# What the disk, not the program, does wrong.
+# Failures of the disk rather than of the program.
 _DISK_ERRORS = {
     errno.EACCES,
     errno.EDQUOT,
@@ -30,7 +30,8 @@ _DISK_ERRORS = {
 
 
 @contextmanager
-def _disk_errors_named(path: Path) -> Iterator[None]:
+def _report_disk_errors(path: Path) -> Iterator[None]:
+    """Turn a full disk or an unwritable folder at `path` into an InputError."""
     try:
         yield
     except OSError as error:
@@ -46,15 +47,15 @@ def _disk_errors_named(path: Path) -> Iterator[None]:
 
 @contextmanager
 def atomic_file(path: str | Path) -> Iterator[Path]:
-    """Yield a scratch path that replaces `path` when the block ends without an error.
+    """Yield a temporary path that replaces `path` if the block ends without an error.
 
     Raises:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
-    with _disk_errors_named(path):
+    with _report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        # The suffix stays last: writers such as Blender's and Pillow's choose a format by it.
+        # The suffix is kept because writers such as Blender's and Pillow's choose a format by it.
         handle, name = tempfile.mkstemp(
             dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
         )
@@ -70,13 +71,13 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_folder(path: str | Path) -> Iterator[Path]:
-    """Yield a scratch folder that replaces `path` when the block ends without an error.
+    """Yield a temporary folder that replaces `path` if the block ends without an error.
 
     Raises:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
-    with _disk_errors_named(path):
+    with _report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
         try:
@@ -96,9 +97,9 @@ def _umask() -> int:
 
 
 def link_or_copy(source: str | Path, target: str | Path) -> None:
-    """Give a finished file a second name, or copy it where the disk cannot link.
+    """Hard-link a finished file, or copy it if the file system does not support links.
 
-    Safe for files that are only ever replaced as a whole, as all of ours are.
+    Linking is safe because all our files are replaced as a whole and never changed in place.
     """
     try:
         os.link(source, target)
@@ -107,10 +108,10 @@ def link_or_copy(source: str | Path, target: str | Path) -> None:
 
 
 def open_array(path: str | Path) -> np.ndarray:
-    """An `.npy` array, memory-mapped for reading.
+    """Memory-map an `.npy` array for reading.
 
     Raises:
-        InputError: it is missing or no array.
+        InputError: the file is missing or does not hold an array.
     """
     try:
         return np.load(path, mmap_mode="r", allow_pickle=False)
@@ -119,15 +120,15 @@ def open_array(path: str | Path) -> np.ndarray:
 
 
 def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
-    """An `.npy` array to fill piece by piece, which may be larger than memory."""
+    """Create an `.npy` array to be filled piece by piece; it may be larger than memory."""
     return np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
 
 
 def save_npz(path: str | Path, **arrays: Any) -> None:
-    """Write arrays (strings and numbers included, nothing pickled) to a compressed `.npz`."""
+    """Write arrays, strings and numbers to a compressed `.npz`, without pickling anything."""
     for name, value in arrays.items():
         if np.asarray(value).dtype == object:
-            raise TypeError(f"{path}: '{name}' is an object array, which only a pickle could hold")
+            raise TypeError(f"{path}: '{name}' is an object array, which would have to be pickled")
     with atomic_file(path) as scratch, open(scratch, "wb") as stream:
         np.savez_compressed(stream, **arrays)
 
@@ -136,29 +137,29 @@ def load_npz(path: str | Path, *required: str, only: bool = False) -> dict[str, 
     """Read an `.npz` without executing anything in it.
 
     Args:
-        required: keys that have to be there.
-        only: leave the others unread.
+        required: keys that the file must have.
+        only: read these keys alone.
 
     Raises:
-        InputError: the file is missing, unreadable, holds pickles or lacks a required key.
+        InputError: the file is missing, unreadable, contains pickles or lacks a required key.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
     try:
         with np.load(path, allow_pickle=False) as archive:
-            found = archive.files
-            arrays = {name: archive[name] for name in found if name in required or not only}
+            names = archive.files
+            arrays = {name: archive[name] for name in names if name in required or not only}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
     missing = [name for name in required if name not in arrays]
     if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(found))}")
+        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(names))}")
     return arrays
 
 
 def write_json(path: str | Path, value: Any) -> None:
-    """Write JSON with full precision; NaN is refused since JSON has none."""
+    """Write JSON at full precision; NaN is refused because JSON cannot express it."""
     with atomic_file(path) as scratch:
         scratch.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")
 

@@ -24,9 +24,6 @@ COVERED_BY = {
     "bodies/rest_body": "unit/outfits/test_fit.py",
     "bodies/sampling": "unit/bodies/test_sequence.py",
     "bodies/skinning": "unit/bodies/test_kinematics.py",
-    "dataset/record": "unit/dataset/test_collect.py",
-    "dataset/sample_meshes": "unit/report/dataset/test_viewer.py",
-    "dataset/statistics": "unit/dataset/test_collect.py",
     "errors": "unit/test_rule_log.py",
     "learning_data/dynamic": "rules/test_evaluate_dynamic.py",
     "learning_data/moving": "unit/metrics/test_dynamic.py",
@@ -71,8 +68,6 @@ COVERED_BY = {
 
 # Modules that no test file imports: to be tested or removed.
 UNTESTED = {
-    "dataset/card",
-    "dataset/gltf",
     "geometry/closest",
     "geometry/sparse",
     "models/compare",

@@ -1,19 +1,19 @@
 """What is missing on a machine."""
 
-from drapeline.preflight import missing_libraries, problems
+from drapeline.preflight import find_problems, missing_libraries
 
 
 def test_preflight_is_silent_where_all_is_there(tmp_path):
-    assert problems(tmp_path, (3, 11), "Linux", {"libc.so.6": "libc6"}, 100) == []
+    assert find_problems(tmp_path, (3, 11), "Linux", {"libc.so.6": "libc6"}, 100) == []
 
 
 def test_preflight_names_each_lack_in_one_sentence(tmp_path):
-    found = problems(tmp_path, (3, 12), "Linux", {"libnone.so.9": "libnone9"}, 0.5)
+    found = find_problems(tmp_path, (3, 12), "Linux", {"libnone.so.9": "libnone9"}, 0.5)
     assert len(found) == 3
     assert "Python 3.12 is running" in found[0]
     assert "libnone.so.9" in found[1]
     assert "apt-get install libnone9" in found[1]
-    assert "0.5 GB of disk are free" in found[2]
+    assert "only 0.5 GB of free disk space" in found[2]
 
 
 def test_missing_libraries_asks_the_linker():

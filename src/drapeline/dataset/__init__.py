@@ -1,1 +1,1 @@
-"""CLOTH3D-format datasets: writing, reading, splitting, describing."""
+"""CLOTH3D-format datasets: write, read, split and describe them."""

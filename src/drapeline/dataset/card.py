@@ -1,4 +1,4 @@
-"""The dataset card: what a dataset holds and how it was made, written from the data."""
+"""The dataset card: what a dataset contains and how it was made, generated from the data."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,11 +11,11 @@ from drapeline.dataset.splits import SPLITS
 def dataset_card(
     records: Sequence[SampleRecord], tables: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> str:
-    """Markdown for the dataset's `README.md`.
+    """Compose the dataset's `README.md` in Markdown.
 
     Args:
-        records: all samples, the rejected ones included.
-        tables: name of a statistics file -> its rows.
+        records: all samples, including the rejected ones.
+        tables: the rows of each statistics file, by name.
     """
     accepted = [record for record in records if record.accepted]
     parts = [
@@ -30,7 +30,7 @@ def dataset_card(
         "## Splits",
         _splits(accepted),
         "## How it was made",
-        _making(accepted),
+        _provenance(accepted),
         "## Acceptance and health",
         _acceptance(records),
         _health(accepted),
@@ -45,7 +45,7 @@ def dataset_card(
 
 
 def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as a Markdown table, or a remark that there are none."""
+    """Format rows as a Markdown table, or "(none)" if there are no rows."""
     if not rows:
         return "(none)"
     columns = list(dict.fromkeys(column for row in rows for column in row))
@@ -59,9 +59,9 @@ def _summary(records: Sequence[SampleRecord]) -> str:
     rates = {record.meta["conventions"]["frames_per_second"] for record in records}
     names = sorted({name for record in records for name in record.meta["garments"]})
     return (
-        f"{len(records)} sequences, {frames} frames at {_listed(rates)} frames per second, of"
-        f" bodies wearing {_listed(names)}. The files follow the layout of CLOTH3D (Bertiche,"
-        " Madadi and Escalera, ECCV 2020), so readers written for it work here too."
+        f"{len(records)} sequences, {frames} frames at {_join(rates)} frames per second, of"
+        f" bodies wearing {_join(names)}. The files follow the layout of CLOTH3D (Bertiche,"
+        " Madadi and Escalera, ECCV 2020), so readers written for CLOTH3D work here too."
     )
 
 
@@ -71,30 +71,30 @@ def _splits(records: Sequence[SampleRecord]) -> str:
         motions = [r.meta["motion"] for r in records if r.meta["split"] == split]
         sources = sorted({motion["source"] for motion in motions})
         rows.append({"split": split, "sequences": len(motions), "clips": ", ".join(sources)})
-    shared = _shared(records)
+    overlap = _overlap(records)
     claim = (
-        f"Shared between splits, to be kept in mind: {_listed(shared)}."
-        if shared
+        f"Note that some splits share data: {_join(overlap)}."
+        if overlap
         else "No motion clip and no body is in more than one split."
     )
     return f"{claim}\n\n{markdown_table(rows)}"
 
 
-def _shared(records: Sequence[SampleRecord]) -> list[str]:
-    """Clips and bodies that more than one split has."""
+def _overlap(records: Sequence[SampleRecord]) -> list[str]:
+    """Clips and bodies that occur in more than one split."""
     splits_of: dict[str, set[str]] = {}
     for record in records:
         meta = record.meta
         shape = ", ".join(f"{value:.3f}" for value in meta["outfit"]["shape"])
-        for thing in (
+        for item in (
             f"clip {meta['motion']['source']}",
             f"{meta['body']['gender']} body of shape [{shape}]",
         ):
-            splits_of.setdefault(thing, set()).add(meta["split"])
-    return [thing for thing, splits in splits_of.items() if len(splits) > 1]
+            splits_of.setdefault(item, set()).add(meta["split"])
+    return [item for item, splits in splits_of.items() if len(splits) > 1]
 
 
-def _making(records: Sequence[SampleRecord]) -> str:
+def _provenance(records: Sequence[SampleRecord]) -> str:
     models = sorted({record.meta["body"]["model"] for record in records})
     versions = sorted(
         {
@@ -106,22 +106,22 @@ def _making(records: Sequence[SampleRecord]) -> str:
     )
     seeds = {record.meta["seed"] for record in records}
     return (
-        "Motion capture drives a parametric body whose shape is drawn for each sequence. A random"
-        " outfit is cut, resized and dressed on the body in rest pose, and simulated as cloth that"
-        " collides with the body, with itself and with the other garment. Every sampled number is"
-        " in the sample's `meta.json`.\n\n"
-        f"- Body models: {_listed(models)}\n"
-        f"- Software: {_listed(versions)}\n"
-        f"- Seed: {_listed(seeds)}"
+        "Motion capture drives a parametric body with a random shape per sequence. A random outfit"
+        " is cut, fitted to the body in rest pose and simulated as cloth that collides with the"
+        " body, with itself and with the other garment. Every random number used is recorded in"
+        " the sample's `meta.json`.\n\n"
+        f"- Body models: {_join(models)}\n"
+        f"- Software: {_join(versions)}\n"
+        f"- Seed: {_join(seeds)}"
     )
 
 
 def _acceptance(records: Sequence[SampleRecord]) -> str:
     counts = Counter(record.meta["status"] for record in records)
-    shares = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    lines = [f"Of {len(records)} samples: {shares}. All are listed in `status.tsv`."]
-    lost = [record for record in records if not record.accepted]
-    if lost:
+    outcomes = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    lines = [f"Of {len(records)} samples: {outcomes}. `status.tsv` lists all of them."]
+    missing = [record for record in records if not record.accepted]
+    if missing:
         lines.append(
             markdown_table(
                 [
@@ -130,7 +130,7 @@ def _acceptance(records: Sequence[SampleRecord]) -> str:
                         "status": record.meta["status"],
                         "reason": record.meta["reason"],
                     }
-                    for record in lost
+                    for record in missing
                 ]
             )
         )
@@ -148,47 +148,50 @@ def _health(records: Sequence[SampleRecord]) -> str:
             {
                 "measure": f"`{name}`",
                 "mean over frames": f"{sum(f * v['mean'] for f, v in values) / total:.4g}",
-                "least": f"{min(v['min'] for _, v in values):.4g}",
-                "greatest": f"{max(v['max'] for _, v in values):.4g}",
+                "minimum": f"{min(v['min'] for _, v in values):.4g}",
+                "maximum": f"{max(v['max'] for _, v in values):.4g}",
             }
         )
     return "Accepted frames:\n\n" + markdown_table(rows) if rows else ""
 
 
 _FORMAT = """\
-`{split}/{id}/` holds `info.mat` and, for each garment, `{Garment}.obj` (rest pose, quads) and
-`{Garment}.pc16` (half-precision vertices per frame, relative to the root joint). World position is
-vertex + `trans` of the frame; `zrot` is 0. Metres, radians, Z up.
+`{split}/{id}/` contains `info.mat` and, for each garment, `{Garment}.obj` (rest pose, quads) and
+`{Garment}.pc16` (half-precision vertices of every frame, relative to the root joint). The world
+position of a vertex is the vertex plus the frame's `trans`; `zrot` is 0. Units are metres and
+radians, Z is up.
 
-Beyond CLOTH3D there are `{Garment}.f32` (the same vertices in single precision, no header),
-`Body.obj` and `Body.pc16` (the body, so that no body model is needed), `health.npz` (measures per
-frame) and `meta.json`. Tables: `samples.tsv`, `status.tsv`, `statistics_*.tsv`."""
+In addition to CLOTH3D's files there are `{Garment}.f32` (the same vertices in single precision,
+without a header), `Body.obj` and `Body.pc16` (the body, so that no body model is needed),
+`health.npz` (measures of every frame) and `meta.json`. Tables: `samples.tsv`, `status.tsv`,
+`statistics_*.tsv`."""
 
 _LIMITS = """\
-- The body is the model named above. Where that is not SMPL, `poses` and `shape` have SMPL's layout
-  and joint order but are coefficients of that model: CLOTH3D's readers parse them, yet rebuilding
-  the body with SMPL gives another body. Use `Body.pc16`, or the body file itself.
-- Half precision rounds positions by up to 0.5 mm, enough to show in accelerations. Use the `.f32`
-  files for measurements.
-- Corrections of the body's self-collisions during simulation are not part of the stored body, as in
-  CLOTH3D, so cloth may touch it near armpits and crotch. Limbs that were left out of a simulation
-  are named in `status.tsv`.
-- Simulated cloth is not free of penetrations; the health table above says how many there are.
+- The body is the model named above. If that is not SMPL, `poses` and `shape` have SMPL's layout
+  and joint order but are coefficients of that model: CLOTH3D's readers parse them, but SMPL
+  rebuilds a different body from them. Use `Body.pc16` or the body file itself.
+- Half precision rounds positions by up to 0.5 mm, which is enough to affect accelerations. Use the
+  `.f32` files for measurements.
+- As in CLOTH3D, the stored body does not include the corrections of self-collisions that were
+  applied during simulation, so cloth may touch it near the armpits and the crotch. Limbs that were
+  left out of a simulation are named in `status.tsv`.
+- Simulated cloth is not free of penetrations; the health table above quantifies them.
 - Bodies have no hair, no soft tissue and no facial expression, and garments no seams, pockets or
   buttons."""
 
 
 def _licence(records: Sequence[SampleRecord]) -> str:
-    subjects = sorted({r.meta["motion"]["source"] for r in records if r.meta["motion"]["source"]})
+    clips = sorted({r.meta["motion"]["source"] for r in records if r.meta["motion"]["source"]})
     return (
-        "Garments and simulation were generated and carry no licence of their own. The body model"
+        "Garments and simulations were generated and carry no licence of their own. The body model"
         " and the motion clips keep theirs: a dataset made with a licensed SMPL file or with your"
-        " own motion capture may be passed on only as far as those allow. Clips used:"
-        f" {_listed(subjects)}.\n\n"
-        "When you use the data, cite the software that made it (`CITATION.cff` of drapeline) and"
-        " the method: H. Bertiche, M. Madadi, S. Escalera, CLOTH3D: Clothed 3D Humans, ECCV 2020."
+        " own motion capture may be redistributed only as far as those licences allow. Clips used:"
+        f" {_join(clips)}.\n\n"
+        "If you use the data, please cite the software that made it (`CITATION.cff` of drapeline)"
+        " and the method: H. Bertiche, M. Madadi, S. Escalera, CLOTH3D: Clothed 3D Humans, ECCV"
+        " 2020."
     )
 
 
-def _listed(values: Iterable[Any]) -> str:
+def _join(values: Iterable[Any]) -> str:
     return ", ".join(sorted(str(value) for value in values)) or "none"

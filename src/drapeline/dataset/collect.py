@@ -1,4 +1,4 @@
-"""Accepted samples brought together in split folders, with tables of everything that was made."""
+"""Collect the accepted samples into split folders, with tables of all samples and the card."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,27 +12,27 @@ from drapeline.dataset.statistics import action_table, garment_table, overview_t
 from drapeline.errors import InputError
 from drapeline.storage import atomic_file, atomic_folder, link_or_copy
 
-_LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # measures whose smallest value is worst
+_LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # the smallest value of these is the worst
 
 
 def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[SampleRecord]:
     """Link the accepted samples into `{output}/{split}/{id}` and write the tables and the card.
 
     Args:
-        folders: one per sample, as `write_sample` leaves them, the rejected ones included.
+        folders: one per sample, as written by `write_sample`, including the rejected samples.
         output: folder of the dataset; replaced as a whole.
 
     Returns:
-        The samples' records, by id.
+        The records of all samples, sorted by id.
 
     Raises:
-        InputError: a sample's `meta.json` is unusable, or two samples have one id.
+        InputError: a sample's `meta.json` is unusable, or two samples have the same id.
     """
     records = sorted((read_record(folder) for folder in folders), key=lambda r: r.meta["id"])
     ids = [record.meta["id"] for record in records]
     if len(set(ids)) < len(ids):
-        twice = next(name for name in ids if ids.count(name) > 1)
-        raise InputError(f"{output}: sample {twice} is given twice, expected each id once")
+        repeated = next(name for name in ids if ids.count(name) > 1)
+        raise InputError(f"{output}: sample {repeated} is given twice, expected each id once")
     accepted = [record for record in records if record.accepted]
     tables = {
         "statistics_overview": overview_table(accepted),
@@ -56,7 +56,7 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
 
 
 def status_row(record: SampleRecord) -> dict[str, Any]:
-    """What became of one sample: a row of `status.tsv`."""
+    """Row of `status.tsv`: the outcome of one sample."""
     meta = record.meta
     return {
         "sample": meta["id"],
@@ -74,7 +74,7 @@ def status_row(record: SampleRecord) -> dict[str, Any]:
 
 
 def sample_row(record: SampleRecord) -> dict[str, Any]:
-    """One accepted sample: a row of `samples.tsv`."""
+    """Row of `samples.tsv`: one accepted sample."""
     meta = record.meta
     garments = meta["outfit"]["garments"]
     row = {
@@ -102,7 +102,7 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
 
 
 def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as tab-separated values; the columns are those of all rows, in first order."""
+    """Write rows as tab-separated values, with the columns of all rows in order of appearance."""
     columns = list(dict.fromkeys(column for row in rows for column in row))
     with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
         writer = csv.DictWriter(

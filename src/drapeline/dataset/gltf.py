@@ -1,7 +1,7 @@
-"""Moving meshes as one binary glTF 2.0 file, a morph target per frame.
+"""Write animated meshes to a binary glTF 2.0 file with one morph target per frame.
 
-Written by our own code: Blender's exporter takes the whole animation into memory, and its Python
-module then hangs at exit.
+This does not use Blender's exporter, which loads the whole animation into memory and makes
+Blender's Python module hang at exit.
 """
 
 import json
@@ -28,12 +28,13 @@ _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
     """Write parts, Y up and in metres, with normals, texture coordinates and plain colours.
 
-    Frame 0 is the base mesh; each later frame is a morph target that is fully on at its time and
-    off at the others, linear in between. Memory does not grow with frames.
+    Frame 0 is the base mesh. Each later frame is a morph target with weight 1 at its own time and
+    0 at the times of the other frames, interpolated linearly. Memory use does not grow with the
+    number of frames.
 
     Args:
-        path: the `.glb`.
-        parts: of one sample, so with as many frames each.
+        path: the `.glb` file.
+        parts: parts of one sample, all with the same number of frames.
     """
     with tempfile.TemporaryFile() as binary:
         asset = _Asset(binary)
@@ -51,7 +52,7 @@ def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
 
 
 class _Asset:
-    """The JSON of a glTF file, filled in step with the binary that it describes."""
+    """The JSON of a glTF file, built up along with the binary data that it describes."""
 
     def __init__(self, binary: BinaryIO) -> None:
         self._binary = binary
@@ -83,7 +84,7 @@ class _Asset:
         return document
 
     def add_part(self, part: ScenePart) -> None:
-        source, uv, triangles = _corners(part)
+        source, uv, triangles = _split_at_seams(part)
         faces = triangulate(part.mesh.faces)
         targets, base = [], None
         for points in part.frames():
@@ -150,19 +151,19 @@ class _Asset:
         return len(self._lists["accessors"]) - 1
 
 
-def _corners(part: ScenePart) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-    """glTF keeps one index per corner, so vertices on a UV seam are doubled.
+def _split_at_seams(part: ScenePart) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """Split vertices at UV seams, since glTF has a single index per corner.
 
     Returns:
-        The mesh vertex (V',) and texture coordinate (V', 2) or None of each glTF vertex, and the
-        triangles (F, 3) of glTF vertices.
+        The mesh vertex (V',) and the texture coordinates (V', 2), or None, of each glTF vertex,
+        and the triangles (F, 3) between glTF vertices.
     """
     mesh = part.mesh
     if mesh.uv is None or mesh.uv_faces is None:
         return np.arange(len(mesh.vertices)), None, mesh.triangles
     pairs = np.stack([mesh.triangles, triangulate(mesh.uv_faces)], axis=-1).reshape(-1, 2)
     unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
-    # glTF's texture origin is the upper left corner.
+    # The texture origin of glTF is the upper left corner.
     uv = mesh.uv[unique[:, 1]] * [1, -1] + [0, 1]
     return unique[:, 0], uv, inverse.reshape(-1, 3)
 
@@ -175,6 +176,6 @@ def _material(part: ScenePart) -> dict[str, Any]:
             "metallicFactor": 0.0,
             "roughnessFactor": 0.8,
         },
-        # Cloth is a single sheet, seen from both sides.
+        # Cloth is a single sheet that is visible from both sides.
         "doubleSided": True,
     }

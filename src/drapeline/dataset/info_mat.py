@@ -1,4 +1,4 @@
-"""`info.mat`: what CLOTH3D stores of a sample beside its meshes."""
+"""`info.mat`: what CLOTH3D stores about a sample besides its meshes."""
 
 import io
 from collections.abc import Mapping
@@ -12,8 +12,8 @@ import scipy.io
 from drapeline.errors import InputError
 from drapeline.storage import atomic_file
 
-# The 116 free bytes at the start of a MATLAB v5 file. scipy puts the time of writing there, which
-# would make equal samples differ.
+# The 116 free bytes at the start of a MATLAB v5 file. scipy writes the current time there, so that
+# files with equal contents would differ.
 _HEADER_TEXT = b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
 
 
@@ -22,14 +22,15 @@ class SampleInfo:
     """Contents of an `info.mat`.
 
     Attributes:
-        poses: (N, 72) float64 axis-angle in radians; the root carries the Y-up to Z-up turn.
+        poses: (N, 72) float64 axis-angle in radians; the root rotation includes the turn from Y up
+            to Z up.
         trans: (N, 3) float64 world position of the root joint in metres.
-        shape: (10,) float64.
+        shape: (10,) float64 shape coefficients.
         gender: 0 female, 1 male.
-        zrot: turn of the whole scene about +Z in radians.
+        zrot: rotation of the whole scene about +Z in radians.
         outfit: garment name -> {"texture": {"type", "data"}, "fabric"}; the fabric may be missing
-            (test sets of the original), and `data` is there for the texture type "color" alone.
-        tightness: (2,) float64, or None where the file lacks it.
+            (test sets of the original), and only textures of type "color" have `data`.
+        tightness: (2,) float64, or None if the file has none.
         camera_location: (3,) float64 in metres, or None.
         lights: {"type": "point", "data": [{"loc": (3,), "pwr": watts}, ...]} or
             {"type": "sun", "data": {"pwr": W/m2, "rot": (3,) Euler radians}}, or None.
@@ -47,10 +48,10 @@ class SampleInfo:
 
 
 def sample_scene(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, Any]]:
-    """Camera location (3,) and lights in the ranges seen in CLOTH3D's samples.
+    """Draw a camera location (3,) and lights from the ranges observed in CLOTH3D's samples.
 
-    The camera stands on +X and looks along -X. Half of the scenes are lit by one sun, half by one
-    to three point lights above the subject.
+    The camera stands on the +X axis and looks along -X. Half of the scenes are lit by the sun, the
+    other half by one to three point lights above the subject.
     """
     camera = np.array([rng.uniform(4.4, 5.8), 0.0, 1.0])
     if rng.random() < 0.5:
@@ -73,7 +74,7 @@ def write_info(path: str | Path, info: SampleInfo) -> None:
     fields: dict[str, Any] = {"shape": np.asarray(info.shape, np.float64).reshape(1, 10)}
     if info.lights is not None:
         data = info.lights["data"]
-        # One point light is a bare struct, several are a cell of structs.
+        # A single point light is a bare struct, several are a cell of structs.
         single = isinstance(data, list) and len(data) == 1
         fields["lights"] = {"type": info.lights["type"], "data": data[0] if single else data}
     if info.camera_location is not None:
@@ -105,17 +106,17 @@ def read_info(path: str | Path) -> SampleInfo:
     """Read an `info.mat`, ours or an original one.
 
     Raises:
-        InputError: missing, not MATLAB v5, without a field that every sample has, or with arrays
-            whose shapes do not fit together.
+        InputError: the file is missing, is not MATLAB v5, lacks a field that every sample has, or
+            holds arrays of inconsistent shapes.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected the info.mat of a CLOTH3D sample")
     try:
         raw = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
-    except Exception as error:  # scipy raises a dozen kinds on damaged files
+    except Exception as error:  # scipy raises many kinds of errors on damaged files
         raise InputError(f"{path}: not a readable MATLAB v5 file ({error})") from error
-    values = {name: _plain(value) for name, value in raw.items() if not name.startswith("__")}
+    values = {name: _to_python(value) for name, value in raw.items() if not name.startswith("__")}
     missing = [name for name in ("poses", "trans", "shape", "gender") if name not in values]
     if missing:
         raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(values)}")
@@ -124,7 +125,7 @@ def read_info(path: str | Path) -> SampleInfo:
     trans = _columns(path, "trans", values["trans"], 3)
     if len(poses) != len(trans):
         raise InputError(
-            f"{path}: {len(poses)} poses and {len(trans)} trans, expected as many of each"
+            f"{path}: {len(poses)} poses but {len(trans)} trans, expected equal numbers"
         )
     gender = values["gender"]
     if not np.isscalar(gender) or gender not in (0, 1):
@@ -148,22 +149,22 @@ def read_info(path: str | Path) -> SampleInfo:
 
 
 def _columns(path: Path, name: str, value: Any, rows: int) -> np.ndarray:
-    """(rows, N), or (rows,) where squeezed, as (N, rows) float64."""
+    """Transpose an array (rows, N), or (rows,) if it was squeezed, to (N, rows) float64."""
     array = np.asarray(value)
     if array.dtype == object or array.shape[:1] != (rows,) or array.ndim > 2:
         raise InputError(f"{path}: {name} has shape {array.shape}, expected ({rows}, N)")
     array = np.ascontiguousarray(array.reshape(rows, -1).T, dtype=np.float64)
     if not np.isfinite(array).all():
-        raise InputError(f"{path}: {name} holds values that are not finite")
+        raise InputError(f"{path}: {name} holds NaN or infinity, expected finite numbers")
     return array
 
 
-def _plain(value: Any) -> Any:
-    """MATLAB structs as dicts, cells as lists, single numbers as numbers."""
+def _to_python(value: Any) -> Any:
+    """Convert MATLAB structs to dicts, cells to lists and single values to scalars."""
     if isinstance(value, scipy.io.matlab.mat_struct):
-        return {name: _plain(getattr(value, name)) for name in value._fieldnames}
+        return {name: _to_python(getattr(value, name)) for name in value._fieldnames}
     if isinstance(value, np.ndarray):
         if value.dtype == object:
-            return [_plain(item) for item in value.ravel()]
+            return [_to_python(item) for item in value.ravel()]
         return value.item() if value.ndim == 0 else value
     return value

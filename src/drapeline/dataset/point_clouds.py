@@ -1,8 +1,8 @@
 """Labelled point clouds of dressed bodies: what scanners around a person would see of a sample.
 
-Garment4D's released code feeds on mesh vertices, whose order and number tell more than any scanner
-could, and sees skin through cloth. Here points are drawn from the visible surface, anew in every
-frame; the released code's way is an option.
+Garment4D's released code uses mesh vertices as points: their order and number reveal more than any
+scanner could, and skin is visible through cloth. Here points are drawn from the visible surface,
+independently in every frame; the protocol of the released code is available as an option.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,42 +20,43 @@ from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, open_array, read_json, write_json
+from drapeline.storage import atomic_folder, create_array, open_array, read_json, write_json
 
 Visibility = Literal["all", "multi", "single"]
 Protocol = Literal["surface", "vertices"]
 
-# Height angles in degrees and cameras in each ring. None looks from below the floor, which lies
+# Elevation in degrees and number of cameras of each ring. No camera is below the floor, which lies
 # about 0.9 m under the root joint.
 _RIGS: dict[str, tuple[tuple[float, int], ...]] = {
     "all": ((-17.0, 6), (25.0, 6), (90.0, 1)),
     "multi": ((10.0, 4),),
     "single": ((10.0, 1),),
 }
-_AWAY_M = 3.0  # of the cameras from the root joint
-_LIFT_M = 0.0005  # rays start so far before their own surface
-_COVER_M = 0.02  # what has another surface so close before it is taken for covered
-_HOLE = 0.05  # share of the points that one hole takes
+_CAMERA_DISTANCE_M = 3.0  # from the root joint
+_LIFT_M = 0.0005  # rays start this far in front of their own surface
+_COVER_M = 0.02  # a point with another surface this close in front of it counts as covered
+_HOLE = 0.05  # share of the points that a single hole removes
 _CHUNK = 32  # frames held in memory at once
-# Frames after which the tree for rays is built anew. Boxes that follow a dancer grow: rays took
-# three times as long after 40 frames, while building takes as long as the rays of one frame.
+# Frames after which the tree for ray casting is rebuilt. Boxes that follow a dancer grow: rays took
+# three times as long after 40 frames, while rebuilding takes as long as the rays of one frame.
 _REBUILD = 8
 
 
 @dataclass(frozen=True)
 class CloudSettings:
-    """How point clouds are taken.
+    """How point clouds are sampled.
 
     Attributes:
-        points: P, in every frame.
-        noise_m: standard deviation of the error of each coordinate.
+        points: number of points P in every frame.
+        noise_m: standard deviation of the noise added to each coordinate.
         missing: share of the visible surface that lies in holes.
-        visibility: who looks: "all" is 13 cameras around and above, "multi" four in a ring,
-            "single" one; the rings are turned at random, once for a sequence.
+        visibility: which cameras see the sample: "all" are 13 cameras around and above, "multi"
+            four in a ring, "single" one; the rings are rotated randomly, once per sequence.
         protocol: "surface", or "vertices" as in the released code: half of the points are garment
-            vertices, half body vertices, the same ones in every frame, covered or not; nobody
-            looks then, and nothing is missing.
-        seed: with a sequence's name and a frame's number it fixes the points.
+            vertices and half are body vertices, the same ones in every frame, covered or not;
+            `visibility` and `missing` do not apply then.
+        seed: together with the name of a sequence and the number of a frame, it determines the
+            points.
     """
 
     points: int = 2048
@@ -67,11 +68,11 @@ class CloudSettings:
 
 
 class CloudRngs(NamedTuple):
-    """Generators of one frame.
+    """Random generators of one frame.
 
     Attributes:
-        points: draws them and the holes.
-        noise: draws the errors of their coordinates.
+        points: draws the points and the holes.
+        noise: draws the noise of their coordinates.
     """
 
     points: np.random.Generator
@@ -79,9 +80,10 @@ class CloudRngs(NamedTuple):
 
 
 class CloudSampler:
-    """Point clouds of meshes that move and keep their faces.
+    """Samples point clouds of meshes that move but keep their faces.
 
-    The tree that rays are cast into follows the vertices and is built anew from time to time only.
+    The tree used for ray casting is refitted to the vertices of each frame and rebuilt only from
+    time to time.
     """
 
     def __init__(
@@ -91,15 +93,15 @@ class CloudSampler:
         *,
         turn_rad: float = 0.0,
     ) -> None:
-        """Name the faces.
+        """Set up the labelled triangles and the cameras.
 
         Args:
             surfaces: triangles (F, 3) and label of each mesh.
-            settings: see there.
-            turn_rad: of the cameras about the vertical.
+            settings: how the clouds are sampled.
+            turn_rad: rotation of the cameras about the vertical axis.
 
         Raises:
-            InputError: a label is none of `LABELS`.
+            InputError: a label is not in `LABELS`.
         """
         unknown = [label for _, label in surfaces if label not in LABELS]
         if unknown:
@@ -120,11 +122,12 @@ class CloudSampler:
     def sample(
         self, vertices: Sequence[np.ndarray], rngs: CloudRngs
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The cloud of one frame.
+        """Sample the cloud of one frame.
 
         Args:
-            vertices: (V, 3) of each mesh, in the order of the surfaces; as many in every frame.
-            rngs: what draws the points, and their noise. With the protocol "vertices", equal
+            vertices: (V, 3) of each mesh in metres, in the order of the surfaces; V must not
+                change from frame to frame.
+            rngs: generators of the points and of their noise. With the protocol "vertices", equal
                 generators choose equal vertices.
 
         Returns:
@@ -135,20 +138,20 @@ class CloudSampler:
         """
         settings, rng = self.settings, rngs.points
         if settings.protocol == "vertices":
-            points, labels = self._vertex_sample(vertices, rng)
+            points, labels = self._sample_vertices(vertices, rng)
         else:
             count = int(np.ceil(settings.points / (1 - settings.missing)))
-            points, labels = self._surface_sample(vertices, count, rng)
-            kept = _outside_of_holes(points, count - settings.points, rng)
+            points, labels = self._sample_surface(vertices, count, rng)
+            kept = _remaining_after_holes(points, count - settings.points, rng)
             points, labels = points[kept], labels[kept]
         if settings.noise_m:
             points = points + rngs.noise.normal(0, settings.noise_m, points.shape)
         return points.astype(np.float32), labels
 
-    def _vertex_sample(
+    def _sample_vertices(
         self, vertices: Sequence[np.ndarray], rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        everything = np.concatenate(vertices)
+        all_vertices = np.concatenate(vertices)
         labels = np.repeat(self._codes, [len(v) for v in vertices]).astype(np.uint8)
         skin, cloth = np.flatnonzero(labels == 0), np.flatnonzero(labels)
         half = self.settings.points // 2 if len(cloth) else 0
@@ -159,36 +162,36 @@ class CloudSampler:
                 if count
             ]
         )
-        return everything[chosen], labels[chosen]
+        return all_vertices[chosen], labels[chosen]
 
-    def _surface_sample(
+    def _sample_surface(
         self, vertices: Sequence[np.ndarray], count: int, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """`count` points on what the cameras see, evenly by area."""
-        everything = np.concatenate(vertices).astype(np.float32)
-        mesh = self._placed(everything, [len(v) for v in vertices])
-        a, b, c = (everything[self._corners[:, i]] for i in range(3))
+        """Draw `count` points uniformly by area from the surface that the cameras see."""
+        all_vertices = np.concatenate(vertices).astype(np.float32)
+        mesh = self._move_mesh(all_vertices, [len(v) for v in vertices])
+        a, b, c = (all_vertices[self._corners[:, i]] for i in range(3))
         cross = np.cross(b - a, c - a)
         double_area = np.linalg.norm(cross, axis=1)
         normals = cross / np.maximum(double_area, 1e-20)[:, None]
-        upto = np.cumsum(double_area, dtype=np.float64)
+        cumulative_area = np.cumsum(double_area, dtype=np.float64)
         points, labels = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
-        share, drawn = 1.0, 0  # the first round tells which share is seen
+        visible_share, drawn = 1.0, 0  # the share is estimated from the first round
         while len(points) < count:
-            wanted = int(1.05 * (count - len(points)) / share) + 16
-            # One point in each of so many equal parts of the area. Rays from neighbours, one after
-            # the other, pass through the same boxes of the tree.
+            wanted = int(1.05 * (count - len(points)) / visible_share) + 16
+            # Stratified by area: one point in each of `wanted` equal parts. Consecutive rays then
+            # start close together and pass through the same boxes of the tree.
             at = (np.arange(wanted) + rng.random(wanted)) / wanted
-            face = np.searchsorted(upto, upto[-1] * at, side="right")
-            face = np.minimum(face, len(upto) - 1)
+            face = np.searchsorted(cumulative_area, cumulative_area[-1] * at, side="right")
+            face = np.minimum(face, len(cumulative_area) - 1)
             u, v = rng.random((2, wanted, 1), dtype=np.float32)
             u = np.sqrt(u)
-            place = (1 - u) * a[face] + u * ((1 - v) * b[face] + v * c[face])
-            seen = self._seen(mesh, place, normals[face], face)
-            points = np.concatenate([points, place[seen]])
-            labels = np.concatenate([labels, self._face_label[face][seen]])
+            candidates = (1 - u) * a[face] + u * ((1 - v) * b[face] + v * c[face])
+            visible = self._find_visible(mesh, candidates, normals[face], face)
+            points = np.concatenate([points, candidates[visible]])
+            labels = np.concatenate([labels, self._face_label[face][visible]])
             drawn += wanted
-            share = max(len(points) / drawn, 0.02)
+            visible_share = max(len(points) / drawn, 0.02)
             if drawn > 1000 * count:
                 raise InputError(
                     f"cameras '{self.settings.visibility}' see {len(points)} of {drawn} points of"
@@ -197,7 +200,7 @@ class CloudSampler:
         order = rng.permutation(len(points))[:count]
         return points[order], labels[order]
 
-    def _placed(self, vertices: np.ndarray, counts: Sequence[int]) -> wp.Mesh:
+    def _move_mesh(self, vertices: np.ndarray, counts: Sequence[int]) -> wp.Mesh:
         if self._corners is None:
             starts = np.cumsum([0, *counts])[:-1]
             self._corners = np.concatenate(
@@ -211,13 +214,13 @@ class CloudSampler:
         self._frames += 1
         return self._mesh
 
-    def _seen(
+    def _find_visible(
         self, mesh: wp.Mesh, points: np.ndarray, normals: np.ndarray, face: np.ndarray
     ) -> np.ndarray:
-        """(n,) bool, which points on faces of a mesh any camera sees."""
-        seen = wp.zeros(len(points), dtype=wp.bool, device="cpu")
+        """(n,) bool, which points on the faces of a mesh are visible to at least one camera."""
+        visible = wp.zeros(len(points), dtype=wp.bool, device="cpu")
         wp.launch(
-            _look,
+            _mark_visible,
             dim=len(points),
             inputs=[
                 mesh.id,
@@ -227,77 +230,79 @@ class CloudSampler:
                 wp.array(face.astype(np.int32), dtype=int, device="cpu"),
                 self._cameras,
             ],
-            outputs=[seen],
+            outputs=[visible],
             device="cpu",
         )
-        return seen.numpy()
+        return visible.numpy()
 
 
 def _rig(visibility: Visibility, turn_rad: float) -> np.ndarray:
-    """(C, 3) places of the cameras; the first of a ring stands before the body at turn 0."""
-    places = []
-    for height_deg, count in _RIGS[visibility]:
-        around = turn_rad - np.pi / 2 + 2 * np.pi * np.arange(count) / count
-        up = np.radians(height_deg)
-        ring = [np.cos(up) * np.cos(around), np.cos(up) * np.sin(around)]
-        places.append(np.stack([*ring, np.full(count, np.sin(up))], axis=-1))
-    return (_AWAY_M * np.concatenate(places)).astype(np.float32)
+    """(C, 3) camera positions; at turn 0, the first of each ring is in front of the body."""
+    positions = []
+    for elevation_deg, count in _RIGS[visibility]:
+        azimuth = turn_rad - np.pi / 2 + 2 * np.pi * np.arange(count) / count
+        elevation = np.radians(elevation_deg)
+        ring = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)]
+        positions.append(np.stack([*ring, np.full(count, np.sin(elevation))], axis=-1))
+    return (_CAMERA_DISTANCE_M * np.concatenate(positions)).astype(np.float32)
 
 
 @wp.func
-def _seen_by(
-    mesh: wp.uint64, place: wp.vec3, normal: wp.vec3, camera: wp.vec3, two_sided: int
+def _is_visible_from(
+    camera: wp.vec3, mesh: wp.uint64, point: wp.vec3, normal: wp.vec3, two_sided: int
 ) -> bool:
-    away = camera - place
-    facing = wp.dot(normal, away)
+    to_camera = camera - point
+    facing = wp.dot(normal, to_camera)
     if facing <= 0.0 and two_sided == 0:
         return False
-    far = wp.length(away)
-    start = place + wp.sign(facing) * _LIFT_M * normal
-    return not wp.mesh_query_ray_anyhit(mesh, start, away / far, far)
+    distance = wp.length(to_camera)
+    start = point + wp.sign(facing) * _LIFT_M * normal
+    return not wp.mesh_query_ray_anyhit(mesh, start, to_camera / distance, distance)
 
 
 @wp.kernel
-def _look(
+def _mark_visible(
     mesh: wp.uint64,
     label: wp.array(dtype=wp.uint8),
     points: wp.array(dtype=wp.vec3),
     normals: wp.array(dtype=wp.vec3),
     face: wp.array(dtype=int),
     cameras: wp.array(dtype=wp.vec3),
-    seen: wp.array(dtype=wp.bool),
+    visible: wp.array(dtype=wp.bool),
 ):
     index = wp.tid()
-    place = points[index]
+    point = points[index]
     normal = normals[index]
-    own = label[face[index]]
-    # One short ray settles most hidden points, which else would take one to every camera.
-    cover = wp.mesh_query_ray(mesh, place + _LIFT_M * normal, normal, _COVER_M)
-    if cover.result and label[cover.face] != own:
+    own_label = label[face[index]]
+    # A short ray rules out most hidden points, which would otherwise need a ray to every camera.
+    cover = wp.mesh_query_ray(mesh, point + _LIFT_M * normal, normal, _COVER_M)
+    if cover.result and label[cover.face] != own_label:
         return
-    two_sided = wp.where(own == wp.uint8(0), 0, 1)  # cloth is, the body is seen from outside only
+    two_sided = wp.where(own_label == wp.uint8(0), 0, 1)  # cloth is; skin is seen from outside only
     best = wp.int32(0)  # a plain 0 would be a constant, which Warp does not let loops change
-    straightest = wp.float32(0.0)
+    best_facing = wp.float32(0.0)
     for camera in range(cameras.shape[0]):
-        facing = wp.dot(normal, wp.normalize(cameras[camera] - place))
+        facing = wp.dot(normal, wp.normalize(cameras[camera] - point))
         if two_sided == 1:
             facing = wp.abs(facing)
-        if facing > straightest:
-            straightest = facing
+        if facing > best_facing:
+            best_facing = facing
             best = camera
-    if _seen_by(mesh, place, normal, cameras[best], two_sided):
-        seen[index] = True
+    if _is_visible_from(cameras[best], mesh, point, normal, two_sided):
+        visible[index] = True
         return
     for camera in range(cameras.shape[0]):
-        if camera != best and _seen_by(mesh, place, normal, cameras[camera], two_sided):
-            seen[index] = True
+        if camera != best and _is_visible_from(cameras[camera], mesh, point, normal, two_sided):
+            visible[index] = True
             return
 
 
-def _outside_of_holes(points: np.ndarray, missing: int, rng: np.random.Generator) -> np.ndarray:
-    """(P - missing,) indices of the points that are left when holes have taken `missing` of them.
+def _remaining_after_holes(
+    points: np.ndarray, missing: int, rng: np.random.Generator
+) -> np.ndarray:
+    """(P - missing,) indices of the points that remain after holes have removed `missing` points.
 
-    A hole is a random point and those nearest to it.
+    A hole consists of a random point and the points nearest to it.
     """
     left = np.arange(len(points))
     while missing:
@@ -312,19 +317,19 @@ def _outside_of_holes(points: np.ndarray, missing: int, rng: np.random.Generator
 def cut_holes(
     points: np.ndarray, labels: np.ndarray, share: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A cloud with holes (figure 9): whole patches are taken away, and points left repeated.
+    """Remove whole patches of a cloud and repeat remaining points (Garment4D, figure 9).
 
     Args:
         points: (P, 3).
         labels: (P,).
-        share: of the points that lie in holes, less than 1.
+        share: share of the points that lie in holes, less than 1.
         rng: draws the holes, each of 5 % of the points, and the points that are repeated.
 
     Returns:
-        Points (P, 3) and labels (P,) of the cloud outside of the holes, refilled to P.
+        Points (P, 3) and labels (P,) of the cloud outside the holes, refilled to P points.
     """
     count = len(points)
-    left = _outside_of_holes(points, min(round(share * count), count - 1), rng)
+    left = _remaining_after_holes(points, min(round(share * count), count - 1), rng)
     chosen = rng.permutation(np.resize(rng.permutation(left), count))
     return points[chosen], labels[chosen]
 
@@ -332,13 +337,14 @@ def cut_holes(
 def corrupt_labels(
     labels: np.ndarray, accuracy: float, garment_label: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Labels of which a share is right (figure 10).
+    """Give wrong labels to a random share of the points (Garment4D, figure 10).
 
     Args:
         labels: (P,) true labels.
         accuracy: share of the points that keep their label.
-        garment_label: of the garment looked for: wrong points of it become body, others become it.
-        rng: draws the points that are wrong.
+        garment_label: label of the target garment. Its points are relabelled as body, points of
+            any other label are relabelled as the garment.
+        rng: draws the points to relabel.
 
     Returns:
         (P,) labels, as a copy.
@@ -351,14 +357,14 @@ def corrupt_labels(
 
 @dataclass(frozen=True)
 class CloudSequence:
-    """Point clouds of all frames of a sequence, as `load_clouds` opens them.
+    """Point clouds of all frames of a sequence, as opened by `load_clouds`.
 
     Attributes:
-        points: (F, P, 3) float32 metres relative to the root joint, memory-mapped; no frames if
-            the sequence was rejected.
+        points: (F, P, 3) float32 metres relative to the root joint, memory-mapped; F is 0 if the
+            sample was not accepted.
         labels: (F, P) uint8 indices into `LABELS`, memory-mapped.
-        about: `name`, `status`, `split`, and unless rejected `source` ("simulated"), `gender`,
-            `garments`, `settings` and `fps`.
+        about: `name`, `status` and `split`, and for accepted samples `source` ("simulated"),
+            `gender`, `garments`, `settings` and `fps`.
     """
 
     points: np.ndarray
@@ -370,12 +376,12 @@ class CloudSequence:
 
     @property
     def accepted(self) -> bool:
-        """Whether there are clouds."""
+        """Whether the sample was accepted, so that there are clouds."""
         return self.about["status"] == "accepted"
 
 
 def cloud_rngs(settings: CloudSettings, name: str, frame: int) -> CloudRngs:
-    """The generators of a frame; where vertices are sampled, the same points in all of them."""
+    """Random generators of a frame; vertices are drawn once per sequence, surfaces per frame."""
     noise = rng_for(settings.seed, "cloud noise", name, frame)
     if settings.protocol == "vertices":
         return CloudRngs(rng_for(settings.seed, "cloud", name), noise)
@@ -383,17 +389,17 @@ def cloud_rngs(settings: CloudSettings, name: str, frame: int) -> CloudRngs:
 
 
 def rig_turn(settings: CloudSettings, name: str) -> float:
-    """How far a sequence's cameras are turned about the vertical, rad."""
+    """Random rotation of a sequence's cameras about the vertical axis, in radians."""
     return float(rng_for(settings.seed, "cloud", name, "cameras").uniform(-np.pi, np.pi))
 
 
-def write_clouds(folder: str | Path, sample: str | Path, settings: CloudSettings) -> str:
+def write_clouds(folder: str | Path, sample_folder: str | Path, settings: CloudSettings) -> str:
     """Write the clouds of a simulated sample's frames: `points.npy`, `labels.npy`, `about.json`.
 
     Args:
-        folder: replaced as a whole; of a rejected sample it holds `about.json` only.
-        sample: folder as `write_sample` leaves it.
-        settings: see there.
+        folder: replaced as a whole; for a rejected sample it holds only `about.json`.
+        sample_folder: folder of the sample, as written by `write_sample`.
+        settings: how the clouds are sampled.
 
     Returns:
         The sample's status, "accepted" or "rejected".
@@ -401,38 +407,38 @@ def write_clouds(folder: str | Path, sample: str | Path, settings: CloudSettings
     Raises:
         InputError: a file of the sample is missing or damaged.
     """
-    record = read_record(sample)
+    record = read_record(sample_folder)
     name = record.meta["id"]
     about = {"name": name, "status": record.meta["status"], "split": record.meta["split"]}
     with atomic_folder(folder) as scratch:
         if record.accepted:
-            with Sample(sample) as sequence:
+            with Sample(sample_folder) as sample:
                 about |= {
                     "source": "simulated",
-                    "gender": sequence.gender,
-                    "garments": list(sequence.garments),
+                    "gender": sample.gender,
+                    "garments": list(sample.garments),
                     "settings": asdict(settings),
                     "fps": FPS,
                 }
-                _write_frames(scratch, sequence, settings, name)
+                _write_frames(scratch, sample, settings, name)
         write_json(scratch / "about.json", about)
     return about["status"]
 
 
-def _write_frames(folder: Path, sequence: Sample, settings: CloudSettings, name: str) -> None:
-    meshes = [sequence.body_mesh(), *map(sequence.mesh, sequence.garments)]
-    names = (BODY, *sequence.garments)
+def _write_frames(folder: Path, sample: Sample, settings: CloudSettings, name: str) -> None:
+    meshes = [sample.body_mesh(), *map(sample.mesh, sample.garments)]
+    names = (BODY, *sample.garments)
     sampler = CloudSampler(
         [(mesh.triangles, label) for mesh, label in zip(meshes, names, strict=True)],
         settings,
         turn_rad=rig_turn(settings, name),
     )
-    points, labels = create_clouds(folder, sequence.frame_count, settings.points)
-    for start in range(0, sequence.frame_count, _CHUNK):
-        stop = min(start + _CHUNK, sequence.frame_count)
+    points, labels = create_clouds(folder, sample.frame_count, settings.points)
+    for start in range(0, sample.frame_count, _CHUNK):
+        stop = min(start + _CHUNK, sample.frame_count)
         parts = [
-            sequence.body_vertices(start, stop, frame="root"),
-            *(sequence.vertices(g, start, stop, frame="root") for g in sequence.garments),
+            sample.body_vertices(start, stop, frame="root"),
+            *(sample.vertices(g, start, stop, frame="root") for g in sample.garments),
         ]
         for frame in range(start, stop):
             points[frame], labels[frame] = sampler.sample(
@@ -443,18 +449,18 @@ def _write_frames(folder: Path, sequence: Sample, settings: CloudSettings, name:
 
 
 def create_clouds(folder: Path, frames: int, points: int) -> tuple[np.memmap, np.memmap]:
-    """New `points.npy` (F, P, 3) float32 and `labels.npy` (F, P) uint8 in a folder, to fill."""
+    """Create `points.npy` (F, P, 3) float32 and `labels.npy` (F, P) uint8, to be filled."""
     return (
-        np.lib.format.open_memmap(folder / "points.npy", "w+", np.float32, (frames, points, 3)),
-        np.lib.format.open_memmap(folder / "labels.npy", "w+", np.uint8, (frames, points)),
+        create_array(folder / "points.npy", np.float32, (frames, points, 3)),
+        create_array(folder / "labels.npy", np.uint8, (frames, points)),
     )
 
 
 def load_clouds(folder: str | Path) -> CloudSequence:
-    """Open clouds without reading them.
+    """Open the clouds of a sequence without reading them.
 
     Raises:
-        InputError: a file is missing or damaged, or the files do not fit together.
+        InputError: a file is missing or damaged, or the files do not match.
     """
     folder = Path(folder)
     about = read_json(folder / "about.json")

@@ -1,4 +1,4 @@
-"""Reading CLOTH3D-format datasets: ours, and the original download."""
+"""Read CLOTH3D-format datasets: drapeline's own and the original download."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -24,10 +24,10 @@ Frame = Literal["world", "root"]
 
 
 class Cloth3D:
-    """A folder of CLOTH3D samples, or of splits of samples.
+    """A dataset: a folder of CLOTH3D samples, or of splits that contain samples.
 
-    `len`, iteration and indexing by position or by id give `Sample` objects; nothing is read
-    from a sample before it is asked for.
+    Supports `len`, iteration, and indexing by position or id, which give `Sample` objects. Samples
+    read their files only when the data is accessed.
     """
 
     def __init__(
@@ -38,18 +38,18 @@ class Cloth3D:
         bodies: Mapping[str, "BodyModel"] | None = None,
         rest_turned: bool = True,
     ) -> None:
-        """Find the samples.
+        """Find the samples of a dataset.
 
         Args:
-            root: holds samples (`{id}/info.mat`) or folders of samples (`train/{id}/info.mat`).
-            split: the folder under `root` to read; all of them if None.
-            bodies: gender -> body model that rebuilds the bodies from poses and shape, such as
-                SMPL for the original download, which stores no bodies.
-            rest_turned: whether the rest meshes of samples without a `meta.json` are turned by
-                `zrot`: True for the full CLOTH3D release, False for its starter kit's samples.
+            root: contains samples (`{id}/info.mat`) or folders of samples (`train/{id}/info.mat`).
+            split: the folder under `root` to read; all folders if None.
+            bodies: gender -> body model used to rebuild the bodies from poses and shape, for
+                example SMPL for the original download, which stores no bodies.
+            rest_turned: whether the rest meshes of samples without a `meta.json` are rotated by
+                `zrot`: True for the full CLOTH3D release, False for the samples of its starter kit.
 
         Raises:
-            InputError: there is no such folder or no sample in it.
+            InputError: the folder does not exist or contains no sample.
         """
         self.root = Path(root)
         self._bodies = dict(bodies or {})
@@ -79,7 +79,7 @@ class Cloth3D:
 
 
 def _sample_folders(root: Path, split: str | None) -> dict[str, Path]:
-    """Sample id -> folder, for samples right under `root` and one level below."""
+    """Map ids to folders, for samples directly under `root` and one level below."""
     places = [root / split] if split is not None else [root, *_folders_in(root)]
     found: dict[str, Path] = {}
     for place in places:
@@ -87,8 +87,8 @@ def _sample_folders(root: Path, split: str | None) -> dict[str, Path]:
             if (folder / "info.mat").is_file():
                 if folder.name in found:
                     raise InputError(
-                        f"{folder}: sample {folder.name} is in {found[folder.name].parent} too,"
-                        " expected each id once (name a split to read one of them)"
+                        f"{folder}: sample {folder.name} is also in {found[folder.name].parent},"
+                        " expected each id once (pass a split to read only one of them)"
                     )
                 found[folder.name] = folder
     return found
@@ -102,10 +102,10 @@ def _folders_in(place: Path) -> list[Path]:
 
 
 class Sample:
-    """One sample: an outfit in rest pose and, per frame, on a moving body.
+    """One sample: an outfit in rest pose and its simulated frames on a moving body.
 
-    Frames are read by position from open files, so a range costs what the range weighs. Works for
-    samples that lack tightness or fabrics (the original's test sets), bodies or a `meta.json`.
+    Only the requested frames are read, from files that stay open. Samples may lack tightness and
+    fabrics (the test sets of the original), bodies or a `meta.json`.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Sample:
         bodies: Mapping[str, "BodyModel"] | None = None,
         rest_turned: bool = True,
     ) -> None:
-        """Name the sample's folder; see `Cloth3D` for the other arguments."""
+        """Refer to the sample in `folder`; see `Cloth3D` for the other arguments."""
         self.folder = Path(folder)
         self.id = self.folder.name
         self._bodies = dict(bodies or {})
@@ -129,22 +129,22 @@ class Sample:
 
     @cached_property
     def meta(self) -> dict[str, Any] | None:
-        """Contents of `meta.json`, or None where there is none, as in the original."""
+        """Contents of `meta.json`, or None if there is none, as in the original."""
         path = self.folder / "meta.json"
         return read_json(path) if path.is_file() else None
 
     @cached_property
     def garments(self) -> tuple[str, ...]:
-        """Names of the garments, the innermost first (in the original: in the stored order)."""
-        named = tuple(self.info.outfit)
-        if named:
-            return named
+        """Names of the garments, innermost first (for the original: in the stored order)."""
+        names = tuple(self.info.outfit)
+        if names:
+            return names
         stems = sorted(path.stem for path in self.folder.glob("*.obj"))
         return tuple(stem for stem in stems if stem != BODY)
 
     @property
     def frame_count(self) -> int:
-        """Frames of the sequence."""
+        """Number of frames."""
         return len(self.info.poses)
 
     def __len__(self) -> int:
@@ -162,46 +162,46 @@ class Sample:
 
     @property
     def split(self) -> str:
-        """Name of the folder the sample lies in."""
+        """Name of the folder that contains the sample."""
         return self.folder.parent.name
 
     @property
     def fabrics(self) -> dict[str, str | None]:
-        """Garment name -> fabric, or None where it is not stored."""
+        """Garment name -> fabric, or None if it is not stored."""
         return {name: self.info.outfit.get(name, {}).get("fabric") for name in self.garments}
 
     @property
     def tightness(self) -> np.ndarray | None:
-        """(2,) tightness, or None where it is not stored."""
+        """(2,) tightness, or None if it is not stored."""
         return self.info.tightness
 
     @cached_property
     def health(self) -> dict[str, np.ndarray]:
-        """Measures per frame, or nothing where none are stored."""
+        """Health measures of every frame by name; empty if none are stored."""
         path = self.folder / "health.npz"
         return load_npz(path) if path.is_file() else {}
 
     @property
     def has_body(self) -> bool:
-        """Whether body vertices can be had: they are stored, or a body model was given."""
+        """Whether body vertices are available: stored, or rebuilt by a given body model."""
         return bool(self._bodies) or (self.folder / f"{BODY}.pc16").is_file()
 
     def mesh(self, garment: str) -> Mesh:
-        """The garment in rest pose, root-relative and facing -Y: faces, triangles and UVs too.
+        """Rest mesh of a garment with faces and texture coordinates, root-relative, facing -Y.
 
         Raises:
             InputError: the OBJ is missing or damaged.
         """
-        return self._meshes(garment)
+        return self._rest_mesh(garment)
 
     def body_mesh(self) -> Mesh:
-        """The body in rest pose, in the frame of the rest garments.
+        """Body in rest pose, in the same frame as the rest garments.
 
         Raises:
             InputError: there is neither a `Body.obj` nor a body model for this gender.
         """
         if (self.folder / f"{BODY}.obj").is_file():
-            return self._meshes(BODY)
+            return self._rest_mesh(BODY)
         from drapeline.bodies.model import posed_vertices
         from drapeline.frames import REST_POSE
 
@@ -214,7 +214,7 @@ class Sample:
     ) -> np.ndarray:
         """Garment vertices of frames [start, stop), (stop - start, V, 3) float32 metres.
 
-        The single-precision cache is read where there is one, else the half-precision one.
+        The single-precision cache is used if there is one, otherwise the half-precision cache.
 
         Args:
             garment: one of `garments`.
@@ -223,43 +223,44 @@ class Sample:
             frame: "world", or "root" for positions relative to the root joint before `zrot`.
 
         Raises:
-            InputError: the file is missing, damaged, or does not have the sequence's frames.
-            IndexError: frames outside of the sequence.
+            InputError: the file is missing, damaged, or has another number of frames.
+            IndexError: the range is not within the sequence.
         """
         cache = self._cache(garment)
-        return self._placed(cache.frames(start, stop), start, frame)
+        return self._place(cache.frames(start, stop), start, frame)
 
     def body_vertices(
         self, start: int = 0, stop: int | None = None, frame: Frame = "world"
     ) -> np.ndarray:
         """Body vertices of frames [start, stop), (stop - start, V, 3) float32 metres.
 
-        Rebuilt from poses and shape where a body model was given, else read from `Body.pc16`.
+        They are rebuilt from poses and shape if a body model was given, otherwise read from
+        `Body.pc16`.
 
         Raises:
-            InputError: there is neither, or the model is not the one the sample was made with.
-            IndexError: frames outside of the sequence.
+            InputError: neither is available, or the sample was made with another body model.
+            IndexError: the range is not within the sequence.
         """
         if not self._bodies:
-            return self._placed(self._cache(BODY).frames(start, stop), start, frame)
+            return self._place(self._cache(BODY).frames(start, stop), start, frame)
         from drapeline.bodies.model import posed_vertices
 
         stop = self.frame_count if stop is None else stop
         if not 0 <= start <= stop <= self.frame_count:
             raise IndexError(
-                f"{self.folder}: frames [{start}, {stop}) asked for, expected within"
+                f"{self.folder}: frames [{start}, {stop}) requested, expected a range within"
                 f" [0, {self.frame_count})"
             )
         poses = self.info.poses[start:stop]
         points, _ = posed_vertices(self._body_model, self.info.shape, poses)
-        return self._placed(points, start, frame)
+        return self._place(points, start, frame)
 
     def root_positions(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """World position of the root joint in frames [start, stop), (stop - start, 3) float64."""
-        return self.info.trans[start:stop] @ _turn(self.info.zrot).T
+        return self.info.trans[start:stop] @ _rotation_z(self.info.zrot).T
 
     def close(self) -> None:
-        """Close the caches; they are also closed when nothing refers to the object any more."""
+        """Close the files; this also happens when the object is garbage-collected."""
         for cache in self._caches.values():
             cache.close()
         self._caches.clear()
@@ -270,7 +271,7 @@ class Sample:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def _meshes(self, name: str) -> Mesh:
+    def _rest_mesh(self, name: str) -> Mesh:
         mesh = load_obj(self.folder / f"{name}.obj")
         turned = (
             self._rest_turned
@@ -279,8 +280,8 @@ class Sample:
         )
         if not turned or self.info.zrot == 0:
             return mesh
-        upright = mesh.vertices @ _turn(self.info.zrot).astype(np.float32)  # = Rz(-zrot) v
-        return Mesh(upright, mesh.faces, mesh.uv, mesh.uv_faces)
+        vertices = mesh.vertices @ _rotation_z(self.info.zrot).astype(np.float32)  # = Rz(-zrot) v
+        return Mesh(vertices, mesh.faces, mesh.uv, mesh.uv_faces)
 
     def _cache(self, name: str) -> PointCache:
         if name not in self._caches:
@@ -289,11 +290,12 @@ class Sample:
             half, single = self.folder / f"{name}.pc16", self.folder / f"{name}.f32"
             if name == BODY and not half.is_file():
                 raise InputError(
-                    f"{half}: no such file, expected it or a body model for gender {self.gender}"
+                    f"{half}: no such file, expected this file or a body model for gender"
+                    f" {self.gender}"
                 )
             cache = PointCache(half)
             if single.is_file():
-                # The half-precision header tells the vertex count without parsing the OBJ.
+                # The header of the half-precision cache saves parsing the OBJ for its vertices.
                 cache = PointCache(single, cache.vertex_count)
             if len(cache) != self.frame_count:
                 raise InputError(
@@ -313,12 +315,13 @@ class Sample:
         made_with = self.meta["body"] if self.meta is not None else None
         if made_with is not None and body_fingerprint(body) != made_with["fingerprint"]:
             raise InputError(
-                f"{self.folder}: made with body '{made_with['model']}', but the body model given,"
-                f" '{body.name}', has other arrays"
+                f"{self.folder}: made with body '{made_with['model']}', but the given body model"
+                f" '{body.name}' has different arrays"
             )
         return body
 
-    def _placed(self, points: np.ndarray, start: int, frame: Frame) -> np.ndarray:
+    def _place(self, points: np.ndarray, start: int, frame: Frame) -> np.ndarray:
+        """Take root-relative points (n, V, 3) of the frames from `start` on to the given frame."""
         if frame == "root":
             return points
         if frame != "world":
@@ -327,11 +330,11 @@ class Sample:
         for axis in range(3):  # in place, axis by axis: broadcasting takes twice as long
             points[..., axis] += trans[:, axis, None]
         if self.info.zrot:
-            points = points @ _turn(self.info.zrot).T.astype(np.float32)
+            points = points @ _rotation_z(self.info.zrot).T.astype(np.float32)
         return points
 
 
-def _turn(angle: float) -> np.ndarray:
-    """(3, 3) rotation about +Z."""
+def _rotation_z(angle: float) -> np.ndarray:
+    """(3, 3) rotation about +Z by an angle in radians."""
     sine, cosine = np.sin(angle), np.cos(angle)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""What is known of a written sample from its `meta.json` and its file sizes; body identity."""
+"""Records of written samples (`meta.json` and file sizes), and fingerprints of bodies."""
 
 import hashlib
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from drapeline.storage import read_json
 if TYPE_CHECKING:
     from drapeline.bodies.model import BodyModel
 
-_SHARED = (".mat", ".obj", ".pc16", ".png")  # what a CLOTH3D sample holds; the rest is ours
+_CLOTH3D_SUFFIXES = (".mat", ".obj", ".pc16", ".png")  # files of other types are our additions
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class SampleRecord:
 
     Attributes:
         folder: the sample's folder.
-        meta: its `meta.json`.
-        cloth3d_bytes: bytes of the files that CLOTH3D stores too.
-        total_bytes: bytes of all its files.
+        meta: contents of its `meta.json`.
+        cloth3d_bytes: total size of the files that CLOTH3D also has.
+        total_bytes: total size of all files.
     """
 
     folder: Path
@@ -35,7 +35,7 @@ class SampleRecord:
 
     @property
     def accepted(self) -> bool:
-        """Whether it is part of the dataset."""
+        """Whether the sample is part of the dataset."""
         return self.meta["status"] == "accepted"
 
 
@@ -43,7 +43,7 @@ def read_record(folder: str | Path) -> SampleRecord:
     """Read a sample's `meta.json` and measure its files.
 
     Raises:
-        InputError: it has no `meta.json`, or one that lacks what every sample has.
+        InputError: there is no `meta.json`, or it lacks a key that every sample has.
     """
     folder = Path(folder)
     meta = read_json(folder / "meta.json")
@@ -51,16 +51,17 @@ def read_record(folder: str | Path) -> SampleRecord:
     if missing:
         raise InputError(f"{folder / 'meta.json'}: lacks {', '.join(missing)}")
     sizes = {path: path.stat().st_size for path in folder.iterdir()}
-    shared = [
+    stems = {"info", *meta.get("garments", {})}
+    cloth3d_sizes = [
         size
         for path, size in sizes.items()
-        if path.suffix in _SHARED and path.stem in {"info", *meta.get("garments", {})}
+        if path.suffix in _CLOTH3D_SUFFIXES and path.stem in stems
     ]
-    return SampleRecord(folder, meta, sum(shared), sum(sizes.values()))
+    return SampleRecord(folder, meta, sum(cloth3d_sizes), sum(sizes.values()))
 
 
 def body_fingerprint(body: "BodyModel") -> str:
-    """SHA-256 of the arrays that decide where a posed body is; tells two body files apart."""
+    """SHA-256 of the arrays that determine the vertices of a posed body."""
     digest = hashlib.sha256()
     for array in (body.v_template, body.shapedirs, body.posedirs, body.J_regressor, body.weights):
         digest.update(np.ascontiguousarray(array, dtype="<f4").data)

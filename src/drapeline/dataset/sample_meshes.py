@@ -1,4 +1,4 @@
-"""The meshes of a sample, body and garments, as what moves in the world."""
+"""The meshes of a sample, body and garments, moving in the world frame."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from drapeline.dataset.reader import Sample
 from drapeline.geometry.mesh import Mesh
 
 SKIN_COLOUR = (0.62, 0.52, 0.46)
-PLAIN_COLOUR = (0.55, 0.6, 0.68)  # garments whose colour is not stored
+PLAIN_COLOUR = (0.55, 0.6, 0.68)  # of garments without a stored colour
 _CHUNK = 32  # frames held in memory at once
 
 
 @dataclass(frozen=True)
 class ScenePart:
-    """One mesh of a sample, body or garment, that moves.
+    """A moving mesh of a scene: the body or a garment.
 
     Attributes:
         name: "Body" or the garment's name.
-        mesh: rest pose, root-relative.
+        mesh: rest pose, root-relative metres.
         colour: RGB in 0-1.
         read: (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
-        frame_count: frames there are.
+        frame_count: number of frames.
     """
 
     name: str
@@ -33,35 +33,33 @@ class ScenePart:
     frame_count: int
 
     def frames(self) -> Iterator[np.ndarray]:
-        """World vertices (V, 3) frame by frame; a few are in memory at a time."""
+        """Yield the world vertices (V, 3) of each frame, reading a few frames at a time."""
         for start in range(0, self.frame_count, _CHUNK):
             yield from self.read(start, min(start + _CHUNK, self.frame_count))
 
 
-def scene_parts(sequence: Sample) -> list[ScenePart]:
-    """The body, where the sample has one, and the garments."""
+def scene_parts(sample: Sample) -> list[ScenePart]:
+    """The body of a sample, if it has one, and its garments."""
     parts = []
-    if sequence.has_body:
+    if sample.has_body:
         parts.append(
-            ScenePart(
-                BODY, sequence.body_mesh(), SKIN_COLOUR, sequence.body_vertices, len(sequence)
-            )
+            ScenePart(BODY, sample.body_mesh(), SKIN_COLOUR, sample.body_vertices, len(sample))
         )
-    for name in sequence.garments:
-        texture = sequence.info.outfit.get(name, {}).get("texture", {})
+    for name in sample.garments:
+        texture = sample.info.outfit.get(name, {}).get("texture", {})
         colour = tuple(map(float, texture["data"])) if "data" in texture else PLAIN_COLOUR
         parts.append(
             ScenePart(
                 name,
-                sequence.mesh(name),
+                sample.mesh(name),
                 colour,
-                lambda start, stop, name=name: sequence.vertices(name, start, stop),
-                len(sequence),
+                lambda start, stop, name=name: sample.vertices(name, start, stop),
+                len(sample),
             )
         )
     return parts
 
 
 def to_y_up(points: np.ndarray) -> np.ndarray:
-    """Z-up points (..., 3) in a Y-up frame: what was towards -Y now is towards +Z."""
+    """Convert points (..., 3) from Z up to Y up; the -Y direction becomes +Z."""
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)

@@ -1,8 +1,9 @@
-"""Scans brought by the user: clouds or meshes of a dressed person, frame by frame, and the body.
+"""Read a user's scans: point clouds or meshes of a dressed person, and the known body.
 
-Frames are a folder of `.ply`, `.obj` or `.npz` files in the order of their names, or one `.npz`
-with all of them. The body is an `.npz` of its parameters. Both are checked at the door, since a
-network gives an answer to anything: in millimetres, on its side, or one frame late.
+Frames are a folder of `.ply`, `.obj` or `.npz` files in the order of their names, or a single
+`.npz` with all of them. The body is an `.npz` with its parameters. Both are checked on reading,
+because a network gives some answer to any input, even if it is in millimetres, lies on its side or
+is late by a frame.
 """
 
 import re
@@ -24,19 +25,19 @@ from drapeline.seeding import rng_for
 from drapeline.storage import load_npz
 
 SUFFIXES = (".ply", ".obj", ".npz")
-_HUGE_M, _TINY_M = 4.0, 0.2  # no person with arms and hair spread is larger, or smaller
-_FAR_M = 0.15  # points of a dressed person lie so near to the body, in the median
-_CHECKED = 500  # points of a frame that are held against the body
-# Names under which an `.npz` of one frame may hold its points; CAPE has the second.
+_MIN_SIZE_M, _MAX_SIZE_M = 0.2, 4.0  # of a scanned person, arms and hair included
+_MAX_MEDIAN_DISTANCE_M = 0.15  # from the points of a dressed person to the body
+_CHECKED_POINTS = 500  # points per frame that are compared with the body
+# Keys under which the `.npz` of a single frame may hold its points; CAPE uses the second.
 _POINT_KEYS = ("points", "v_posed", "vertices")
 
 
 class Scan(NamedTuple):
-    """What was scanned in one frame.
+    """The scan of one frame.
 
     Attributes:
         points: (n, 3) float32 metres.
-        triangles: (F, 3) int32 where the scan is a mesh, else None.
+        triangles: (F, 3) int32 if the scan is a mesh, else None.
     """
 
     points: np.ndarray
@@ -45,12 +46,12 @@ class Scan(NamedTuple):
 
 @dataclass(frozen=True)
 class BodyParameters:
-    """A known body in motion, in our frame: metres, Z up.
+    """A known body in motion, in metres, Z up.
 
     Attributes:
-        poses: (F, 72) rad.
-        trans: (F, 3) places of the root joint.
-        shape: (10,).
+        poses: (F, 72) axis-angle in radians.
+        trans: (F, 3) positions of the root joint.
+        shape: (10,) shape coefficients.
         gender: "female" or "male".
     """
 
@@ -62,11 +63,11 @@ class BodyParameters:
 
 @dataclass(frozen=True)
 class ScanSequence:
-    """Scans with the body that wears what was scanned.
+    """Scans of a person, with the person's body.
 
     Attributes:
-        scans: of F frames, relative to the root joint, Z up.
-        body: its parameters.
+        scans: F frames in metres, relative to the root joint, Z up.
+        body: parameters of the body in the same frames.
     """
 
     scans: tuple[Scan, ...]
@@ -76,27 +77,27 @@ class ScanSequence:
         return len(self.scans)
 
     def points(self, count: int, *, seed: int) -> np.ndarray:
-        """(F, P, 3) float32: `count` points of every frame, in no order.
+        """Draw `count` points from every frame, in random order: (F, P, 3) float32.
 
-        Meshes are sampled evenly by area. Clouds lose points, or have some of them twice.
+        Meshes are sampled uniformly by area. Points of clouds are dropped or repeated as needed.
         """
         return np.stack(
             [
-                _resampled(scan, count, rng_for(seed, "scan", frame))
+                _resample(scan, count, rng_for(seed, "scan", frame))
                 for frame, scan in enumerate(self.scans)
             ]
         )
 
 
-def _resampled(scan: Scan, count: int, rng: np.random.Generator) -> np.ndarray:
+def _resample(scan: Scan, count: int, rng: np.random.Generator) -> np.ndarray:
     if scan.triangles is None:
-        have = len(scan.points)
-        order = [rng.permutation(have) for _ in range(-(-count // have))]
+        available = len(scan.points)
+        order = [rng.permutation(available) for _ in range(-(-count // available))]
         return rng.permutation(scan.points[np.concatenate(order)[:count]])
     a, b, c = (scan.points[scan.triangles[:, i]] for i in range(3))
-    upto = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1), dtype=np.float64)
-    face = np.searchsorted(upto, upto[-1] * rng.random(count), side="right")
-    face = np.minimum(face, len(upto) - 1)
+    cumulative_area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1), dtype=np.float64)
+    face = np.searchsorted(cumulative_area, cumulative_area[-1] * rng.random(count), side="right")
+    face = np.minimum(face, len(cumulative_area) - 1)
     u, v = rng.random((2, count, 1), dtype=np.float32)
     u = np.sqrt(u)
     return (1 - u) * a[face] + u * ((1 - v) * b[face] + v * c[face])
@@ -110,18 +111,19 @@ def read_scans(
     up: Literal["z", "y"] = "z",
     fps: int = FPS,
 ) -> ScanSequence:
-    """Read scans and their body at 30 frames per second, and check that they belong together.
+    """Read scans and their body at 30 frames per second, and check that they match.
 
     Args:
-        frames: folder of `.ply`, `.obj` or `.npz` files, or one `.npz` with `points` (F, P, 3), or
-            with `points` (n, 3) of all frames and `counts` (F,) of each; world, metres.
-        parameters: `.npz` with `poses` (F, 72) rad, `shape` (10,), `gender` ("female", "male", 0
-            or 1) and `trans` (F, 3), world places of the root joint, or `transl` (F, 3), SMPL's
-            translation of the body.
-        bodies: by gender.
-        up: which axis points up in both files. CAPE has "y".
-        fps: frames per second of both files, a multiple of 30, of which so many are kept. CAPE
-            has 60.
+        frames: folder of `.ply`, `.obj` or `.npz` files, or a single `.npz` with `points`
+            (F, P, 3), or with the `points` (n, 3) of all frames and the `counts` (F,) of points
+            per frame; world coordinates in metres.
+        parameters: `.npz` with `poses` (F, 72) in radians, `shape` (10,), `gender` ("female",
+            "male", 0 or 1) and either `trans` (F, 3), world positions of the root joint, or
+            `transl` (F, 3), SMPL's translation of the body.
+        bodies: body models by gender.
+        up: the axis that points up in both files; "y" for CAPE.
+        fps: frames per second of both files, a multiple of 30; every (fps / 30)-th frame is kept.
+            60 for CAPE.
 
     Raises:
         InputError: names the file, what is wrong with it and what was expected.
@@ -133,83 +135,85 @@ def read_scans(
     if len(scans) != len(body.poses):
         raise InputError(
             f"{frames}: {len(scans)} frames, but {parameters} has {len(body.poses)} poses;"
-            " expected as many"
+            " expected equal numbers"
         )
-    every = fps // FPS
-    scans = scans[::every]
-    body = replace(body, poses=body.poses[::every], trans=body.trans[::every])
-    points = [scan.points - at for scan, at in zip(scans, body.trans, strict=True)]
+    step = fps // FPS
+    scans = scans[::step]
+    body = replace(body, poses=body.poses[::step], trans=body.trans[::step])
+    points = [scan.points - root for scan, root in zip(scans, body.trans, strict=True)]
     if up == "y":
-        points = [_upright(p) for p in points]
-        body = _stood_up(body)
-    _check_place(frames, points, body, bodies[body.gender])
+        points = [_to_z_up(p) for p in points]
+        body = _turn_to_z_up(body)
+    _check_distance(frames, points, body, bodies[body.gender])
     return ScanSequence(
         tuple(Scan(p.astype(np.float32), s.triangles) for p, s in zip(points, scans, strict=True)),
         body,
     )
 
 
-def _upright(points: np.ndarray) -> np.ndarray:
-    """Y up to Z up: a quarter turn about X."""
+def _to_z_up(points: np.ndarray) -> np.ndarray:
+    """Convert points (..., 3) from Y up to Z up: a quarter turn about X."""
     return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
 
 
-def _stood_up(body: BodyParameters) -> BodyParameters:
+def _turn_to_z_up(body: BodyParameters) -> BodyParameters:
     turn = Rotation.from_euler("x", 90, degrees=True)
     poses = body.poses.copy()
     poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
-    return replace(body, poses=poses, trans=_upright(body.trans))
+    return replace(body, poses=poses, trans=_to_z_up(body.trans))
 
 
-def _check_place(
+def _check_distance(
     path: str | Path, points: list[np.ndarray], body: BodyParameters, model: BodyModel
 ) -> None:
-    """Refuse clouds that do not lie on the body: another frame of reference, or another time."""
+    """Refuse clouds that are far from the body, such as in another frame of reference or time."""
     for frame in sorted({0, len(points) // 2, len(points) - 1}):
         posed, _ = posed_vertices(model, body.shape, body.poses[frame : frame + 1])
-        some = points[frame][:: max(len(points[frame]) // _CHECKED, 1)]
-        distance = float(np.median(KDTree(posed[0]).query(some)[0]))
-        if distance > _FAR_M:
+        subset = points[frame][:: max(len(points[frame]) // _CHECKED_POINTS, 1)]
+        distance = float(np.median(KDTree(posed[0]).query(subset)[0]))
+        if distance > _MAX_MEDIAN_DISTANCE_M:
             raise InputError(
                 f"{path}: half of the points of frame {frame + 1} are {distance:.2f} m or more from"
-                f" the body, expected them within {_FAR_M} m (same axes, units and order of frames)"
+                f" the body, expected at most {_MAX_MEDIAN_DISTANCE_M} m (the same axes, units and"
+                " order of frames)"
             )
 
 
 def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> BodyParameters:
-    """Read the body of scans; see `read_scans`. Axes stay as they are in the file.
+    """Read the body of scans as described at `read_scans`, with the axes of the file.
 
     Raises:
-        InputError: an array is missing, misshapen or not finite, or there is no such gender.
+        InputError: an array is missing, has the wrong shape or is not finite, or there is no body
+            model for the gender.
     """
     if not Path(path).is_file():
         raise InputError(
             f"{path}: no such file, expected an .npz with the body's poses, trans, shape and gender"
         )
     arrays = load_npz(path, "poses", "shape", "gender")
-    place = next((key for key in ("trans", "transl") if key in arrays), None)
-    if place is None:
+    trans_key = next((key for key in ("trans", "transl") if key in arrays), None)
+    if trans_key is None:
         raise InputError(
             f"{path}: lacks trans; it holds {', '.join(sorted(arrays))},"
             " expected trans (root joint) or transl (SMPL's)"
         )
     frames = len(np.atleast_1d(arrays["poses"]))
-    shapes = {"poses": (frames, 72), place: (frames, 3), "shape": (10,)}
-    for key, wanted in shapes.items():
+    shapes = {"poses": (frames, 72), trans_key: (frames, 3), "shape": (10,)}
+    for key, expected in shapes.items():
         value = arrays[key]
-        if value.shape != wanted or value.dtype.kind not in "fiu":
+        if value.shape != expected or value.dtype.kind not in "fiu":
             raise InputError(
                 f"{path}: {key} has shape {value.shape} and type {value.dtype},"
-                f" expected {wanted} numbers"
+                f" expected {expected} numbers"
             )
         if not np.isfinite(value).all():
-            raise InputError(f"{path}: {key} holds NaN or infinity, expected numbers")
+            raise InputError(f"{path}: {key} holds NaN or infinity, expected finite numbers")
     gender = _gender(path, arrays["gender"])
     if gender not in bodies:
         raise InputError(f"{path}: gender {gender}, expected {' or '.join(bodies)}")
     shape = arrays["shape"].astype(np.float64)
-    trans = arrays[place].astype(np.float64)
-    if place == "transl":
+    trans = arrays[trans_key].astype(np.float64)
+    if trans_key == "transl":
         trans = trans + shaped(bodies[gender], shape)[1][0]  # SMPL turns about the root joint
     return BodyParameters(arrays["poses"].astype(np.float64), trans, shape, gender)
 
@@ -224,36 +228,36 @@ def _gender(path: str | Path, value: np.ndarray) -> str:
 
 
 def read_frames(path: str | Path) -> list[Scan]:
-    """Read scans, as they are in the files; see `read_scans`.
+    """Read scans as they are in the files, described at `read_scans`.
 
     Raises:
-        InputError: there are none, a file is unreadable, or a frame is empty, not finite, or of a
-            size that no person has.
+        InputError: there are no scans, a file is unreadable, or a frame is empty, not finite, or
+            too small or too large for a person.
     """
     path = Path(path)
     if path.is_dir():
-        files = sorted((p for p in path.iterdir() if p.suffix in SUFFIXES), key=_natural)
+        files = sorted((p for p in path.iterdir() if p.suffix in SUFFIXES), key=_natural_sort_key)
         if not files:
-            raise InputError(f"{path}: no {', '.join(SUFFIXES)} in it, expected one per frame")
-        named = [(str(file), _read_frame(file)) for file in files]
+            raise InputError(f"{path}: contains no {', '.join(SUFFIXES)}, expected one per frame")
+        scans = {str(file): _read_frame(file) for file in files}
     elif path.suffix == ".npz":
-        named = [(f"{path}: frame {i + 1}", Scan(p, None)) for i, p in enumerate(_unpacked(path))]
+        scans = {f"{path}: frame {i}": Scan(p, None) for i, p in enumerate(_read_frames(path), 1)}
     else:
-        raise InputError(f"{path}: no such folder, expected scans in it, or one .npz with points")
-    for name, scan in named:
+        raise InputError(f"{path}: no such folder, expected a folder of scans or an .npz of points")
+    for name, scan in scans.items():
         _check_scan(name, scan)
-    return [scan for _, scan in named]
+    return list(scans.values())
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Sorting key by which frame 10 comes after frame 9."""
+def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
+    """Sort frame 10 after frame 9."""
     return [
         (int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)
     ]
 
 
-def _unpacked(path: Path) -> list[np.ndarray]:
-    """Points of every frame of one `.npz`."""
+def _read_frames(path: Path) -> list[np.ndarray]:
+    """Points of all frames in a single `.npz`."""
     arrays = load_npz(path, "points")
     points = arrays["points"]
     if points.dtype.kind not in "fiu":
@@ -264,7 +268,7 @@ def _unpacked(path: Path) -> list[np.ndarray]:
                 f"{path}: points have shape {points.shape}, expected (F, P, 3),"
                 " or (n, 3) with counts (F,)"
             )
-        found = list(points)
+        frames = list(points)
     else:
         counts = arrays["counts"]
         if (
@@ -277,12 +281,12 @@ def _unpacked(path: Path) -> list[np.ndarray]:
         ):
             raise InputError(
                 f"{path}: points have shape {points.shape} and counts {counts.shape} sum up to"
-                f" {counts.sum()}, expected (n, 3) and counts of n in all"
+                f" {counts.sum()}, expected (n, 3) and counts that sum up to n"
             )
-        found = np.split(points, np.cumsum(counts)[:-1])
-    if not found:
-        raise InputError(f"{path}: no frames, expected one or more")
-    return found
+        frames = np.split(points, np.cumsum(counts)[:-1])
+    if not frames:
+        raise InputError(f"{path}: no frames, expected at least one")
+    return frames
 
 
 def _read_frame(path: Path) -> Scan:
@@ -300,11 +304,11 @@ def _read_frame(path: Path) -> Scan:
             mesh = load_obj(path)
             return Scan(mesh.vertices, mesh.triangles)
     try:
-        found = trimesh.load(path, process=False)
+        geometry = trimesh.load(path, process=False)
     except Exception as error:  # trimesh raises whatever its parsers happen to raise
         raise InputError(f"{path}: not readable as {path.suffix[1:]} ({error})") from error
-    vertices = np.asarray(getattr(found, "vertices", np.zeros((0, 3))))
-    triangles = np.asarray(getattr(found, "faces", np.zeros((0, 3), int)))
+    vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
+    triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
     return Scan(vertices, triangles.astype(np.int32) if len(triangles) else None)
 
 
@@ -316,12 +320,12 @@ def _check_scan(name: str, scan: Scan) -> None:
             " expected (n, 3) numbers"
         )
     if not len(points):
-        raise InputError(f"{name}: no points, expected one or more")
+        raise InputError(f"{name}: no points, expected at least one")
     finite = np.isfinite(points).all(axis=1)
     if not finite.all():
         raise InputError(
-            f"{name}: {int((~finite).sum())} of {len(points)} points hold NaN or infinity, the"
-            f" first is point {int(np.argmin(finite)) + 1}; expected metres"
+            f"{name}: {int((~finite).sum())} of {len(points)} points hold NaN or infinity (the"
+            f" first is point {int(np.argmin(finite)) + 1}), expected finite positions in metres"
         )
     if triangles is not None and (
         triangles.ndim != 2
@@ -331,14 +335,14 @@ def _check_scan(name: str, scan: Scan) -> None:
         or triangles.max(initial=0) >= len(points)
     ):
         raise InputError(
-            f"{name}: faces do not fit {len(points)} vertices, expected (F, 3) vertex numbers"
+            f"{name}: the faces do not match the {len(points)} vertices, expected (F, 3) indices"
         )
-    # Two in a hundred may be stray points of a scanner.
+    # Up to two percent of the points may be outliers of the scanner.
     low, high = np.percentile(points, (1, 99), axis=0)
     size = float((high - low).max())
-    if not _TINY_M < size < _HUGE_M:
+    if not _MIN_SIZE_M < size < _MAX_SIZE_M:
         unit = " (millimetres?)" if size > 500 else " (centimetres?)" if size > 20 else ""
         raise InputError(
             f"{name}: the scan is {size:.4g} m large{unit},"
-            f" expected metres, between {_TINY_M} and {_HUGE_M}"
+            f" expected metres, between {_MIN_SIZE_M} and {_MAX_SIZE_M}"
         )

@@ -1,4 +1,4 @@
-"""Training, validation and test samples that share neither a motion clip nor a body."""
+"""Split samples for training, validation and testing without sharing motion clips or bodies."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -10,12 +10,12 @@ SPLITS = ("train", "val", "test")
 
 
 class SplitItem(NamedTuple):
-    """What decides where a sample may go.
+    """What determines which samples must be in the same split.
 
     Attributes:
-        sample: its id.
-        source: the clip its motion was cut from.
-        body: the body that wears it; samples of one body shape share the name.
+        sample: the sample's id.
+        source: the clip that its motion was cut from.
+        body: name of its body; samples with the same body shape have the same name.
     """
 
     sample: str
@@ -30,14 +30,15 @@ def split_samples(
     val_share: float,
     test_share: float,
 ) -> dict[str, str]:
-    """Give every sample its split, known before anything is made.
+    """Assign every sample to a split, before anything is generated.
 
-    CLOTH3D was split by sequence, so that cuts of one clip lie on both sides. Here samples that
-    share a clip or a body, directly or through others, form a group, and a group is never
-    divided. Test, then validation, takes the groups whose sizes add up closest to its share; where
-    there are three groups or more, no split that has a share stays empty.
+    CLOTH3D was split by sequence, so that parts of the same clip are in several splits. Here
+    samples that share a clip or a body, directly or through other samples, form a group that is
+    never divided. Test first, and then validation, takes the groups whose sizes add up closest to
+    its share. With three groups or more, no split with a positive share stays empty.
 
     Args:
+        rng: shuffles the groups.
         items: every sample once.
         val_share: share of the samples for validation, 0 to 1.
         test_share: share of the samples for testing, 0 to 1.
@@ -50,7 +51,7 @@ def split_samples(
     shares = [(name, share) for name, share in (("test", test_share), ("val", val_share)) if share]
     split_of = dict.fromkeys((item.sample for item in items), "train")
     for position, (name, share) in enumerate(shares):
-        others = len(shares) - position  # the splits still to be served, and train
+        others = len(shares) - position  # groups to leave for the remaining splits and train
         chosen = _closest_sum(
             [len(group) for group in groups], share * len(items), len(groups) - others
         )
@@ -61,7 +62,7 @@ def split_samples(
 
 
 def _groups(items: Sequence[SplitItem]) -> list[list[str]]:
-    """Samples joined by a common source or body, in the order of first appearance."""
+    """Group samples that are connected by a common clip or body, in order of first appearance."""
     parent: dict[tuple[str, str], tuple[str, str]] = {}
 
     def root(node: tuple[str, str]) -> tuple[str, str]:
@@ -78,10 +79,10 @@ def _groups(items: Sequence[SplitItem]) -> list[list[str]]:
 
 
 def _closest_sum(sizes: Sequence[int], target: float, most: int) -> set[int]:
-    """Indices, at least one and at most `most`, of sizes whose sum is closest to the target."""
+    """Indices of the sizes whose sum is closest to the target, at least one and at most `most`."""
     if most < 1:
         return set()
-    # Reachable sum -> the indices that reach it; ends as soon as the target itself is met.
+    # Reachable sum -> the indices that reach it; stops as soon as the target itself is reached.
     reached: dict[int, tuple[int, ...]] = {0: ()}
     best = round(target)
     for index, size in enumerate(sizes):

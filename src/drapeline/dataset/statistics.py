@@ -1,4 +1,4 @@
-"""Tables 1 and 2 of the CLOTH3D paper, for our data."""
+"""Statistics of a dataset: tables 1 and 2 of the CLOTH3D paper, and the garments."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ def overview_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
         records: the accepted samples.
 
     Returns:
-        Rows of "measure", "all" and one column per split.
+        Rows with the columns "measure", "all" and one per split.
     """
     columns = {"all": list(records)}
     for split in SPLITS:
@@ -60,15 +60,18 @@ def _measures(records: Sequence[SampleRecord]) -> dict[str, str]:
     }
 
 
-def _mean_range(values: Sequence[float], form: str) -> str:
+def _mean_range(values: Sequence[float], template: str) -> str:
+    """Format the mean and, if the values differ, their range; "-" if there are none."""
     if not values:
         return "-"
-    mean, low, high = (form.format(value) for value in (np.mean(values), min(values), max(values)))
+    mean, low, high = (
+        template.format(value) for value in (np.mean(values), min(values), max(values))
+    )
     return mean if low == high else f"{mean} ({low} to {high})"
 
 
 def action_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
-    """Share of the frames per action label, the largest first (table 2)."""
+    """Share of the frames by action label, largest first (table 2)."""
     frames: Counter[str] = Counter()
     sequences: Counter[str] = Counter()
     for record in records:
@@ -88,16 +91,16 @@ def action_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
 
 
 def garment_table(records: Sequence[SampleRecord]) -> list[dict[str, Any]]:
-    """How many garments there are of each type, by fabric and gender, and their vertices."""
-    worn = [
+    """Number of garments of each type, by fabric and by gender, and their vertex counts."""
+    garments = [
         (garment["name"], garment["fabric"], record.meta)
         for record in records
         for garment in record.meta["outfit"]["garments"]
     ]
-    fabrics = sorted({fabric for _, fabric, _ in worn})
+    fabrics = sorted({fabric for _, fabric, _ in garments})
     rows = []
-    for name in sorted({name for name, _, _ in worn}):
-        of_type = [(fabric, meta) for type_, fabric, meta in worn if type_ == name]
+    for name in sorted({name for name, _, _ in garments}):
+        of_type = [(fabric, meta) for other, fabric, meta in garments if other == name]
         vertices = [meta["garments"][name]["vertices"] for _, meta in of_type]
         rows.append(
             {

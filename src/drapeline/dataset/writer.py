@@ -1,4 +1,4 @@
-"""One simulated sample as a CLOTH3D folder, with extras that CLOTH3D's readers pass over."""
+"""Write samples as CLOTH3D folders, with extra files that CLOTH3D's readers ignore."""
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -56,25 +56,26 @@ def write_sample(
     seed: int,
     split: str,
 ) -> dict[str, Any]:
-    """Write `info.mat`, OBJ, PC16 and the extras of one sample; memory does not grow with frames.
+    """Write `info.mat`, the OBJ and PC16 files and the extra files of a simulated sample.
 
-    A sample that was not accepted gets a `meta.json` with its status and reason, and nothing else.
+    A sample that was not accepted gets only a `meta.json` with its status and reason. Memory use
+    does not grow with the number of frames.
 
     Args:
         rng: draws the camera and the lights.
-        folder: `{sample}`; replaced as a whole. Its name is the sample's id.
+        folder: replaced as a whole; its name is the sample's id.
         body: the body model of the sample's gender.
-        body_record: `.npz` with shape, gender, poses, trans and the motion's labels.
-        outfit: `.npz` with the rest meshes; the `.json` of the same stem lies beside it.
+        body_record: `.npz` with shape, gender, poses, trans and the labels of the motion.
+        outfit: `.npz` with the rest meshes, next to a `.json` of the same stem.
         simulation: folder with `{Garment}.f32`, `health.npz` and `status.json`.
-        seed: the experiment's seed, for the record.
+        seed: the experiment's seed, to be recorded in `meta.json`.
         split: "train", "val" or "test".
 
     Returns:
-        What was written to `meta.json`.
+        The contents of `meta.json`.
 
     Raises:
-        InputError: the inputs do not fit together, or simulated vertices are not finite.
+        InputError: the inputs do not match, or simulated vertices are not finite.
     """
     folder, simulation = Path(folder), Path(simulation)
     record = load_body_sequence(body_record)
@@ -117,10 +118,10 @@ def write_sample(
 
 
 def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
-    """Mean, smallest and largest value of each measure over frames, and garments if per garment.
+    """Mean, minimum and maximum of each measure over all frames and garments.
 
     Args:
-        health: measure -> (N,) or (N, garments); values that are not finite count as unmeasured.
+        health: measure -> (N,) or (N, garments); values that are not finite are ignored.
     """
     summary = {}
     for name, values in health.items():
@@ -199,14 +200,16 @@ def _write_garment(
                 frames = cache.frames(start, min(start + _CHUNK, frame_count))
                 if not np.isfinite(frames).all():
                     bad = start + int(np.argmin(np.isfinite(frames).all(axis=(1, 2))))
-                    raise InputError(f"{source}: frame {bad} holds values that are not finite")
+                    raise InputError(
+                        f"{source}: frame {bad} holds NaN or infinity, expected finite positions"
+                    )
                 half.append(frames)
     link_or_copy(source, folder / f"{name}.f32")
-    lines = mesh.vertices[edges(mesh.faces)]
+    ends = mesh.vertices[edges(mesh.faces)]
     return {
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
-        "edge_m": float(np.linalg.norm(lines[:, 0] - lines[:, 1], axis=1).mean()),
+        "edge_m": float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()),
     }
 
 
@@ -219,11 +222,11 @@ def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndar
 
 
 class GarmentAnimation(NamedTuple):
-    """A garment that no simulation made.
+    """A garment in motion that was not simulated, such as a reconstruction.
 
     Attributes:
-        name: one of CLOTH3D's types.
-        rest: in the rest pose, root-relative metres.
+        name: one of CLOTH3D's garment types.
+        rest: mesh in the rest pose, root-relative metres.
         frames: (F, V, 3) root-relative metres.
     """
 
@@ -235,13 +238,13 @@ class GarmentAnimation(NamedTuple):
 def write_reconstruction(
     folder: str | Path, body: BodyModel, info: SampleInfo, garments: Sequence[GarmentAnimation]
 ) -> None:
-    """Write garments and their wearer as a CLOTH3D folder without `meta.json`, as the original.
+    """Write garments and their body as a CLOTH3D folder without `meta.json`, like the original.
 
     Args:
-        folder: `{sample}`; replaced as a whole.
-        body: of the wearer's gender.
-        info: of F frames, with an entry for each garment.
-        garments: with F frames each.
+        folder: replaced as a whole; its name is the sample's id.
+        body: the body model of the right gender.
+        info: F frames, with an outfit entry for each garment.
+        garments: F frames each.
     """
     with atomic_folder(folder) as scratch:
         write_info(scratch / "info.mat", info)

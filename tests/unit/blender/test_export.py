@@ -1,5 +1,3 @@
-import json
-import struct
 import subprocess
 import sys
 
@@ -11,7 +9,7 @@ from drapeline.blender.export import FORMATS, export_sample
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts, to_y_up
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import load_obj, vertex_normals
+from drapeline.geometry.mesh import load_obj
 from drapeline.geometry.point_cache import PointCache
 from tiny_sample import write_tiny_sample
 
@@ -162,61 +160,10 @@ def test_the_obj_sequence_has_a_file_per_mesh_and_frame(exports, truth):
             np.testing.assert_allclose(load_obj(path).vertices, to_y_up(points), atol=1e-6)
 
 
-def read_glb(path):
-    data = path.read_bytes()
-    magic, version, length = struct.unpack_from("<4sII", data)
-    assert (magic, version, length) == (b"glTF", 2, len(data))
-    size, kind = struct.unpack_from("<I4s", data, 12)
-    assert kind == b"JSON"
-    document = json.loads(data[20 : 20 + size])
-    binary_size, kind = struct.unpack_from("<I4s", data, 20 + size)
-    assert (kind, 28 + size + binary_size) == (b"BIN\0", length)
-    assert document["buffers"] == [{"byteLength": binary_size}]
-    return document, data[28 + size :]
-
-
-def accessor_values(document, binary, index):
-    accessor = document["accessors"][index]
-    view = document["bufferViews"][accessor["bufferView"]]
-    assert view["byteOffset"] % 4 == 0
-    dtype = {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
-    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
-    values = np.frombuffer(binary, dtype, accessor["count"] * width, view["byteOffset"])
-    values = values.reshape(-1, width)
-    assert view["byteLength"] == values.nbytes
-    if "min" in accessor:
-        np.testing.assert_array_equal(values.min(axis=0), np.float32(accessor["min"]))
-        np.testing.assert_array_equal(values.max(axis=0), np.float32(accessor["max"]))
-    return values
-
-
-def test_gltf_holds_normals_and_times_of_every_frame(exports, truth, tiny):
-    document, binary = read_glb(exports / "glb" / "00001.glb")
-    for index in range(len(document["accessors"])):
-        accessor_values(document, binary, index)
-    mesh = next(mesh for mesh in document["meshes"] if mesh["name"] == "Skirt")
-    primitive = mesh["primitives"][0]
-    assert len(primitive["targets"]) == FRAMES - 1
-    base = accessor_values(document, binary, primitive["attributes"]["NORMAL"])
-    change = accessor_values(document, binary, primitive["targets"][2]["NORMAL"])
-    points = accessor_values(document, binary, primitive["attributes"]["POSITION"])
-    points = points + accessor_values(document, binary, primitive["targets"][2]["POSITION"])
-    expected = to_y_up(vertex_normals(truth["Skirt"][3], tiny.meshes["Skirt"].triangles))
-    nearest = KDTree(to_y_up(truth["Skirt"][3])).query(points)[1]
-    np.testing.assert_allclose(base + change, expected[nearest], atol=1e-5)
-    sampler = document["animations"][0]["samplers"][0]
-    times = accessor_values(document, binary, sampler["input"])
-    np.testing.assert_allclose(times[:, 0], np.arange(FRAMES) / 30, atol=1e-7)
-    weights = accessor_values(document, binary, sampler["output"]).reshape(FRAMES, FRAMES - 1)
-    np.testing.assert_array_equal(weights, np.eye(FRAMES)[:, 1:])
-
-
-def test_a_single_frame_is_a_still(tmp_path, toy_body):
+def test_a_single_frame_can_be_exported(tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, frames=1)
     for file_format in FORMATS:
         assert export_sample(tiny.folder, tmp_path / "out" / file_format, file_format)
-    document, _ = read_glb(tmp_path / "out" / "glb" / "00001.glb")
-    assert "animations" not in document
 
 
 def test_a_sample_without_a_body_is_exported_without_one(tmp_path, toy_body):

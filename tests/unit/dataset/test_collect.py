@@ -1,13 +1,10 @@
 import csv
-import re
 
 import numpy as np
 import pytest
 
 from drapeline.dataset.collect import collect_dataset, write_table
 from drapeline.dataset.reader import Cloth3D
-from drapeline.dataset.record import read_record
-from drapeline.dataset.statistics import action_table, garment_table, overview_table
 from drapeline.errors import InputError
 from drapeline.storage import read_json, write_json
 from tiny_sample import write_tiny_sample
@@ -68,65 +65,17 @@ def test_samples_table_has_a_row_per_accepted_sample(dataset):
     assert float(first["inside_share_max"]) == pytest.approx(0.01)
 
 
-def test_a_sequences_size_counts_what_cloth3d_stores(dataset):
-    folder = dataset / "train" / "00001"
-    record = read_record(folder)
-    names = ["info.mat", "Tshirt.obj", "Tshirt.pc16", "Skirt.obj", "Skirt.pc16"]
-    assert record.cloth3d_bytes == sum((folder / name).stat().st_size for name in names)
-    assert record.total_bytes == sum(path.stat().st_size for path in folder.iterdir())
-
-
-def test_statistics_add_up(dataset):
-    records = [read_record(sequence.folder) for sequence in Cloth3D(dataset)]
-    overview = {row["measure"]: row for row in overview_table(records)}
-    assert overview["sequences"] == {
-        "measure": "sequences", "all": "3", "train": "2", "val": "0", "test": "1"
-    }  # fmt: skip
-    assert overview["frames"]["all"] == "12"
-    assert overview["female"]["all"] == "2"
-    assert overview["vertices per outfit"]["val"] == "-"
-    actions = action_table(records)
-    assert sum(float(row["percent"]) for row in actions) == pytest.approx(100)
-    garments = {row["garment"]: row for row in garment_table(records)}
-    assert (garments["Tshirt"]["cotton"], garments["Skirt"]["cotton"]) == (3, 0)
-
-
 def test_edge_length_is_the_mean_of_the_rest_mesh(dataset):
-    sequence = Cloth3D(dataset)[0]
-    mesh = sequence.mesh("Skirt")
+    sample = Cloth3D(dataset)[0]
+    mesh = sample.mesh("Skirt")
     sides = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, -1, axis=1)]
     # Every edge of a tube but those of its two ends lies on two faces.
     edges = {}
     for face, lengths in zip(mesh.faces, np.linalg.norm(sides, axis=-1), strict=True):
         for a, b, length in zip(face, np.roll(face, -1), lengths, strict=True):
             edges[frozenset((int(a), int(b)))] = length
-    assert sequence.meta["garments"]["Skirt"]["edge_m"] == pytest.approx(
+    assert sample.meta["garments"]["Skirt"]["edge_m"] == pytest.approx(
         np.mean(list(edges.values())), abs=1e-6
-    )
-
-
-def test_the_card_is_written_from_the_data(dataset):
-    card = (dataset / "README.md").read_text()
-    assert "3 sequences, 12 frames at 30 frames per second" in card
-    assert "Of 4 samples: 3 accepted, 1 rejected" in card
-    assert "toy-1" in card
-    assert "c00004.bvh" in card
-    tables = re.findall(r"(?:^\|.*\|\n)+", card, flags=re.MULTILINE)
-    for table in tables:
-        assert len({line.count("|") for line in table.splitlines()}) == 1
-
-
-def test_the_card_names_what_splits_share(tmp_path, dataset, toy_body):
-    assert "No motion clip and no body is in more than one split." in (
-        (dataset / "README.md").read_text()
-    )
-    folders = [
-        write_tiny_sample(tmp_path, toy_body, f"0000{i}", split, source="same.bvh").folder
-        for i, split in enumerate(("train", "test"))
-    ]
-    collect_dataset(folders, tmp_path / "dataset")
-    assert "Shared between splits, to be kept in mind: clip same.bvh." in (
-        (tmp_path / "dataset" / "README.md").read_text()
     )
 
 

@@ -117,21 +117,21 @@ def test_starter_kit_parses_the_info(sample):
 
 
 def test_starter_kit_and_our_reader_agree_on_every_frame(sample):
-    sequence = Sample(sample.folder)
+    opened = Sample(sample.folder)
     for garment in GARMENTS:
-        for frame in range(len(sequence)):
+        for frame in range(len(opened)):
             theirs = starter_kit_world(sample.folder, garment, frame)
-            ours = sequence.vertices(garment, frame, frame + 1)[0]
+            ours = opened.vertices(garment, frame, frame + 1)[0]
             np.testing.assert_allclose(ours, theirs, atol=5e-4)  # ours is single precision
             half = ours - sample.trans[frame]
             np.testing.assert_allclose(half, theirs - sample.trans[frame], atol=3e-4)
 
 
 def test_starter_kit_reads_the_meshes(sample):
-    sequence = Sample(sample.folder)
+    opened = Sample(sample.folder)
     for garment in GARMENTS:
         vertices, uv, faces, uv_faces = starter_kit_obj(sample.folder / f"{garment}.obj")
-        mesh = sequence.mesh(garment)
+        mesh = opened.mesh(garment)
         np.testing.assert_allclose(vertices, mesh.vertices, atol=1e-6)
         np.testing.assert_allclose(uv, mesh.uv, atol=1e-6)
         np.testing.assert_array_equal(faces, mesh.faces)
@@ -140,14 +140,14 @@ def test_starter_kit_reads_the_meshes(sample):
 
 
 def test_deepsd_family_and_our_reader_agree(sample):
-    sequence = Sample(sample.folder)
+    opened = Sample(sample.folder)
     for garment in GARMENTS:
         rest, triangles = deepsd_rest(sample.folder, garment)
-        np.testing.assert_allclose(rest, sequence.mesh(garment).vertices, atol=1e-6)
-        np.testing.assert_array_equal(triangles, sequence.mesh(garment).triangles)
+        np.testing.assert_allclose(rest, opened.mesh(garment).vertices, atol=1e-6)
+        np.testing.assert_array_equal(triangles, opened.mesh(garment).triangles)
         frames = deepsd_frames(sample.folder / f"{garment}.pc16")
         np.testing.assert_allclose(
-            frames, sequence.vertices(garment, frame="root"), atol=3e-4, rtol=0
+            frames, opened.vertices(garment, frame="root"), atol=3e-4, rtol=0
         )
 
 

@@ -128,9 +128,9 @@ def test_a_damaged_file_is_one_sentence(tmp_path, info):
     ("change", "complaint"),
     [
         ({"poses": np.zeros((71, 4))}, r"poses has shape \(71, 4\), expected \(72, N\)"),
-        ({"trans": np.zeros((3, 3))}, "4 poses and 3 trans"),
+        ({"trans": np.zeros((3, 3))}, "4 poses but 3 trans"),
         ({"gender": 2}, "gender is 2"),
-        ({"shape": np.full((1, 10), np.nan)}, "shape holds values that are not finite"),
+        ({"shape": np.full((1, 10), np.nan)}, "shape holds NaN or infinity"),
     ],
 )
 def test_fields_that_do_not_fit_are_named(tmp_path, change, complaint):
