@@ -7,9 +7,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from drapeline.blender.fabric_units import ClothParameters
 from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.frames import FPS
-from drapeline.outfits.fabrics import ClothParameters
 
 # Blender's cloth takes gravity times 0.001 as metres per squared frame, at any frame rate.
 _GRAVITY_FACTOR = 1000 / FPS**2

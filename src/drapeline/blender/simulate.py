@@ -13,12 +13,13 @@ import bpy
 import numpy as np
 
 from drapeline.blender.cloth import ClothPiece, Solver, simulate_cloth
+from drapeline.blender.fabric_units import cloth_parameters
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence, collision_faces
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.point_cache import PointCache, point_cache_writer, write_point_cache
-from drapeline.outfits.fabrics import FABRICS, cloth_parameters
+from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Carrier, gathering

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FABRICS = ("cotton", "silk", "denim", "leather")
-UPPER_FABRICS = ("cotton", "silk")
 Range = tuple[float, float]
 
 

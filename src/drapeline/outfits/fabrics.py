@@ -1,80 +1,58 @@
-"""Fabrics as physical values, and what Blender's cloth must be told to give them on a mesh."""
+"""The table of fabrics: physical values, and which garments may be made of them."""
 
 from dataclasses import dataclass
-
-# Blender's springs and masses belong to vertices, so that a preset means another fabric on every
-# mesh. The presets are read as values on quads of this length, where they give sensible clothes:
-# cotton of 0.3 kg/m2 with a bending stiffness of about 1e-5 N m, denim 1e-4, silk 1e-6.
-PRESET_EDGE_M = 0.01
-# Blender's own damping of bending, in all presets.
-_BENDING_DAMPING = 0.5
 
 
 @dataclass(frozen=True)
 class Fabric:
-    """One of Blender's cloth presets, read at edges of `PRESET_EDGE_M`.
+    """A fabric, whatever the mesh and the solver that it is simulated with.
 
     Attributes:
         density_kg_m2: mass per area.
-        stretch: tension, compression and shear stiffness, in Blender's units.
-        bending: bending stiffness, in Blender's units.
-        damping: damping of tension, compression and shear, in Blender's units.
-        air: drag of still air, in Blender's units.
+        stretch_n_per_m: tension per width and strain along the threads; also of threads laid along
+            the diagonals, so that cloth resists shear.
+        bending_n_m: bending moment per width and curvature.
+        damping_kg_s: tension per width and rate of strain, N/m over 1/s.
+        drag_kg_m2_s: force of still air per area and speed, N/m2 over m/s.
+        upper_garments: whether t-shirts and tops may be made of it; all other garments may.
     """
 
     density_kg_m2: float
-    stretch: float
-    bending: float
-    damping: float
-    air: float = 1.0
+    stretch_n_per_m: float
+    bending_n_m: float
+    damping_kg_s: float
+    drag_kg_m2_s: float = 0.3
+    upper_garments: bool = True
 
 
+# Blender's presets of these names, as its cloth realises them on quads of 1 cm. Garments draw
+# from the names in this order: a fabric that is added, or moved, changes the outfits of a seed.
 FABRICS = {
-    "cotton": Fabric(density_kg_m2=0.3, stretch=15, bending=0.5, damping=5),
-    "silk": Fabric(density_kg_m2=0.15, stretch=5, bending=0.05, damping=0),
-    "denim": Fabric(density_kg_m2=1.0, stretch=40, bending=10, damping=25),
-    "leather": Fabric(density_kg_m2=0.4, stretch=80, bending=150, damping=25),
+    "cotton": Fabric(
+        density_kg_m2=0.3, stretch_n_per_m=135, bending_n_m=2.25e-7, damping_kg_s=0.015
+    ),
+    "silk": Fabric(density_kg_m2=0.15, stretch_n_per_m=45, bending_n_m=2.25e-8, damping_kg_s=0.0),
+    "denim": Fabric(
+        density_kg_m2=1.0,
+        stretch_n_per_m=360,
+        bending_n_m=4.5e-6,
+        damping_kg_s=0.075,
+        upper_garments=False,
+    ),
+    "leather": Fabric(
+        density_kg_m2=0.4,
+        stretch_n_per_m=720,
+        bending_n_m=6.75e-5,
+        damping_kg_s=0.075,
+        upper_garments=False,
+    ),
 }
 
 
-@dataclass(frozen=True)
-class ClothParameters:
-    """Blender's cloth settings of one fabric on one mesh; the names are Blender's."""
-
-    mass: float
-    tension_stiffness: float
-    compression_stiffness: float
-    shear_stiffness: float
-    bending_stiffness: float
-    tension_damping: float
-    compression_damping: float
-    shear_damping: float
-    bending_damping: float
-    air_damping: float
-
-
-def cloth_parameters(fabric: Fabric, edge_length_m: float) -> ClothParameters:
-    """Settings under which cloth of any resolution moves as the preset does at its own.
-
-    With edges of length L, Blender's spring constant is tension / L, its hinge stiffness is
-    proportional to bending * L, and mass, damping and drag are per vertex or per spring. Area
-    density, membrane stiffness, bending stiffness and drag per area stay what they are when mass
-    and drag grow with L^2, tension with L, and both bending terms with 1 / L.
+def fabric_names(*, upper: bool) -> tuple[str, ...]:
+    """Fabrics that a garment may be made of (CLOTH3D 3.2), in the table's order.
 
     Args:
-        edge_length_m: mean edge length of the mesh.
+        upper: for a t-shirt or a top, else for any other garment.
     """
-    ratio = edge_length_m / PRESET_EDGE_M
-    stretch = fabric.stretch * ratio
-    return ClothParameters(
-        mass=fabric.density_kg_m2 * ratio**2,
-        tension_stiffness=stretch,
-        compression_stiffness=stretch,
-        shear_stiffness=stretch,
-        bending_stiffness=fabric.bending / ratio,
-        tension_damping=fabric.damping,
-        compression_damping=fabric.damping,
-        shear_damping=fabric.damping,
-        bending_damping=_BENDING_DAMPING / ratio,
-        air_damping=fabric.air * ratio**2,
-    )
+    return tuple(name for name, fabric in FABRICS.items() if fabric.upper_garments or not upper)

@@ -13,8 +13,6 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.signed_distance import SignedDistance
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.outfits.distributions import (
-    FABRICS,
-    UPPER_FABRICS,
     OutfitRanges,
     sample_skirt,
     sample_trousers,
@@ -22,6 +20,7 @@ from drapeline.outfits.distributions import (
     uniform,
 )
 from drapeline.outfits.dress_form import DressForm
+from drapeline.outfits.fabrics import fabric_names
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, laid_over, left_body, resized
 from drapeline.outfits.patterns.cutting import cut_garment, drape_on_form
 from drapeline.outfits.patterns.panels import Pattern
@@ -159,12 +158,11 @@ def sample_numbers(
         }
         parts["fullness"] = uniform(rng, ranges.fullness)
         parts["fold_seed"] = int(rng.integers(2**31))
-        fabrics = UPPER_FABRICS if name in _UPPER else FABRICS
         out.append(
             (
                 name,
                 {
-                    "fabric": str(rng.choice(fabrics)),
+                    "fabric": str(rng.choice(fabric_names(upper=name in _UPPER))),
                     "elastic": elastic,
                     "texture": {"type": "color", "data": _colour(rng)},
                     "parameters": parts,

@@ -5,9 +5,10 @@ import pytest
 import trimesh
 
 from drapeline.blender.cloth import ClothPiece, Solver, simulate_cloth
+from drapeline.blender.fabric_units import cloth_parameters
 from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.point_cache import write_point_cache
-from drapeline.outfits.fabrics import FABRICS, cloth_parameters
+from drapeline.outfits.fabrics import FABRICS
 from drapeline.simulation.health import beneath_share
 
 EDGE_M = 0.03
@@ -42,7 +43,7 @@ def run(tmp_path, pieces, frames, path=lambda frame: np.zeros(3), radius=0.1, **
 
 
 def test_cloth_falls_at_the_earths_pull(tmp_path):
-    airless = cloth_parameters(replace(FABRICS["cotton"], air=0), EDGE_M)
+    airless = cloth_parameters(replace(FABRICS["cotton"], drag_kg_m2_s=0), EDGE_M)
     (fall,) = run(tmp_path, [sheet(5.0, parameters=airless)], 12)
     pull = np.diff(fall[:, :, 2].mean(axis=1), 2) * 30**2
     assert pull == pytest.approx(np.full(10, -9.81), rel=0.01)
