@@ -13,11 +13,13 @@ from drapeline.learning_data.moving import MovingGarment, load_moving, shown_mov
 from drapeline.metrics.dynamic import (
     MEAN,
     STILL,
+    Measured,
     mean_wrinkles,
     measure_motion,
     moving_baseline_summary,
+    moving_summary,
 )
-from drapeline.metrics.table import find_value
+from drapeline.metrics.table import HIGH, LOW, find_value
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.seeding import rng_for
@@ -76,6 +78,25 @@ def test_cloth_inside_the_body_is_seen_in_its_pose(toy_body, topology):
     (row,) = measure_motion(moving, frames, inside, toy_body, topology)
     assert row["inside_1cm_share"] > 0.8
     assert row["surface_error_mm"] > 20
+
+
+def test_frames_of_one_sample_make_no_interval_narrower():
+    names = {"model": "dvae", "variant": "v", "split": "test", "seed": 0}
+
+    def width(copies):
+        measured = [
+            Measured(f"s{k}", "Top", [{"surface_error_mm": value}] * copies)
+            for k, value in enumerate((1.0, 2.0, 5.0, 9.0))
+        ]
+        rows = moving_summary(measured, **names)
+        low, high = (
+            find_value(rows, "v", "test", "all", "surface_error_mm" + end) for end in (LOW, HIGH)
+        )
+        assert low.n == 4 * copies
+        return high.value - low.value
+
+    assert width(50) == pytest.approx(width(1))
+    assert width(1) > 3
 
 
 def test_mean_wrinkles_are_those_of_the_type_freed_from_pose(toy_body):

@@ -70,6 +70,17 @@ def test_normal_error_is_the_angle_of_a_turn(angle_deg):
     assert normal_error_deg(turned, flat, faces, mask) == pytest.approx(angle_deg, abs=1e-5)
 
 
+def test_normal_errors_of_faces_are_averaged_as_angles():
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]] * 2, float)
+    turned = flat.copy()
+    for corners, angle in ((slice(0, 3), np.radians(10)), (slice(3, 6), np.radians(80))):
+        turned[corners, 2] = flat[corners, 1] * np.sin(angle)
+        turned[corners, 1] *= np.cos(angle)
+    mask = np.ones(6, dtype=bool)
+    assert normal_error_deg(turned, flat, faces, mask) == pytest.approx(45)
+
+
 def test_a_face_without_area_counts_as_a_right_angle(tube):
     vertices, faces = tube
     mask = np.ones(len(vertices), dtype=bool)

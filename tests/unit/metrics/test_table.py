@@ -114,3 +114,23 @@ def test_intervals_are_over_groups_and_reproducible():
         *(find_value(alone, "svae", "test", ALL, "mask_iou" + e).value for e in (HIGH, LOW))
     )
     assert width < 0.3 * (high - low)
+
+
+def ends(rows):
+    return [find_value(rows, "svae", "test", ALL, "mask_iou" + end).value for end in (LOW, HIGH)]
+
+
+def test_an_interval_is_two_deviations_of_the_mean_to_either_side():
+    values = rng_for(4, "values").normal(size=400)
+    low, high = ends(summarised(values, ["Top"] * 400, np.arange(400)))
+    deviation = values.std() / np.sqrt(400)
+    assert (high - low) / (2 * deviation) == pytest.approx(1.96, rel=0.07)
+    assert (high + low) / 2 == pytest.approx(values.mean(), abs=0.2 * deviation)
+
+
+def test_an_interval_is_about_the_mean_of_garments_where_groups_differ_in_size():
+    size = np.array([9, 1] * 20)
+    values, group = np.repeat([0.0, 10.0] * 20, size), np.repeat(np.arange(40), size)
+    low, high = ends(summarised(values, ["Top"] * len(values), group))
+    assert values.mean() == 1
+    assert 0 < low < 1 < high < 3

@@ -149,3 +149,45 @@ def test_rest_bodies_are_the_posed_bodies_exactly(toy_body):
 def test_skirts_and_dresses_have_the_second_topology():
     codes = topology_codes(np.arange(len(GARMENTS)))
     assert [g for g, c in zip(GARMENTS, codes, strict=True) if c] == ["Skirt", "Dress"]
+
+
+def test_a_level_is_a_convolution_that_knows_its_place_beside_a_skip_connection(model):
+    """Against ReLU(h + conv(h)) with h = ReLU(conv(x) + places)."""
+    level, graph = model.network.encoder.levels[0], model.network.graphs["body"]
+    x = torch.randn(VERTICES, 2, 6, generator=torch.Generator().manual_seed(1))
+    laplacian, places = graph.laplacians[0], graph.places(0)
+    with torch.no_grad():
+        hidden = torch.relu(level.first(x, laplacian) + level.places(places)[:, None])
+        expected = torch.relu(level.second(hidden, laplacian) + hidden)
+        torch.testing.assert_close(level(x, laplacian, laplacian, places), expected)
+        blind = level(x, laplacian, laplacian, torch.zeros_like(places))
+    assert not torch.allclose(blind, expected)
+
+
+def test_places_are_positions_and_normals_of_the_mean_body_and_means_further_up(model):
+    graph, body = model.network.graphs["skirt"], toy_domain().body_mean
+    position = (body - body.mean(0)) / (body - body.mean(0)).std()
+    np.testing.assert_allclose(graph.places(0)[:, :3], position, atol=1e-6)
+    np.testing.assert_allclose(graph.places(0)[:, 3:].norm(dim=1), 1, atol=1e-5)
+    for level, parents in enumerate(toy_domain().parents["skirt"]):
+        fine, coarse = graph.places(level).numpy(), graph.places(level + 1).numpy()
+        for node in range(len(coarse)):
+            np.testing.assert_allclose(coarse[node], fine[parents == node].mean(0), atol=1e-5)
+
+
+def test_what_all_garments_share_is_taken_off_their_pooled_features(model):
+    seen = []
+    hook = model.network.encoder.features.register_forward_pre_hook(lambda _, x: seen.append(x[0]))
+    try:
+        model.encode(as_tensors(ToyGarments().batch(ToyGarments().rows("train"))))
+    finally:
+        hook.remove()
+    (rows,) = seen
+    assert rows.mean(0).abs().max() < 1e-3
+    assert rows.std(0).max() == pytest.approx(1, abs=1e-3)
+
+
+def test_codes_begin_near_the_prior_s_mean_with_small_variance(model, batch):
+    code = model.encode(batch)
+    assert code.mean.abs().mean() < 3
+    assert (code.log_variance + 4).abs().max() < 2

@@ -1,0 +1,113 @@
+"""Predicted garments in rest pose, measured against a truth made by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.rest_body import rest_body
+from drapeline.metrics.static import (
+    Truth,
+    measure_predictions,
+    measure_truth,
+    static_baseline_summary,
+    static_summary,
+    with_kl,
+)
+from drapeline.metrics.table import ALL, HIGH, LOW, find_value
+from drapeline.seeding import rng_for
+from gcvae_files import torso_registration
+
+ROWS = 12
+
+
+@pytest.fixture(scope="module")
+def truth(toy_body):
+    """Shirts two centimetres over the torsos of bodies of several shapes."""
+    shapes = rng_for(0, "metrics", "shapes").uniform(-1, 1, (ROWS, 10))
+    registered = [torso_registration(toy_body, shape) for shape in shapes]
+    return Truth(
+        offsets=np.stack([one.offsets for one in registered]),
+        mask=np.stack([one.mask for one in registered]),
+        body=lambda row: rest_body(toy_body, shapes[row]),
+        faces=lambda row: toy_body.faces,
+        body_faces=toy_body.faces,
+    )
+
+
+@pytest.fixture
+def garments(truth):
+    """Three garments to an outfit; the last two outfits are for testing."""
+    outfit = np.repeat([*"abcd"], 3)
+    split = np.where(outfit < "c", "train", "test")
+    return SimpleNamespace(
+        offsets=truth.offsets,
+        mask=truth.mask,
+        garment=np.zeros(ROWS, dtype=int),
+        outfit=outfit,
+        rows=lambda wanted: np.flatnonzero(split == wanted),
+        cvar=lambda rows: np.arange(ROWS)[rows, None].astype(np.float32),
+    )
+
+
+def test_offsets_are_measured_on_their_body(truth):
+    shift = np.array([0.003, 0, 0.004])
+    rows = measure_predictions(
+        truth, [(row, (truth.offsets[row] + shift, truth.mask[row])) for row in (0, 5)]
+    )
+    for row in rows:
+        assert row["surface_error_mm"] == pytest.approx(5, rel=1e-4)
+        assert row["normal_error_deg"] == pytest.approx(0, abs=0.1)
+        assert row["mask_iou"] == 1
+        assert row["inside_1cm_share"] == 0
+
+
+def test_the_truth_itself_is_outside_of_the_body_and_skin_is_not(truth):
+    (true,) = measure_truth(truth, [3])
+    assert true["inside_share"] == 0
+    sunk = truth.mask[3][:, None] * (truth.body(3) * [0.7, 0.7, 1] - truth.body(3))
+    (row,) = measure_predictions(truth, [(3, (sunk, None))])
+    assert row["inside_1cm_share"] > 0.8
+    assert "mask_iou" not in row  # of a model without a mask
+    assert row["pieces"] == true["pieces"]  # judged within the true one
+
+
+def test_kl_stands_beside_its_garment():
+    rows = with_kl([{"mask_iou": 0.5}, {"mask_iou": 1.0}], np.array([3.0, 4.0]))
+    assert rows == [{"mask_iou": 0.5, "kl_nat": 3.0}, {"mask_iou": 1.0, "kl_nat": 4.0}]
+    with pytest.raises(ValueError, match="zip"):
+        with_kl([{"mask_iou": 0.5}], np.array([3.0, 4.0]))
+
+
+def width(rows):
+    low, high = (find_value(rows, "v", "test", ALL, "mask_iou" + e).value for e in (LOW, HIGH))
+    return high - low
+
+
+def test_garments_of_one_outfit_make_no_interval_narrower(garments):
+    names = {"model": "svae", "variant": "v", "split": "test", "seed": 0}
+    values = rng_for(1, "values").uniform(size=4)
+    measures = [{"mask_iou": value} for value in np.repeat(values, 3)]
+    thrice = static_summary(garments, np.arange(ROWS), measures, **names)
+    once = static_summary(garments, np.arange(0, ROWS, 3), measures[::3], **names)
+    assert width(thrice) == pytest.approx(width(once))
+    assert {row.garment for row in thrice} == {ALL, "Tshirt"}
+
+
+def test_baselines_are_learned_from_the_training_split_and_measured_on_others(truth, garments):
+    rows = static_baseline_summary(truth, garments, ["test"], components=8, seed=0)
+    assert {row.split for row in rows} == {"test"}
+    assert {row.variant for row in rows} == {"registered", "mean_garment", "nearest_cvar", "pca"}
+    error = {
+        name: find_value(rows, name, "test", ALL, "surface_error_mm")
+        for name in ("registered", "mean_garment", "pca")
+    }
+    assert error["registered"] is None  # nothing to compare with
+    assert error["mean_garment"].n == 6
+    mean = truth.offsets[:6].mean(0)
+    by_hand = [
+        1000 * np.linalg.norm(mean - truth.offsets[row], axis=1)[truth.mask[row]].mean()
+        for row in range(6, ROWS)
+    ]
+    assert error["mean_garment"].value == pytest.approx(np.mean(by_hand), rel=1e-3)
+    assert error["pca"].value < error["mean_garment"].value

@@ -1,0 +1,70 @@
+"""The conditioning autoencoder Gamma, built by hand."""
+
+import pytest
+import torch
+
+from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
+
+INPUTS, MIDDLE = 6, 4
+
+
+def rng(seed=0):
+    return torch.Generator().manual_seed(seed)
+
+
+@pytest.fixture
+def gamma():
+    mean, std = torch.linspace(-1, 1, INPUTS), torch.linspace(0.5, 2, INPUTS)
+    return ConditioningAutoencoder(INPUTS, 8, MIDDLE, mean=mean, std=std, rng=rng()).double()
+
+
+@pytest.fixture
+def cvar():
+    return 2 * torch.randn(16, INPUTS, generator=rng(1), dtype=torch.float64)
+
+
+def test_conditions_are_normalised_by_the_training_set_s_mean_and_deviation(gamma, cvar):
+    gamma.mean.copy_(cvar.mean(0))
+    gamma.std.copy_(cvar.std(0))
+    normalised = gamma.normalised(cvar)
+    torch.testing.assert_close(normalised.mean(0), torch.zeros(INPUTS).double())
+    torch.testing.assert_close(normalised.std(0), torch.ones(INPUTS).double())
+
+
+def test_the_middle_layer_is_a_network_beside_a_skip_connection(gamma, cvar):
+    normalised = gamma.normalised(cvar)
+    expected = gamma.into(normalised) + gamma.skip(normalised)
+    torch.testing.assert_close(gamma(cvar), expected)
+    with torch.no_grad():
+        for parameter in gamma.into.parameters():
+            parameter.zero_()
+    # What is left is the skip: linear in the conditions.
+    a, b = cvar[:8], cvar[8:]
+    torch.testing.assert_close(gamma((a + b) / 2), (gamma(a) + gamma(b)) / 2)
+    assert gamma(cvar).abs().min() > 0
+
+
+def test_the_loss_is_l1_of_normalised_conditions_rebuilt_from_the_middle_layer(gamma, cvar):
+    rebuilt = gamma.out(gamma(cvar))
+    expected = (rebuilt - (cvar - gamma.mean) / gamma.std).abs().mean()
+    torch.testing.assert_close(gamma.loss(cvar), expected)
+
+
+def test_a_network_that_passes_conditions_on_has_no_loss(cvar):
+    """Skip to the middle, identity past it: ReLU(x) - ReLU(-x) is x."""
+    zeros, ones = torch.zeros(INPUTS), torch.ones(INPUTS)
+    gamma = ConditioningAutoencoder(
+        INPUTS, 2 * INPUTS, INPUTS, mean=zeros, std=ones, rng=rng()
+    ).double()
+    eye = torch.eye(INPUTS).double()
+    with torch.no_grad():
+        for parameter in gamma.parameters():
+            parameter.zero_()
+        gamma.skip.weight.copy_(eye)
+        gamma.out[0].weight.copy_(torch.cat([eye, -eye]))
+        gamma.out[2].weight.copy_(torch.cat([eye, -eye], 1))
+    assert float(gamma.loss(cvar).detach()) < 1e-12
+
+
+def test_gradients_by_finite_differences(gamma, cvar):
+    assert torch.autograd.gradcheck(gamma.loss, cvar.requires_grad_())
