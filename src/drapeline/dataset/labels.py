@@ -1,6 +1,6 @@
-"""What a mesh of a sample, or a point of its clouds, is part of."""
+"""Labels of the meshes and points of a sample: the body or a garment type."""
 
 from drapeline.outfits.garment_types import GARMENTS
 
 BODY = "Body"
-LABELS = (BODY, *GARMENTS)  # a point's label is an index into it
+LABELS = (BODY, *GARMENTS)  # the label of a point is an index into this

@@ -11,6 +11,7 @@ from drapeline import __version__
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
+from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
@@ -26,7 +27,6 @@ from drapeline.storage import (
     write_json,
 )
 
-BODY = "Body"
 META_VERSION = 1
 CONVENTIONS = {
     "length": "metre",
