@@ -1,0 +1,147 @@
+"""What the documentation names exists: modules, functions, rules, settings, files and links."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src"
+SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
+PAGES = [
+    *[
+        ROOT / name
+        for name in ("README.md", "CHANGELOG.md", "workflow/resources/motions/README.md")
+    ],
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+SMK = [ROOT / "Snakefile", *sorted((ROOT / "workflow/rules").glob("*.smk"))]
+RULES = {name for p in SMK for name in re.findall(r"^rule (\w+):", p.read_text(), re.MULTILINE)}
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@cache
+def definitions(module: str) -> dict[str, ast.AST] | None:
+    """Top-level names of a module of the library, or None if there is no such module."""
+    path = SOURCE / module.replace(".", "/")
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    if not file.is_file():
+        return None
+    found: dict[str, ast.AST] = {}
+    for node in ast.parse(file.read_text()).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found[node.name] = node
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found |= {t.id: node for t in targets if isinstance(t, ast.Name)}
+    return found
+
+
+def exists(name: str) -> bool:
+    """Whether `drapeline.room.module`, or a function or class in it, is there."""
+    if definitions(name) is not None:
+        return True
+    module, _, attribute = name.rpartition(".")
+    return attribute in (definitions(module) or {})
+
+
+def text_of(page: Path) -> str:
+    return FENCED.sub("", page.read_text())
+
+
+def marked(page: Path) -> list[str]:
+    """What stands between backticks."""
+    return re.findall(r"`([^`\n]+)`", text_of(page))
+
+
+def anchor(heading: str) -> str:
+    return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
+
+
+pages = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+
+
+@pages
+def test_modules_and_functions_exist(page):
+    for code in marked(page):
+        for name in re.findall(r"\bdrapeline(?:\.\w+)+", code):
+            assert exists(name), f"{page.name} names {name}"
+
+
+@pages
+def test_imports_in_examples_exist(page):
+    for language, block in FENCED.findall(page.read_text()):
+        if language != "python":
+            continue
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("drapeline"):
+                for alias in node.names:
+                    name = f"{node.module}.{alias.name}"
+                    assert exists(name), f"{page.name} imports {name}"
+
+
+@pages
+def test_rules_exist(page):
+    text = text_of(page)
+    for name in re.findall(r"\brules? `(\w+)`", text):
+        assert name in RULES, f"{page.name} names the rule {name}"
+
+
+def test_the_readmes_table_of_rules_is_true():
+    rows = re.findall(r"^\| [\w ]+ \| ((?:`[\w*]+`,? ?)+)", text_of(PAGES[0]), re.MULTILINE)
+    names = [name for row in rows for name in re.findall(r"`([\w*]+)`", row)]
+    assert len(names) > 10
+    for name in names:
+        pattern = re.compile(name.replace("*", r"\w+"))
+        assert any(pattern.fullmatch(rule) for rule in RULES), f"README.md names {name}"
+
+
+@pages
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+        if target.startswith("http"):
+            continue
+        file, _, heading = target.partition("#")
+        path = (page.parent / file) if file else page
+        assert path.exists(), f"{page.name} links to {target}"
+        if heading:
+            headings = re.findall(r"^#+ (.*)$", path.read_text(), re.MULTILINE)
+            assert heading in map(anchor, headings), f"{page.name} links to {target}"
+
+
+def setting(name: str) -> bool:
+    """Whether a dotted name is a key of the config, or one within `garment4d`."""
+    for part in (SCHEMA, SCHEMA["properties"]["garment4d"]):
+        for key in name.split("."):
+            part = part.get("properties", {}).get(key)
+            if part is None:
+                break
+        else:
+            return True
+    return False
+
+
+@pages
+def test_settings_exist(page):
+    sections = {*SCHEMA["properties"], *SCHEMA["properties"]["garment4d"]["properties"]}
+    for code in marked(page):
+        name = code.partition(":")[0]
+        first, dot, _ = name.partition(".")
+        is_file = re.search(r"\.(npz|npy|tsv|json|obj|py|html|png|svg|ckpt)$", name)
+        if dot and first in sections and re.fullmatch(r"[\w.]+", name) and not is_file:
+            assert setting(name), f"{page.name} names the setting {name}"
+
+
+@pages
+def test_settings_in_examples_exist(page):
+    for language, block in FENCED.findall(page.read_text()):
+        if language != "yaml":
+            continue
+        for section, values in yaml.safe_load(block).items():
+            if section not in SCHEMA["properties"]:
+                continue  # an example of another file, such as a joint map
+            known = SCHEMA["properties"][section]["properties"]
+            assert set(values) <= set(known), f"{page.name}: {section}"
