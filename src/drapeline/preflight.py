@@ -70,6 +70,6 @@ def find_problems(folder, version=None, system=None, libraries=None, free_gb=Non
 
 
 if __name__ == "__main__":
-    found = find_problems(".")
-    if found:
-        sys.exit("\n".join("drapeline preflight: " + problem for problem in found))
+    problems = find_problems(".")
+    if problems:
+        sys.exit("\n".join("drapeline preflight: " + problem for problem in problems))

@@ -67,8 +67,8 @@ def test_points_of_a_ball_are_even_by_area():
     assert not labels.any()
     # Archimedes: every coordinate of a point on a sphere is uniform.
     for axis in range(3):
-        found = np.sort(points[:, axis] / 0.3)
-        assert np.abs((found + 1) / 2 - np.linspace(0, 1, 4000)).max() < 0.035
+        uniform = np.sort(points[:, axis] / 0.3)
+        assert np.abs((uniform + 1) / 2 - np.linspace(0, 1, 4000)).max() < 0.035
 
 
 def test_large_triangles_get_more_points_than_small_ones():
@@ -172,11 +172,11 @@ def test_missing_patches_leave_the_number_of_points():
 def test_a_following_sampler_equals_a_new_one():
     meshes = [ball(), skirt(), ball(0.05, (0, 0, 0.4), "Top")]
     sampler = CloudSampler([(m.triangles, m.label) for m in meshes], CloudSettings(400))
-    for shift in np.linspace(0, 0.3, 10):  # the tree is built anew at the ninth
+    for shift in np.linspace(0, 0.3, 10):  # the tree is rebuilt at the ninth
         moved = [meshes[0], meshes[1], meshes[2]._replace(vertices=meshes[2].vertices + shift)]
         followed = sampler.sample([m.vertices for m in moved], rngs())
-        for found, expected in zip(followed, sample_cloud(moved, CloudSettings(400)), strict=True):
-            np.testing.assert_array_equal(found, expected)
+        for actual, expected in zip(followed, sample_cloud(moved, CloudSettings(400)), strict=True):
+            np.testing.assert_array_equal(actual, expected)
 
 
 def test_the_released_protocol_takes_vertices_covered_or_not():
@@ -196,8 +196,8 @@ def test_noise_is_new_in_every_frame_where_vertices_are_not(tmp_path, tiny):
     noisy = CloudSettings(points=200, protocol="vertices", noise_m=0.005)
     for name, settings in (("still", still), ("noisy", noisy)):
         write_clouds(tmp_path / name, tiny.folder, settings)
-    calm, found = (load_clouds(tmp_path / name).points for name in ("still", "noisy"))
-    error = found - calm
+    calm, noisy = (load_clouds(tmp_path / name).points for name in ("still", "noisy"))
+    error = noisy - calm
     assert error.std() == pytest.approx(0.005, rel=0.1)
     for before, after in pairwise(error):
         assert abs(np.corrcoef(before.ravel(), after.ravel())[0, 1]) < 0.2
@@ -236,12 +236,12 @@ def test_holes_take_exactly_their_share(share):
 
 def test_wrong_labels_are_as_many_as_asked_for_and_turn_the_right_way():
     labels = np.repeat(np.array([0, 3, 4], np.uint8), 100)
-    found = corrupt_labels(labels, 0.7, 4, rng())
-    wrong = found != labels
+    corrupted = corrupt_labels(labels, 0.7, 4, rng())
+    wrong = corrupted != labels
     assert wrong.sum() == 90
-    assert (found[wrong & (labels == 4)] == 0).all()
-    assert (found[wrong & (labels != 4)] == 4).all()
-    assert found.dtype == labels.dtype
+    assert (corrupted[wrong & (labels == 4)] == 0).all()
+    assert (corrupted[wrong & (labels != 4)] == 4).all()
+    assert corrupted.dtype == labels.dtype
     np.testing.assert_array_equal(corrupt_labels(labels, 1.0, 4, rng()), labels)
 
 
@@ -256,26 +256,26 @@ def clouds(tiny, tmp_path_factory):
 
 
 def test_a_sample_has_a_cloud_for_every_frame(clouds, tiny):
-    found = load_clouds(clouds / "a")
-    assert found.accepted
-    assert found.points.shape == (6, 300, 3)
-    assert found.labels.shape == (6, 300)
-    assert isinstance(found.points, np.memmap)
-    assert set(np.unique(found.labels)) == {0, LABELS.index("Tshirt"), LABELS.index("Skirt")}
-    about = found.about
+    loaded = load_clouds(clouds / "a")
+    assert loaded.accepted
+    assert loaded.points.shape == (6, 300, 3)
+    assert loaded.labels.shape == (6, 300)
+    assert isinstance(loaded.points, np.memmap)
+    assert set(np.unique(loaded.labels)) == {0, LABELS.index("Tshirt"), LABELS.index("Skirt")}
+    about = loaded.about
     assert (about["name"], about["split"], about["source"]) == ("00001", "train", "simulated")
     assert (about["gender"], about["garments"]) == ("female", ["Tshirt", "Skirt"])
     assert about["settings"]["points"] == 300
 
 
 def test_points_lie_on_the_garments_of_their_frame(clouds, tiny):
-    found = load_clouds(clouds / "a")
+    loaded = load_clouds(clouds / "a")
     for frame in (0, 5):
         for name in ("Tshirt", "Skirt"):
             mesh = trimesh.Trimesh(
                 tiny.vertices[name][frame], tiny.meshes[name].triangles, process=False
             )
-            own = found.points[frame][found.labels[frame] == LABELS.index(name)]
+            own = loaded.points[frame][loaded.labels[frame] == LABELS.index(name)]
             _, distance, _ = trimesh.proximity.closest_point_naive(mesh, own)
             assert distance.max() < 1e-3  # the caches are in half precision
 
@@ -292,9 +292,9 @@ def test_a_rejected_sample_leaves_its_status_alone(tmp_path, toy_body):
     assert write_clouds(tmp_path / "out", tiny.folder, CloudSettings(points=10)) == "rejected"
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["about.json"]
     assert read_json(tmp_path / "out" / "about.json")["status"] == "rejected"
-    found = load_clouds(tmp_path / "out")
-    assert not found.accepted
-    assert len(found) == 0
+    loaded = load_clouds(tmp_path / "out")
+    assert not loaded.accepted
+    assert len(loaded) == 0
 
 
 def test_damaged_clouds_are_refused(clouds, tmp_path):

@@ -53,14 +53,14 @@ def save_clouds(folder, clouds, **export):
 def test_ply_clouds_come_back_relative_to_the_root(tmp_path, truth, bodies, body_file, encoding):
     _, trans, vertices = truth
     folder = save_clouds(tmp_path / "scan", vertices, encoding=encoding)
-    found = read_scans(folder, body_file, bodies)
-    assert len(found) == FRAMES
+    loaded = read_scans(folder, body_file, bodies)
+    assert len(loaded) == FRAMES
     # frame_8, frame_9, frame_10: in the order of numbers, not of letters.
-    for scan, points, at in zip(found.scans, vertices, trans, strict=True):
+    for scan, points, at in zip(loaded.scans, vertices, trans, strict=True):
         assert scan.triangles is None
         np.testing.assert_allclose(scan.points, points - at, atol=1e-5)
-    np.testing.assert_array_equal(found.body.poses, truth[0])
-    assert found.body.gender == "female"
+    np.testing.assert_array_equal(loaded.body.poses, truth[0])
+    assert loaded.body.gender == "female"
 
 
 def test_meshes_in_ply_obj_and_npz_are_the_same(tmp_path, truth, toy_body):
@@ -94,17 +94,17 @@ def test_one_npz_holds_all_frames_even_or_ragged(tmp_path, truth):
         counts=counts,
     )
     for name, lengths in (("even", [len(v) for v in vertices]), ("ragged", counts)):
-        found = read_frames(tmp_path / f"{name}.npz")
-        for scan, points, length in zip(found, vertices, lengths, strict=True):
+        loaded = read_frames(tmp_path / f"{name}.npz")
+        for scan, points, length in zip(loaded, vertices, lengths, strict=True):
             np.testing.assert_array_equal(scan.points, points[:length])
 
 
 def test_smpl_translations_are_moved_to_the_root_joint(tmp_path, truth, bodies, toy_body):
     root = shaped(toy_body, SHAPE)[1][0]
     path = save_body(tmp_path, truth, trans=None, transl=truth[1] - root, gender=np.array(0))
-    found = read_body_parameters(path, bodies)
-    np.testing.assert_allclose(found.trans, truth[1], atol=1e-6)
-    assert found.gender == "female"
+    loaded = read_body_parameters(path, bodies)
+    np.testing.assert_allclose(loaded.trans, truth[1], atol=1e-6)
+    assert loaded.gender == "female"
 
 
 def test_scans_with_y_up_are_stood_up_with_their_body(tmp_path, truth, bodies, toy_body):
@@ -114,21 +114,21 @@ def test_scans_with_y_up_are_stood_up_with_their_body(tmp_path, truth, bodies, t
     lying[:, :3] = (down * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
     path = save_body(tmp_path, (lying, down.apply(trans), vertices))
     np.savez(tmp_path / "scan.npz", points=np.stack([down.apply(v) for v in vertices]))
-    found = read_scans(tmp_path / "scan.npz", path, bodies, up="y")
-    for scan, points, at in zip(found.scans, vertices, trans, strict=True):
+    loaded = read_scans(tmp_path / "scan.npz", path, bodies, up="y")
+    for scan, points, at in zip(loaded.scans, vertices, trans, strict=True):
         np.testing.assert_allclose(scan.points, points - at, atol=1e-5)
-    np.testing.assert_allclose(found.body.trans, trans, atol=1e-6)
-    again, _ = posed_vertices(toy_body, SHAPE, found.body.poses, found.body.trans)
+    np.testing.assert_allclose(loaded.body.trans, trans, atol=1e-6)
+    again, _ = posed_vertices(toy_body, SHAPE, loaded.body.poses, loaded.body.trans)
     np.testing.assert_allclose(again, vertices, atol=1e-5)
 
 
 def test_of_faster_scans_every_so_many_frames_are_used(tmp_path, truth, bodies, body_file):
     poses, trans, vertices = truth
     folder = save_clouds(tmp_path / "scan", vertices)
-    found = read_scans(folder, body_file, bodies, fps=60)
-    assert len(found) == len(found.body.trans) == 2
-    np.testing.assert_array_equal(found.body.poses, poses[::2])
-    for scan, points, at in zip(found.scans, vertices[::2], trans[::2], strict=True):
+    loaded = read_scans(folder, body_file, bodies, fps=60)
+    assert len(loaded) == len(loaded.body.trans) == 2
+    np.testing.assert_array_equal(loaded.body.poses, poses[::2])
+    for scan, points, at in zip(loaded.scans, vertices[::2], trans[::2], strict=True):
         np.testing.assert_allclose(scan.points, points - at, atol=1e-5)
     for fps in (25, 45, 0):
         with pytest.raises(InputError, match=f"scan: {fps} frames per second, expected a multiple"):
@@ -143,8 +143,8 @@ def sequence(tmp_path, truth, bodies, points):
 def test_clouds_are_thinned_without_repeats_and_filled_evenly(tmp_path, truth, bodies):
     have = 600
     clouds = truth[2][:, :have]
-    found = sequence(tmp_path, truth, bodies, clouds)
-    fewer, more = found.points(400, seed=1), found.points(1500, seed=1)
+    loaded = sequence(tmp_path, truth, bodies, clouds)
+    fewer, more = loaded.points(400, seed=1), loaded.points(1500, seed=1)
     assert fewer.shape == (FRAMES, 400, 3)
     assert more.dtype == np.float32
     for frame in range(FRAMES):
@@ -153,8 +153,8 @@ def test_clouds_are_thinned_without_repeats_and_filled_evenly(tmp_path, truth, b
         _, repeats = np.unique(more[frame], axis=0, return_counts=True)
         assert len(repeats) == have
         assert set(repeats) == {2, 3}
-    np.testing.assert_array_equal(fewer, found.points(400, seed=1))
-    assert not np.array_equal(fewer, found.points(400, seed=2))
+    np.testing.assert_array_equal(fewer, loaded.points(400, seed=1))
+    assert not np.array_equal(fewer, loaded.points(400, seed=2))
     # No order is left: the first points are not the scan's first ones.
     assert not np.allclose(fewer[0][:50], (clouds[0] - truth[1][0])[:50])
 
@@ -164,9 +164,9 @@ def test_meshes_are_sampled_evenly_by_area(tmp_path, truth, bodies, toy_body):
     folder.mkdir()
     for frame, vertices in enumerate(truth[2]):
         trimesh.Trimesh(vertices, toy_body.faces, process=False).export(folder / f"{frame}.ply")
-    found = read_scans(folder, save_body(tmp_path, truth), bodies)
-    points = found.points(2000, seed=0)[0]
-    mesh = trimesh.Trimesh(found.scans[0].points, toy_body.faces, process=False)
+    loaded = read_scans(folder, save_body(tmp_path, truth), bodies)
+    points = loaded.points(2000, seed=0)[0]
+    mesh = trimesh.Trimesh(loaded.scans[0].points, toy_body.faces, process=False)
     assert KDTree(mesh.sample(40_000, seed=0)).query(points)[0].max() < 0.03
     high = mesh.triangles_center[:, 2] > 0
     share = mesh.area_faces[high].sum() / mesh.area
