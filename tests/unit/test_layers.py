@@ -1,6 +1,8 @@
 """The import directions and bans that docs/architecture.md promises, checked on the source."""
 
 import ast
+import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -100,3 +102,42 @@ def test_rule_scripts_stay_thin_and_never_import_each_other():
         assert len(code) <= 60, f"{path.name} has {len(code)} lines"
         for name in imported_modules(path.read_text()):
             assert name.split(".")[0] not in {p.stem for p in (ROOT / "scripts").glob("*.py")}
+
+
+def _described_rooms():
+    """Rooms in the table of docs/architecture.md, and the arrows of its diagram."""
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    rooms = re.findall(r"^\| `(\w+)/` \|", text, re.MULTILINE)
+    arrows = {}
+    for line in re.findall(r"^[\w, ]+(?: -> [\w, ]+)+$", text, re.MULTILINE):
+        groups = [group.split(", ") for group in line.split(" -> ")]
+        for lefts, rights in pairwise(groups):
+            for left in lefts:
+                arrows.setdefault(left, set()).update(rights)
+    return rooms, arrows
+
+
+def _reachable(arrows, room):
+    found = set()
+    stack = [room]
+    while stack:
+        new = arrows.get(stack.pop(), set()) - found
+        found |= new
+        stack += new
+    return found
+
+
+def test_the_documented_rooms_are_the_folders():
+    rooms, arrows = _described_rooms()
+    folders = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").is_file()}
+    assert sorted(rooms) == sorted(folders)
+    assert set(arrows) <= folders
+    assert set().union(*arrows.values()) <= folders
+
+
+@pytest.mark.parametrize("room", [room for room in MAY_IMPORT if room not in CORE])
+def test_the_documented_arrows_show_every_import(room):
+    _, arrows = _described_rooms()
+    reachable = _reachable(arrows, room)
+    assert room not in reachable
+    assert MAY_IMPORT[room] - CORE - {room} <= reachable
