@@ -4,9 +4,8 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.data import collect_garment4d
-from drapeline.models.garment4d.sequences import simulated_sequences, skinned_sequences
+from drapeline.learning_data.sequence_sources import simulated_sequences, skinned_sequences
+from drapeline.learning_data.sequences import collect_sequences
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.template_tables import load_tables
 from drapeline.rule_log import rule_log
@@ -18,7 +17,7 @@ with rule_log(snakemake.log[0]) as log:
     given, params, garment = snakemake.input, snakemake.params, snakemake.wildcards.garment
     bodies = {gender: load_body(given[gender]) for gender in GENDERS if params.body_relative_points}
     tables = load_tables(given.fits, garment)
-    frames = collect_garment4d(
+    frames = collect_sequences(
         snakemake.output[0],
         garment,
         [
@@ -27,7 +26,6 @@ with rule_log(snakemake.log[0]) as log:
         ],
         load_template(given.template).faces,
         params.components,
-        # Points are located by the whole body; no network sees any vertices here.
-        BodySet(bodies, count=1) if params.body_relative_points else None,
+        bodies or None,
     )
     log.info("%d frames", frames)

@@ -8,8 +8,10 @@ import numpy as np
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.splits import SPLITS
 from drapeline.frames import GENDERS
+from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.body_input import BodySet, SkinningSettings
-from drapeline.models.garment4d.data import SequenceData, proposals
+from drapeline.models.garment4d.dressed import proposals
+from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d_figures import SkinnedTwice, plot_neighbours
 from drapeline.rule_log import rule_log
@@ -22,7 +24,8 @@ _HIP_AND_KNEE = slice(3, 18)  # what pulls a skirt apart
 
 with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
-    data = SequenceData(snakemake.input.data, BodySet(bodies, 1))
+    data = SequenceData(snakemake.input.data)
+    sequences = BodySequences(data, BodySet(bodies, 1))
     many = SkinningSettings(**snakemake.params.skinning)
     cases = []
     order = [row for split in reversed(SPLITS) for row in data.of_split(split)]
@@ -30,25 +33,23 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     for sequence in sorted(order, key=lambda row: data.source[row] != "simulated")[:_ROWS]:
         poses = data.poses[data.rows(sequence)]
         frame = int(np.abs(poses[:, _HIP_AND_KNEE]).sum(axis=1).argmax())
-        wearer, worn = data.wearer(sequence), data.canonical[sequence]
-        transforms = wearer.transforms(poses[frame][None])[None]
+        body, worn = sequences.body(sequence), data.canonical[sequence]
+        transforms = body.transforms(poses[frame][None])[None]
         posed = [
-            proposals(worn[None], wearer.weights(worn, data.space.faces, how)[None], transforms)[
-                0, 0
-            ]
+            proposals(worn[None], body.weights(worn, data.space.faces, how)[None], transforms)[0, 0]
             for how in (replace(many, neighbours=1, passes=0), many)
         ]
-        body = posed_vertices(wearer.model, wearer.shape, poses[frame][None])[0][0]
+        vertices = posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
         cases.append(
             SkinnedTwice(
                 f"{data.name[sequence]}\nframe {data.number[data.rows(sequence)][frame]}",
-                data.kind,
+                data.garment_type,
                 worn,
                 data.space.faces,
                 *posed,
-                body,
-                wearer.model.faces,
-                float(-body[:, 2].min()),
+                vertices,
+                body.model.faces,
+                float(-vertices[:, 2].min()),
             )
         )
     plot_neighbours(snakemake.output[0], cases, many.neighbours)

@@ -8,14 +8,15 @@ from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.sequences import SequenceData
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.scans import reconstruct_scans
-from drapeline.models.garment4d.settings import settings_of
+from drapeline.models.garment4d.settings import parse_settings
+from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 
@@ -31,8 +32,8 @@ with rule_log(snakemake.log[0]) as log:
     found = reconstruct_scans(
         scans,
         stage,
-        SequenceData(given.data, BodySet(bodies, params.body_points)),
-        settings_of(RefineSettings, params.refine),
+        BodySequences(SequenceData(given.data), BodySet(bodies, params.body_points)),
+        parse_settings(RefineSettings, params.refine),
         name=given.points,
         points=params.points,
         seed=params.seed,

@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
+from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.data import SequenceData
-from drapeline.models.garment4d.train import train_canonical
+from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
+from drapeline.models.garment4d.train import train_stage
+from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -15,11 +17,12 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
-    train_canonical(
+    data = SequenceData(given.data)
+    stage = PointNetStage if snakemake.wildcards.canonical == "pointnet" else CanonicalStage
+    train_stage(
         snakemake.output[0],
-        SequenceData(given.data, BodySet(bodies, params.body_points)),
-        params.settings,
-        pointnet=snakemake.wildcards.canonical == "pointnet",
+        stage(stage.parse(params.settings), data.space, data.label),
+        BodySequences(data, BodySet(bodies, params.body_points)),
         code=params.code,
         progress=params.progress,
         trainer=params.trainer,

@@ -1,32 +1,37 @@
 """Short trainings of Garment4D on toy skirts, and batches of what they are trained on."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from drapeline.models.garment4d.data import SequenceData, Windows
-from drapeline.models.garment4d.settings import Garment4dTraining
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.stage import Stage
+from drapeline.models.garment4d.train import train_stage
+from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import Batch, as_tensors
 
 
+def build_canonical(
+    sequences: BodySequences,
+    values: Mapping[str, Mapping[str, Any]],
+    cls: type[CanonicalStage] = CanonicalStage,
+) -> CanonicalStage:
+    """An untrained canonical stage, or its baseline, for sequences."""
+    return cls(cls.parse(values), sequences.data.space, sequences.data.label)
+
+
 def run_training(
-    train: Callable[..., None],
-    folder: Path,
-    name: str,
-    *args: Any,
-    precision: str = "32-true",
-    **options: Any,
+    folder: Path, name: str, stage: Stage, sequences: BodySequences, *, precision: str = "32-true"
 ) -> Path:
-    """Call `train_canonical` or `train_posed`; the folder `name` that it leaves."""
-    train(
+    """Train a stage; the folder `name` that it leaves."""
+    train_stage(
         folder / name,
-        *args,
+        stage,
+        sequences,
         code="c",
         progress=folder / ".progress" / name,
         trainer={"accelerator": "cpu", "precision": precision},
         threads=1,
-        **options,
     )
     return folder / name
 
@@ -37,25 +42,19 @@ def column(folder: Path, name: str) -> list[float]:
     return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
 
 
-def windows_of(
-    data: SequenceData, training: Garment4dTraining, *, posed: bool, body_relative_points: bool
-) -> Windows:
-    """Those of a training."""
+def stage_windows(stage: Stage, sequences: BodySequences) -> Windows:
+    """Windows that a stage is trained on."""
+    training = stage.settings.training
     return Windows(
-        data,
+        sequences,
         frames=training.frames,
         stride=training.stride,
-        posed=posed,
-        body_relative_points=body_relative_points,
-    )
-
-
-def batch_of(data: SequenceData, stage: Stage, split: str) -> Batch:
-    """All windows of a split as the stage is given them."""
-    windows = windows_of(
-        data,
-        stage.settings.training,
-        posed=stage.POSED,
+        most_validated=stage.MOST_VALIDATED,
         body_relative_points=stage.body_relative_points,
     )
+
+
+def batch_of(stage: Stage, sequences: BodySequences, split: str) -> Batch:
+    """All windows of a split as a stage is given them."""
+    windows = stage_windows(stage, sequences)
     return as_tensors(windows.batch(windows.rows(split)))

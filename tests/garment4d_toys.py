@@ -12,14 +12,15 @@ from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.learning_data.sequences import GarmentSequence, SequenceData, collect_sequences
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.body_maps import MapRegression
-from drapeline.models.garment4d.data import GarmentSequence, collect_garment4d
+from drapeline.models.garment4d.windows import BodySequences
 from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.seeding import rng_for
 from tiny_sample import tube
 
-KIND = "Skirt"
+GARMENT = "Skirt"
 POINTS = 160
 AROUND, ROWS = 12, 5
 
@@ -48,7 +49,7 @@ def toy_sequence(
     bodies, _ = posed_vertices(body, shape, poses)
     chosen = [rng.integers(len(x), size=POINTS // 2) for x in (bodies[0], canonical)]
     points = np.concatenate([bodies[:, chosen[0]], posed[:, chosen[1]]], 1)
-    labels = np.repeat([0, LABELS.index(KIND)], POINTS // 2)
+    labels = np.repeat([0, LABELS.index(GARMENT)], POINTS // 2)
     order = rng.permutation(POINTS)
     return GarmentSequence(
         name=f"{number:05d}",
@@ -68,7 +69,7 @@ def toy_sequence(
 
 def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
     """Nine, of which the simulated ones are longer; the last is the only one of the test split."""
-    kinds = [
+    sources = [
         *(("skinned", "train", 3),) * 4,
         *(("simulated", "train", 8),) * 2,
         ("skinned", "val", 3),
@@ -77,14 +78,14 @@ def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
     ]
     return [
         toy_sequence(body, number, frames=frames, source=source, split=split)
-        for number, (source, split, frames) in enumerate(kinds)
+        for number, (source, split, frames) in enumerate(sources)
     ]
 
 
 def save_toy_data(folder: Path, body: BodyModel) -> list[GarmentSequence]:
     """What the rule `collect_garment4d` leaves."""
     sequences = toy_sequences(body)
-    collect_garment4d(folder, KIND, sequences, skirt_faces(), 3, BodySet(toy_bodies(body), 1))
+    collect_sequences(folder, GARMENT, sequences, skirt_faces(), 3, toy_bodies(body))
     return sequences
 
 
@@ -93,8 +94,13 @@ def toy_bodies(body: BodyModel) -> dict[str, BodyModel]:
     return dict.fromkeys(GENDERS, body)
 
 
-def as_if_fitted(regression: MapRegression) -> None:
-    """Random weights, so that maps of the body say something."""
+def open_toy_data(folder: Path, body: BodyModel, body_points: int) -> BodySequences:
+    """What `save_toy_data` left, with bodies of which networks are given so many vertices."""
+    return BodySequences(SequenceData(folder), BodySet(toy_bodies(body), body_points))
+
+
+def fill_regression(regression: MapRegression) -> None:
+    """Random weights in place of fitted ones."""
     draw = torch.Generator().manual_seed(6)
     with torch.no_grad():
         regression.scale.fill_(1)

@@ -12,7 +12,7 @@ from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from garment4d_toys import CANONICAL, KIND, POINTS, POSED, save_toy_data
+from garment4d_toys import CANONICAL, GARMENT, POINTS, POSED, save_toy_data
 
 BODY_POINTS = 30
 SHORT = {"epochs": 1, "batch": 4, "frames": 3, "stride": 1}
@@ -64,7 +64,7 @@ def trained(run_rule, folder, bodies, sequences):
                 "code": "c",
                 "progress": str(folder / ".progress" / name),
             },
-            wildcards={stage: name, "garment": KIND},
+            wildcards={stage: name, "garment": GARMENT},
         )
         return output
 
@@ -72,7 +72,7 @@ def trained(run_rule, folder, bodies, sequences):
 
 
 def test_stages_and_variants_are_trained_and_can_be_loaded(trained):
-    assert load_stage(trained("canonical"), CanonicalStage).kind == "garment4d_canonical"
+    assert load_stage(trained("canonical"), CanonicalStage).checkpoint_type == "garment4d_canonical"
     assert load_stage(trained("mgn"), MgnStage).network.last.out_features % 3 == 0
     plain = load_stage(trained("posed"), PosedStage)
     variant = load_stage(trained("no_body_encoder"), PosedStage)
@@ -117,17 +117,17 @@ def test_all_variants_are_measured_and_pictured(run_rule, trained, folder, bodie
     )
     rows = read_metrics(tmp_path / "metrics.tsv")
     for variant in ("posed", "mgn", "lbs", "ours", "neighbours_1", "missing_50", "accuracy_70"):
-        assert find_value(rows, variant, "test", KIND, "vertex_error_mm").value > 0
+        assert find_value(rows, variant, "test", GARMENT, "vertex_error_mm").value > 0
     for name, variant in (("00008", "posed"), ("00008_ours", "ours")):
         shown = load_reconstruction(tmp_path / "pictures" / f"{name}.npz")
         error = 1000 * np.linalg.norm(shown.final - shown.true, axis=-1).mean()
-        measured = find_value(rows, variant, "test", KIND, "vertex_error_mm")
+        measured = find_value(rows, variant, "test", GARMENT, "vertex_error_mm")
         assert measured.value == pytest.approx(error, rel=1e-4)
 
 
 @pytest.fixture
 def worn(sequences):
-    """The held-out sequence, and where its wearer walks."""
+    """The held-out sequence, and where its body walks."""
     trans = np.array([0.5, -0.2, 0.9]) + 0.01 * np.arange(len(sequences[-1].poses))[:, None]
     return sequences[-1], trans
 
@@ -148,7 +148,7 @@ def reconstruct(run_rule, trained, folder, bodies, worn, tmp_path):
             gender="female",
         )
         output = {
-            "sample": tmp_path / KIND,
+            "sample": tmp_path / GARMENT,
             "metrics": tmp_path / "metrics.tsv",
             "shown": tmp_path / "shown.npz",
         }
@@ -163,7 +163,7 @@ def reconstruct(run_rule, trained, folder, bodies, worn, tmp_path):
             },
             output=output,
             params={
-                "garment": KIND,
+                "garment": GARMENT,
                 "up": "z",
                 "fps": fps,
                 "points": POINTS,
@@ -182,9 +182,9 @@ def test_scans_become_a_sample_its_errors_and_pictures(run_rule, reconstruct, wo
     sequence, trans = worn
     made = reconstruct(sequence.points)
     with Sample(made["sample"]) as sample:
-        assert list(sample.garments) == [KIND]
-        assert len(sample.mesh(KIND).faces) == len(sequence.original.faces)
-        cloth = sample.vertices(KIND)
+        assert list(sample.garments) == [GARMENT]
+        assert len(sample.mesh(GARMENT).faces) == len(sequence.original.faces)
+        cloth = sample.vertices(GARMENT)
     true = sequence.garment() + trans[:, None]
     error = np.linalg.norm(cloth - true, axis=-1).mean()
     assert error < 0.5 * np.linalg.norm(cloth[:, ::-1] - true, axis=-1).mean()
@@ -192,12 +192,12 @@ def test_scans_become_a_sample_its_errors_and_pictures(run_rule, reconstruct, wo
     assert len(shown.true) == 0
     np.testing.assert_allclose(shown.final, cloth - trans[:, None], atol=1e-5)
     rows = read_metrics(made["metrics"])
-    assert {row.garment for row in rows} == {KIND}
+    assert {row.garment for row in rows} == {GARMENT}
     for variant, garment in (("lbs", shown.proposal), ("ours", shown.final)):
         away = np.linalg.norm(garment[:, :, None] - sequence.points[:, None], axis=-1).min(axis=2)
-        found = find_value(rows, variant, "scans", KIND, "to_cloud_mm")
+        found = find_value(rows, variant, "scans", GARMENT, "to_cloud_mm")
         assert found.value == pytest.approx(1000 * away.mean(), rel=1e-3)
-    assert find_value(rows, "posed", "scans", KIND, "inside_share") is not None
+    assert find_value(rows, "posed", "scans", GARMENT, "inside_share") is not None
     pictures = {"steps": tmp_path / "steps.png", "moving": tmp_path / "moving.png"}
     run_rule("plot_reconstructed", input=[made["shown"]], output=pictures, params={"rays": 0.1})
     with Image.open(pictures["moving"]) as image:
@@ -221,7 +221,7 @@ def test_scans_that_cannot_be_reconstructed_are_refused(reconstruct, worn):
         (sequence.points[:2], 30, "sequence to reconstruct has 2 frames, expected at least 3"),
         (1000 * sequence.points, 30, "m large.*expected metres"),
         (sequence.points, 50, "50 frames per second, expected a multiple of 30"),
-        (bare, 30, f"of the points are taken for {KIND}, expected 2% or more: a person who"),
+        (bare, 30, f"of the points are taken for {GARMENT}, expected 2% or more: a person who"),
     ):
         with pytest.raises(SystemExit, match=reason):
             reconstruct(points, fps)

@@ -25,7 +25,7 @@ FPS = 30.0
 CONTACT_EVERY = 5
 
 
-class PosedBody(NamedTuple):
+class MovingBody(NamedTuple):
     """The body under a garment.
 
     Attributes:
@@ -67,7 +67,7 @@ class Reconstruction:
         true: (F, N, 3), or no frames for a scan without ground truth.
         true_canonical: (N, 3), or no vertices.
         points: (F, P, 3) input clouds.
-        labels: (F, P) predicted indices into `dataset.clouds.LABELS`.
+        labels: (F, P) predicted indices into `dataset.labels.LABELS`.
         body: (F, V, 3) whole body.
         rest_body: (V, 3) in the pose of the canonical garment.
         body_faces: (f, 3).
@@ -183,11 +183,11 @@ def segmentation_accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
 
 
 def inside_means(
-    garment: np.ndarray, wearer: PosedBody, *, every: int = CONTACT_EVERY
+    garment: np.ndarray, body: MovingBody, *, every: int = CONTACT_EVERY
 ) -> dict[str, float]:
     """`inside_measures` of every so many frames of a garment (F, N, 3), averaged over them."""
     found = [
-        inside_measures(np.asarray(garment[frame]), wearer.vertices(frame), wearer.faces)
+        inside_measures(np.asarray(garment[frame]), body.vertices(frame), body.faces)
         for frame in range(0, len(garment), every)
     ]
     return {name: float(np.mean([one[name] for one in found])) for name in found[0]}
@@ -197,7 +197,7 @@ def sequence_measures(
     garment: np.ndarray,
     true: np.ndarray | None = None,
     *,
-    wearer: PosedBody | None = None,
+    body: MovingBody | None = None,
     points: Sequence[np.ndarray] | None = None,
     consecutive: bool = True,
 ) -> dict[str, float]:
@@ -206,7 +206,7 @@ def sequence_measures(
     Args:
         garment: (F, N, 3) posed vertices, metres; the truth itself to measure it.
         true: (F, N, 3), or None for scans, which have no ground truth.
-        wearer: the body, for what is inside of it.
+        body: that the garment is on, for what is inside of it.
         points: (P, 3) per frame, for the one-way distance.
         consecutive: whether these are all frames of a motion at `FPS`; accelerations over longer
             steps are other numbers, so M3 is left out.
@@ -218,8 +218,8 @@ def sequence_measures(
             found["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
     if points is not None:
         found["to_cloud_mm"] = to_cloud_mm(garment, points)
-    if wearer is not None:
-        found |= inside_means(garment, wearer)
+    if body is not None:
+        found |= inside_means(garment, body)
     return found
 
 

@@ -8,7 +8,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.sequence import (
     CONTACT_EVERY,
     Measured,
-    PosedBody,
+    MovingBody,
     Reconstruction,
     acceleration_error_m_s2,
     canonical_measures,
@@ -135,7 +135,7 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 
     outside, deep = body[:20] * 1.2, body[:20] * 0.75
     garment = np.stack([deep + [0, 0, k] if k < 5 else outside + [0, 0, k] for k in range(10)])
-    found = inside_means(garment, PosedBody(vertices, faces))
+    found = inside_means(garment, MovingBody(vertices, faces))
     assert asked == [0, CONTACT_EVERY]
     assert found["inside_share"] == pytest.approx(0.5)
     assert found["inside_1cm_share"] == pytest.approx(0.5)
@@ -143,12 +143,12 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 
 
 def test_sequence_measures_follow_what_is_known(motion):
-    body, faces = ball(0.05)
-    wearer = PosedBody(lambda frame: body, faces)
+    vertices, faces = ball(0.05)
+    body = MovingBody(lambda frame: vertices, faces)
     assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
     assert set(sequence_measures(motion, motion, consecutive=False)) == {"vertex_error_mm"}
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
-    found = sequence_measures(motion + 0.01, motion, wearer=wearer, points=motion)
+    found = sequence_measures(motion + 0.01, motion, body=body, points=motion)
     assert found["vertex_error_mm"] == pytest.approx(np.sqrt(300), rel=1e-4)
     assert 0 < found["to_cloud_mm"] <= found["vertex_error_mm"] + 1e-9
     assert {"inside_share", "inside_1cm_share", "inside_depth_mm"} < set(found)

@@ -23,16 +23,17 @@ from drapeline.models.garment4d.losses import (
     laplacian_difference,
 )
 from drapeline.models.layers.linear import linear
-from drapeline.models.layers.point_search import farthest_points, gathered
+from drapeline.models.layers.point_search import farthest_points, gather_rows
 from drapeline.models.layers.pointnet import (
     FeaturePropagation,
     PointLevel,
     RunningNorm,
     SetAbstraction,
+    max_pool,
     perceptron,
-    pooled,
 )
 from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches
 from drapeline.registration.to_template.garment_space import GarmentSpace
 
 # Points per cloud in the released code.
@@ -156,7 +157,7 @@ class CanonicalOutput(NamedTuple):
     """What the stage says about B windows of T clouds with P points.
 
     Attributes:
-        logits: (B, T, P, L) of the labels `dataset.clouds.LABELS`; None without segmentation.
+        logits: (B, T, P, L) of the labels `dataset.labels.LABELS`; None without segmentation.
         coefficients: (B, D) alpha.
         vertices: (B, N, 3) T(alpha), metres, root frame.
         levels: the garment's points, finest first, of B * T clouds.
@@ -189,7 +190,7 @@ def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
     """Windows (B, T, P, 3 or 7) as B * T clouds in an order of their own, and that order."""
     rows = points.flatten(0, 1)
     order = hashed_order(rows[..., :3])
-    rows = gathered(rows, order)
+    rows = gather_rows(rows, order)
     places = rows[..., :3].contiguous()
     features = rows[..., 3:] if rows.shape[-1] > 3 else places
     valid = torch.ones(rows.shape[:2], dtype=torch.bool, device=rows.device)
@@ -230,9 +231,11 @@ class Segmentation(nn.Module):
             perceptron((coarse, coarse // 2), rng), linear(coarse // 2, len(LABELS), rng)
         )
 
-    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, level: PointLevel, frames: int, searches: Searches = SEARCH_ANEW
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """P points of C clouds, T of a window -> features (C, P, outputs), logits (C, P, L)."""
-        levels = abstracted(level, self.down, self.centres)
+        levels = abstract_levels(level, self.down, self.centres, searches)
         coarse = levels.pop()
         if self.overview is not None:
             heights = body_map(level.features, level.features[..., 3:], frames, _LABEL_CELL_M)
@@ -240,22 +243,33 @@ class Segmentation(nn.Module):
             coarse = coarse._replace(features=coarse.features + seen[:, None])
         while levels:
             fine = levels.pop()
-            features = self.up[len(self.up) - 1 - len(levels)](fine, coarse)
+            number = len(self.up) - 1 - len(levels)
+            features = self.up[number](fine, coarse, searches.within(f"up {number}"))
             coarse = fine._replace(features=features)
         return coarse.features, self.head(coarse.features)
 
 
-def abstracted(
-    level: PointLevel, down: Sequence[SetAbstraction], centres: Sequence[int]
+def abstract_levels(
+    level: PointLevel,
+    down: Sequence[SetAbstraction],
+    centres: Sequence[int],
+    searches: Searches = SEARCH_ANEW,
 ) -> list[PointLevel]:
     """A level and its abstractions, finest first.
 
     The farthest points of farthest points are the first of them, so one search serves all levels.
+
+    Args:
+        level: all points.
+        down: abstractions, finest first.
+        centres: how many points each of them keeps.
+        searches: of this part of the network.
     """
     levels = [level]
-    chosen = farthest_points(level.points, centres[0], level.valid)
-    for abstraction, count in zip(down, centres, strict=True):
-        levels.append(abstraction(levels[-1], chosen[:, :count]))
+    chosen = searches("farthest", farthest_points, level.points, centres[0], level.valid)
+    for number, (abstraction, count) in enumerate(zip(down, centres, strict=True)):
+        part = searches.within(f"down {number}")
+        levels.append(abstraction(levels[-1], chosen[:, :count], part))
         chosen = torch.arange(count, device=chosen.device).expand(len(chosen), -1)
     return levels
 
@@ -288,13 +302,15 @@ class ShapeEncoder(nn.Module):
         with torch.no_grad():  # begin near the mean garment, or what maps say
             self.coefficients.weight.mul_(0.1)
 
-    def forward(self, level: PointLevel, frames: int) -> tuple[torch.Tensor, list[PointLevel]]:
+    def forward(
+        self, level: PointLevel, frames: int, searches: Searches = SEARCH_ANEW
+    ) -> tuple[torch.Tensor, list[PointLevel]]:
         """Level of B * T clouds, T of a window -> coefficients (B, D), and the levels."""
-        levels = abstracted(level, self.down, self.centres)
+        levels = abstract_levels(level, self.down, self.centres, searches)
         last = levels[-1]
         rows = self.overall(torch.cat([last.points, last.features], dim=-1))
         # Features are not negative, so a cloud without garment points (all zero) has no say.
-        window = pooled(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
+        window = max_pool(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
         return self.coefficients(self.head(self.seen(window))), levels
 
 
@@ -306,7 +322,7 @@ class _ShapeNetwork(nn.Module):
         settings: sizes.
 
     Attributes:
-        regression: what alpha begins with where points are located; None where they are not.
+        regression: estimates the initial alpha of body-relative points; None without such points.
     """
 
     def __init__(self, space: GarmentSpace, settings: CanonicalSettings) -> None:
@@ -324,25 +340,32 @@ class _ShapeNetwork(nn.Module):
         """Alpha (B, D) -> T(alpha) (B, N, 3)."""
         return self.mean + torch.tensordot(coefficients, self.components, dims=1)
 
-    def begun(
+    def add_initial_alpha(
         self,
-        alpha: torch.Tensor,
+        change: torch.Tensor,
         points: torch.Tensor,
         chosen: torch.Tensor,
-        regressed: torch.Tensor | None,
+        initial_alpha: torch.Tensor | None,
     ) -> torch.Tensor:
-        """Alpha (B, D) on top of what it begins with: `regressed`, or what `regression` says."""
-        if self.regression is None:
-            return alpha
-        if regressed is None:
-            regressed = self.regression(self.maps(points, chosen))
-        return alpha + regressed
-
-    def maps(self, points: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
-        """What `regression` sees of windows.
+        """Alpha (B, D): the network's change to the initial one, if it has a `regression`.
 
         Args:
-            points: (B, T, P, 7), located.
+            change: (B, D) that the network makes; without a regression it is alpha itself.
+            points: (B, T, P, 7), body-relative.
+            chosen: (B, T, P) bool, the garment's points.
+            initial_alpha: (B, D); the estimate of `regression` if None.
+        """
+        if self.regression is None:
+            return change
+        if initial_alpha is None:
+            initial_alpha = self.regression(self.maps(points, chosen))
+        return change + initial_alpha
+
+    def maps(self, points: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
+        """The input of `regression` for windows.
+
+        Args:
+            points: (B, T, P, 7), body-relative.
             chosen: (B, T, P) bool, which are the garment's.
 
         Returns:
@@ -365,7 +388,7 @@ class CanonicalNetwork(_ShapeNetwork):
     Args:
         settings: sizes.
         space: G and C of the garment's type.
-        label: the type's index in `dataset.clouds.LABELS`.
+        label: the type's index in `dataset.labels.LABELS`.
         rng: source of the initial weights.
     """
 
@@ -394,25 +417,29 @@ class CanonicalNetwork(_ShapeNetwork):
         self,
         points: torch.Tensor,
         labels: torch.Tensor | None = None,
-        regressed: torch.Tensor | None = None,
+        initial_alpha: torch.Tensor | None = None,
+        searches: Searches = SEARCH_ANEW,
     ) -> CanonicalOutput:
         """Estimate B garments from windows of T clouds.
 
         Args:
             points: (B, T, P, 3) metres, root frame; (B, T, P, 7) with `body_relative_points`.
             labels: (B, T, P) int64 to choose the garment's points by instead of the logits.
-            regressed: (B, D) alpha to begin with instead of what `regression` says.
+            initial_alpha: (B, D) to start from instead of the estimate of `regression`.
+            searches: among the points of these windows.
         """
         level, order = as_level(points)  # B * T clouds
-        features, logits = self.segmentation(level, points.shape[1])
-        logits = gathered(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
+        features, logits = self.segmentation(
+            level, points.shape[1], searches.within("segmentation")
+        )
+        logits = gather_rows(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
         chosen = self.chosen(logits.argmax(-1) if labels is None else labels)
         if self.body_relative_points:
             features = torch.cat([features, level.features], dim=-1)
         valid = chosen.flatten(0, 1).gather(1, order)
         garment = first_of(level._replace(features=features, valid=valid), self.garment_points)
-        alpha, levels = self.encoder(garment, points.shape[1])
-        alpha = self.begun(alpha, points, chosen, regressed)
+        change, levels = self.encoder(garment, points.shape[1], searches.within("garment"))
+        alpha = self.add_initial_alpha(change, points, chosen, initial_alpha)
         return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
 
 
@@ -437,13 +464,16 @@ class PointNetRegressor(_ShapeNetwork):
         return torch.ones_like(labels, dtype=torch.bool)
 
     def forward(
-        self, points: torch.Tensor, regressed: torch.Tensor | None = None
+        self,
+        points: torch.Tensor,
+        initial_alpha: torch.Tensor | None = None,
+        searches: Searches = SEARCH_ANEW,
     ) -> CanonicalOutput:
         """Estimate B garments from windows of T clouds, see `CanonicalNetwork`."""
         level, _ = as_level(points)
-        alpha, levels = self.encoder(level, points.shape[1])
+        change, levels = self.encoder(level, points.shape[1], searches)
         everything = torch.ones(points.shape[:3], dtype=torch.bool, device=points.device)
-        alpha = self.begun(alpha, points, everything, regressed)
+        alpha = self.add_initial_alpha(change, points, everything, initial_alpha)
         return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
 
 
@@ -451,11 +481,11 @@ def first_of(level: PointLevel, count: int) -> PointLevel:
     """The first `count` valid points of each cloud, padded with zeros where there are fewer."""
     index = (~level.valid).to(torch.uint8).argsort(dim=1, stable=True)[:, :count]
     valid = level.valid.gather(1, index)
-    points, features = gathered(level.points, index), gathered(level.features, index)
+    points, features = gather_rows(level.points, index), gather_rows(level.features, index)
     return PointLevel(points * valid[..., None], features * valid[..., None], valid)
 
 
-def balanced(share: np.ndarray, balance: float) -> torch.Tensor:
+def balance_labels(share: np.ndarray, balance: float) -> torch.Tensor:
     """(L,) weights of labels with shares (L,) of the training points; 1 on average over these.
 
     Small garments would be the last to be told from others. A label that no point has weighs 0.
@@ -487,7 +517,7 @@ def canonical_loss(
         body_normals: (B, M, 3) their outward unit normals.
         laplacian: of the garment's mesh.
         weights: of the terms.
-        label_weights: (L,) of points by their true label, see `balanced`; None for equal ones.
+        label_weights: (L,) of points by true label, see `balance_labels`; None for equal ones.
 
     Returns:
         Each term before it is weighed, and their weighed sum as "total". There is no term

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
@@ -17,18 +16,19 @@ from drapeline.metrics.sequence import Measured
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     Estimate,
-    Reconstruction,
+    ReconstructedGarment,
+    build_reconstruction,
     estimate,
-    pictured,
     reconstruct,
     refine,
-    training_habits,
+    training_worn_statistics,
 )
 from drapeline.models.garment4d.refine import RefineSettings, WornGarmentStatistics
+from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
@@ -65,32 +65,33 @@ class Evaluation:
     """Measures of all variants on one split, sequence by sequence.
 
     Args:
-        data: sequences of one type.
+        sequences: of one type.
         split: "train", "val" or "test".
         settings: see there.
     """
 
-    def __init__(self, data: SequenceData, split: str, settings: EvaluationSettings) -> None:
-        self.data, self.split, self.settings = data, split, settings
+    def __init__(self, sequences: BodySequences, split: str, settings: EvaluationSettings) -> None:
+        self.sequences, self.data = sequences, sequences.data
+        self.split, self.settings = split, settings
         self._measured: dict[str, list[Measured]] = {}
-        self._estimates: dict[tuple, Estimate] = {}
-        self._room = _KEPT_BYTES
+        self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
+        data = sequences.data
         simulated = data.of_split(split, ("simulated",))
-        self.sequences = data.of_split(split)
-        # What is only skinned has no true folds; it is better than nothing to measure at all.
-        self.moving = simulated if len(simulated) else self.sequences
-        if len(self.sequences) and not len(simulated):
+        self.of_split = data.of_split(split)
+        # Skinned garments have no true folds, but they are better than nothing to measure at all.
+        self.moving = simulated if len(simulated) else self.of_split
+        if len(self.of_split) and not len(simulated):
             LOGGER.warning(
                 "no simulated %s in the %s split: posed garments are measured on %d skinned ones,"
                 " without accelerations where frames are not consecutive",
-                data.kind,
+                data.garment_type,
                 split,
                 len(self.moving),
             )
 
     def rows(self) -> list[MetricRow]:
         """Rows of the table of metrics."""
-        found = [
+        rows = [
             row
             for variant, measured in self._measured.items()
             for row in metrics.sequence_summary(
@@ -98,11 +99,11 @@ class Evaluation:
             )
         ]
         # A table holds one type; several of them are joined, and "all" would be there twice.
-        return [row for row in found if row.garment != ALL]
+        return [row for row in rows if row.garment != ALL]
 
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
         """Note measures of a variant on a sequence."""
-        one = Measured(str(self.data.name[sequence]), self.data.kind, measures)
+        one = Measured(str(self.data.name[sequence]), self.data.garment_type, measures)
         self._measured.setdefault(variant, []).append(one)
 
     def canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
@@ -112,16 +113,16 @@ class Evaluation:
         as good as the space can be; and "truth", where registration put the garment as made.
         """
         data = self.data
-        for sequence in progress(self.sequences, total=len(self.sequences), label="canonical"):
+        for sequence in progress(self.of_split, total=len(self.of_split), label="canonical"):
             self._canonical("mean_garment", sequence, data.space.mean)
             self._canonical("pca", sequence, data.space.vertices(data.coefficients[sequence]))
             self._canonical("truth", sequence, data.canonical[sequence], true=False)
             for variant, stage in stages.items():
-                found = self._estimated(stage, sequence)
-                self._canonical(variant, sequence, found.canonical)
-                if found.labels is not None:
+                estimated = self._estimate(stage, sequence)
+                self._canonical(variant, sequence, estimated.canonical)
+                if estimated.labels is not None:
                     true = data.labels[data.rows(sequence)]
-                    right = metrics.segmentation_accuracy(found.labels, true)
+                    right = metrics.segmentation_accuracy(estimated.labels, true)
                     self.add(variant, sequence, {"segmentation_accuracy": right})
 
     def _canonical(
@@ -133,39 +134,39 @@ class Evaluation:
         registered = self.data.canonical[sequence] if true else None
         self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
 
-    def posed(self, variant: str, stage: PosedStage) -> Iterator[tuple[int, Reconstruction]]:
+    def posed(self, variant: str, stage: PosedStage) -> Iterator[tuple[int, ReconstructedGarment]]:
         """Measure a stage; each sequence with its reconstruction, none of which is kept."""
         for sequence in progress(self.moving, total=len(self.moving), label=variant):
-            made = self._reconstructed(stage, sequence)
+            made = self._reconstruct(stage, sequence)
             self.garment(variant, sequence, made.final, seconds=made.seconds)
             yield int(sequence), made
 
     def ours(
         self,
         sequence: int,
-        made: Reconstruction,
+        made: ReconstructedGarment,
         refining: RefineSettings,
-        habits: WornGarmentStatistics | None,
+        worn_statistics: WornGarmentStatistics | None,
     ) -> np.ndarray:
         """Measure our variant and return it, (F, N, 3)."""
         data, started = self.data, time.perf_counter()
-        poses, wearer = data.poses[data.rows(sequence)], data.wearer(sequence)
-        found = self._refined(sequence, made, poses, wearer, refining, habits)
+        poses, body = data.poses[data.rows(sequence)], self.sequences.body(sequence)
+        refined = self._refine(sequence, made, poses, body, refining, worn_statistics)
         seconds = made.seconds + time.perf_counter() - started
-        self.garment("ours", sequence, found, seconds=seconds)
-        return found
+        self.garment("ours", sequence, refined, seconds=seconds)
+        return refined
 
-    def _refined(
+    def _refine(
         self,
         sequence: int,
-        made: Reconstruction,
+        made: ReconstructedGarment,
         poses: np.ndarray,
-        wearer: PosedBody,
+        body: PosedBody,
         refining: RefineSettings,
-        habits: WornGarmentStatistics | None,
+        worn_statistics: WornGarmentStatistics | None,
     ) -> np.ndarray:
         points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
-        return refine(made, points, poses, wearer, self.data.label, faces, refining, habits)
+        return refine(made, points, poses, body, self.data.label, faces, refining, worn_statistics)
 
     def garment(
         self,
@@ -177,16 +178,16 @@ class Evaluation:
         true: bool = True,
     ) -> None:
         """All measures of a posed garment (F, N, 3); without `true` those that need no truth."""
-        data, wearer = self.data, self.data.wearer(sequence)
+        data, body = self.data, self.sequences.body(sequence)
         rows = data.rows(sequence)
 
-        def body(frame: int) -> np.ndarray:
-            return posed_vertices(wearer.model, wearer.shape, data.poses[rows][frame][None])[0][0]
+        def body_vertices(frame: int) -> np.ndarray:
+            return posed_vertices(body.model, body.shape, data.poses[rows][frame][None])[0][0]
 
         measures = metrics.sequence_measures(
             garment,
             data.garment[rows] if true else None,
-            wearer=metrics.PosedBody(body, wearer.model.faces),
+            body=metrics.MovingBody(body_vertices, body.model.faces),
             points=data.points[rows],
             consecutive=data.consecutive(sequence),
         )
@@ -194,17 +195,17 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
 
-    def shown(self, sequence: int, made: Reconstruction) -> metrics.Reconstruction:
+    def shown(self, sequence: int, made: ReconstructedGarment) -> metrics.Reconstruction:
         """A reconstruction with all that figures need."""
         data, rows = self.data, self.data.rows(sequence)
-        return pictured(
+        return build_reconstruction(
             made,
             name=str(data.name[sequence]),
-            garment=data.kind,
+            garment=data.garment_type,
             faces=data.space.faces,
             points=data.points[rows],
             poses=data.poses[rows],
-            wearer=data.wearer(sequence),
+            body=self.sequences.body(sequence),
             number=data.number[rows],
             true=data.garment[rows],
             true_canonical=data.canonical[sequence],
@@ -217,22 +218,20 @@ class Evaluation:
             name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
             points, labels = self.data.points[rows], self.data.labels[rows]
             for count in settings.neighbours:
-                made = self._reconstructed(
-                    stage, sequence, skinning=replace(plain, neighbours=count)
-                )
+                made = self._reconstruct(stage, sequence, skinning=replace(plain, neighbours=count))
                 self._errors(f"neighbours_{count}", sequence, made.final, made.seconds)
             for share in settings.missing:
                 rng = rng_for(settings.seed, "missing", name, share)
                 holed = np.stack(
                     [cut_holes(*frame, share, rng)[0] for frame in zip(points, labels, strict=True)]
                 )
-                made = self._reconstructed(stage, sequence, points=holed)
+                made = self._reconstruct(stage, sequence, points=holed)
                 variant = f"missing_{round(100 * share)}"
                 self._errors(variant, sequence, made.final, made.seconds)
             for share in settings.accuracy:
                 rng = rng_for(settings.seed, "accuracy", name, share)
                 wrong = corrupt_labels(labels.ravel(), share, self.data.label, rng)
-                made = self._reconstructed(stage, sequence, labels=wrong.reshape(labels.shape))
+                made = self._reconstruct(stage, sequence, labels=wrong.reshape(labels.shape))
                 variant = f"accuracy_{round(100 * share)}"
                 self._errors(variant, sequence, made.final, made.seconds)
 
@@ -241,7 +240,7 @@ class Evaluation:
         canonical: Mapping[str, CanonicalStage],
         posed: Mapping[str, PosedStage],
         refining: RefineSettings,
-        habits: WornGarmentStatistics | None,
+        worn_statistics: WornGarmentStatistics | None,
     ) -> None:
         """Errors with a body that is not quite known, in variants that end in "noisy_body".
 
@@ -249,32 +248,32 @@ class Evaluation:
         look at it. Of posed stages the full model, which alone has no name before the ending, what
         comes before and after it, and MGN*.
         """
-        for sequence in progress(self.sequences, total=len(self.sequences), label="noisy bodies"):
+        for sequence in progress(self.of_split, total=len(self.of_split), label="noisy bodies"):
             for variant, stage in canonical.items():
                 if stage.body_relative_points:
-                    found = self._estimated(stage, sequence, noisy=True)
-                    self._canonical(f"{variant}_noisy_body", sequence, found.canonical)
+                    estimated = self._estimate(stage, sequence, noisy=True)
+                    self._canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
         for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
-            poses, wearer = self._body(sequence, noisy=True)
-            made = self._reconstructed(posed["posed"], sequence, noisy=True)
-            ours = self._refined(sequence, made, poses, wearer, refining, habits)
+            poses, body = self._body(sequence, noisy=True)
+            made = self._reconstruct(posed["posed"], sequence, noisy=True)
+            ours = self._refine(sequence, made, poses, body, refining, worn_statistics)
             self._errors("noisy_body", sequence, made.final)
             self._errors("lbs_noisy_body", sequence, made.proposal)
             self._errors("ours_noisy_body", sequence, ours)
             if "mgn" in posed:
-                made = self._reconstructed(posed["mgn"], sequence, noisy=True)
+                made = self._reconstruct(posed["mgn"], sequence, noisy=True)
                 self._errors("mgn_noisy_body", sequence, made.final)
 
     def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, PosedBody]:
-        """Poses (F, 72) and wearer of a sequence as networks are given them."""
+        """Poses (F, 72) and the body of a sequence as networks are given them."""
         data, settings = self.data, self.settings
         poses = data.poses[data.rows(sequence)]
         if not noisy:
-            return poses, data.wearer(sequence)
+            return poses, self.sequences.body(sequence)
         rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
         poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
         shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
-        return poses, data.wearers.of(int(data.gender[sequence]), shape)
+        return poses, self.sequences.bodies.of(int(data.gender[sequence]), shape)
 
     def _errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
@@ -287,7 +286,7 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(true)
         self.add(variant, sequence, measures)
 
-    def _estimated(
+    def _estimate(
         self,
         stage: CanonicalStage,
         sequence: int,
@@ -296,54 +295,43 @@ class Evaluation:
         frames: int | None = None,
         stride: int | None = None,
     ) -> Estimate:
-        """What a canonical network says about a sequence; see `estimate`.
+        """Estimate of a canonical network for a sequence; see `estimate`.
 
-        Stages of a sequence in motion hold the same network, so it is kept for the next of them.
+        Posed stages of sequences in motion hold the same network, so it is kept for the next one.
         """
         frames = frames or stage.settings.training.frames
         key = (tensors_digest(stage.state_dict()), int(sequence), noisy, frames, stride or frames)
         if key in self._estimates:
             return self._estimates[key]
         points, body = self.data.points[self.data.rows(sequence)], self._body(sequence, noisy=noisy)
-        found = estimate(stage, points, *body, frames=frames, stride=stride)
-        size = sum(x.nbytes for one in found.outputs for x in _tensors(one))
-        if sequence in self.moving and size <= self._room:
-            self._estimates[key] = found
-            self._room -= size
-        return found
+        made = estimate(stage, points, *body, frames=frames, stride=stride)
+        if sequence in self.moving:
+            self._estimates.add(key, made)
+        return made
 
-    def _reconstructed(
+    def _reconstruct(
         self, stage: PosedStage, sequence: int, *, noisy: bool = False, **changed: object
-    ) -> Reconstruction:
+    ) -> ReconstructedGarment:
         rows = self.data.rows(sequence)
-        poses, wearer = self._body(sequence, noisy=noisy)
+        poses, body = self._body(sequence, noisy=noisy)
         stride = self.settings.stride or None
         if not {"points", "labels"} & set(changed):
             frames = stage.settings.training.frames
-            changed["estimated"] = self._estimated(
+            changed["estimated"] = self._estimate(
                 stage.canonical, sequence, noisy=noisy, frames=frames, stride=stride
             )
         given = {
             "points": self.data.points[rows],
             "poses": poses,
-            "wearer": wearer,
+            "body": body,
             "stride": stride,
             "consecutive": self.data.consecutive(sequence),
         }
         return reconstruct(stage, **{**given, **changed})
 
 
-def _tensors(values: object) -> Iterator[torch.Tensor]:
-    """All tensors in nested tuples and lists."""
-    if isinstance(values, torch.Tensor):
-        yield values
-    elif isinstance(values, tuple | list):
-        for value in values:
-            yield from _tensors(value)
-
-
 def evaluate(
-    data: SequenceData,
+    sequences: BodySequences,
     canonical: Mapping[str, CanonicalStage],
     posed: Mapping[str, PosedStage],
     splits: Sequence[str],
@@ -351,24 +339,25 @@ def evaluate(
     refining: RefineSettings,
     *,
     pictures: str | Path,
-    vertex_sampled: SequenceData | None = None,
+    vertex_sampled: BodySequences | None = None,
 ) -> list[MetricRow]:
     """Rows of the table of metrics for all variants of one type, and reconstructions for pictures.
 
     Args:
-        data: sequences of the type.
+        sequences: of the type.
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
         splits: to evaluate; sweeps and noisy bodies are of the test split alone.
         settings, refining: see there.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
-            `metrics.garment4d.Reconstruction`; replaced as a whole.
+            `metrics.sequence.Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code.
     """
-    found, habits = [], training_habits(data, posed["posed"].settings.skinning)
+    data, table = sequences.data, []
+    worn_statistics = training_worn_statistics(sequences, posed["posed"].settings.skinning)
     with atomic_folder(pictures) as scratch:
         for split in splits:
-            evaluation = Evaluation(data, split, settings)
+            evaluation = Evaluation(sequences, split, settings)
             evaluation.canonicals(canonical)
             for variant, stage in posed.items():
                 for sequence, made in evaluation.posed(variant, stage):
@@ -376,7 +365,7 @@ def evaluate(
                         continue
                     name, rows = str(data.name[sequence]), data.rows(sequence)
                     evaluation.garment("lbs", sequence, made.proposal)
-                    ours = evaluation.ours(sequence, made, refining, habits)
+                    ours = evaluation.ours(sequence, made, refining, worn_statistics)
                     evaluation.garment("truth", sequence, data.garment[rows], true=False)
                     simulated = float(data.source[sequence] == "simulated")
                     evaluation.add("truth", sequence, {"simulated_share": simulated})
@@ -386,10 +375,10 @@ def evaluate(
                         replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
             if split == "test":
                 evaluation.sweeps(posed["posed"])
-                evaluation.noisy_bodies(canonical, posed, refining, habits)
+                evaluation.noisy_bodies(canonical, posed, refining, worn_statistics)
                 if vertex_sampled is not None:
                     released = Evaluation(vertex_sampled, split, settings)
                     deque(released.posed("vertex_sampled", posed["posed"]), maxlen=0)
-                    found += released.rows()
-            found += evaluation.rows()
-    return found
+                    table += released.rows()
+            table += evaluation.rows()
+    return table

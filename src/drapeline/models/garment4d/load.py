@@ -12,39 +12,39 @@ from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_template.garment_space import GarmentSpace
 
-_KINDS: dict[str, type[Stage]] = {
-    cls.kind: cls for cls in (CanonicalStage, PointNetStage, PosedStage, MgnStage)
+_STAGES: dict[str, type[Stage]] = {
+    cls.checkpoint_type: cls for cls in (CanonicalStage, PointNetStage, PosedStage, MgnStage)
 }
 
 
-def load_stage(folder: str | Path, *kinds: type[Stage]) -> Any:
+def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
     """A trained stage from the folder that its training left, ready to predict.
 
     Args:
         folder: of the training.
-        kinds: what it may be.
+        expected: the stages that it may hold.
 
     Raises:
-        InputError: the checkpoint is missing, damaged, or of another kind.
+        InputError: the checkpoint is missing, damaged, or of another stage.
     """
     path = Path(folder) / BEST
     checkpoint = read_checkpoint(path)
     about = checkpoint["drapeline"]
-    wanted = [cls.kind for cls in kinds]
-    if about["kind"] not in wanted:
+    types = [cls.checkpoint_type for cls in expected]
+    if about["checkpoint_type"] not in types:
         raise InputError(
-            f"{path}: holds a '{about['kind']}' network, expected {' or '.join(wanted)}"
+            f"{path}: holds a '{about['checkpoint_type']}' network, expected {' or '.join(types)}"
         )
-    stage = _built(about)
+    stage = _build(about)
     stage.load_state_dict(checkpoint["state_dict"])
     return stage.eval()
 
 
-def _built(about: Mapping[str, Any]) -> Stage:
-    cls = _KINDS[about["kind"]]
-    settings = cls.settings_of(about["settings"])
+def _build(about: Mapping[str, Any]) -> Stage:
+    cls = _STAGES[about["checkpoint_type"]]
+    settings = cls.parse(about["settings"])
     if "canonical" in about:
-        return cls(settings, _built(about["canonical"]))
+        return cls(settings, _build(about["canonical"]))
     space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
     stage = cls(settings, space, about["label"])
     stage.out_of_fold_alpha = about.get("out_of_fold_alpha", {})

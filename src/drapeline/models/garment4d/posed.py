@@ -23,10 +23,10 @@ from drapeline.models.garment4d.losses import (
     roughness,
     temporal_difference,
 )
-from drapeline.models.layers.lbs import skinned
+from drapeline.models.layers.lbs import linear_blend_skinning
 from drapeline.models.layers.linear import linear
-from drapeline.models.layers.point_search import gathered, nearest_neighbours
-from drapeline.models.layers.pointnet import Neighbourhoods, PointLevel, pooled
+from drapeline.models.layers.point_search import gather_rows, nearest_neighbours
+from drapeline.models.layers.pointnet import Neighbourhoods, PointLevel, max_pool
 from drapeline.models.layers.precision import full_precision
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
@@ -199,7 +199,7 @@ class PosedNetwork(nn.Module):
             level.points, garment, self.settings.pull_neighbours, level.valid
         )
         found = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
-        near = (gathered(level.points, index) * found).sum(2)
+        near = (gather_rows(level.points, index) * found).sum(2)
         count = found.sum(2)
         way = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
         for _ in range(_PULL_PASSES):
@@ -262,18 +262,16 @@ class FrameAttention(nn.Module):
         count, width = len(x), x.shape[-1]
         query, key, value = self.projection(x).unflatten(1, (-1, frames)).chunk(3, dim=-1)
         if self.per_vertex:
-            return attended(query, key, value, width).flatten(1, 2)
+            return attend(query, key, value, width).flatten(1, 2)
         query, key, value = (
             part.permute(1, 2, 0, 3).flatten(2) for part in (query, key, value)
         )  # (B, T, N * width)
-        rows = attended(query, key, value, frames)
+        rows = attend(query, key, value, frames)
         return rows.unflatten(2, (count, width)).permute(2, 0, 1, 3).flatten(1, 2)
 
 
 @full_precision
-def attended(
-    query: torch.Tensor, key: torch.Tensor, value: torch.Tensor, scale: int
-) -> torch.Tensor:
+def attend(query: torch.Tensor, key: torch.Tensor, value: torch.Tensor, scale: int) -> torch.Tensor:
     """softmax(Q K^T / sqrt(scale)) V of (..., T, C) each; in 16 bits long products overflow."""
     return torch.softmax(query @ key.mT / scale**0.5, dim=-1) @ value
 
@@ -379,12 +377,12 @@ class MgnNetwork(nn.Module):
             canonical: (B, N, 3).
             levels: garment points of B * T clouds.
             weights: (B, N, 24) of the nearest body vertices.
-            transforms: (B, T, 24, 4, 4), see `skinning.skinned`.
+            transforms: (B, T, 24, 4, 4), see `linear_blend_skinning`.
         """
         level = levels[-1]
         rows = torch.relu(self.point(torch.cat([level.points, level.features], dim=-1)))
-        x = pooled(rows, level.valid)  # (B * T, widths[0])
+        x = max_pool(rows, level.valid)  # (B * T, widths[0])
         for layer in self.layers:
             x = torch.relu(layer(x))
         moved = self.scale_m * self.last(x).view(*transforms.shape[:2], -1, 3)
-        return skinned(canonical[:, None] + moved, weights, transforms)
+        return linear_blend_skinning(canonical[:, None] + moved, weights, transforms)

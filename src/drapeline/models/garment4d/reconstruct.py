@@ -13,23 +13,26 @@ from scipy.ndimage import convolve1d
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
+from drapeline.learning_data.body_relative_points import body_relative_points
+from drapeline.learning_data.sequences import window_starts
 from drapeline.metrics import sequence as metrics
-from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings, proposals
+from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.data import SequenceData, window_starts
+from drapeline.models.garment4d.dressed import proposals
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.refine import (
     RefineSettings,
     WornGarmentStatistics,
-    habits_of,
-    refined,
+    fit_to_points,
+    measure_worn_garments,
 )
+from drapeline.models.garment4d.windows import BodySequences
 
 _BATCH = 4  # windows at once
 
 
-class Reconstruction(NamedTuple):
+class ReconstructedGarment(NamedTuple):
     """A garment through a sequence, stage by stage; metres, root frame.
 
     Attributes:
@@ -68,7 +71,7 @@ def estimate(
     stage: CanonicalStage,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: PosedBody,
+    body: PosedBody,
     *,
     frames: int | None = None,
     stride: int | None = None,
@@ -79,8 +82,8 @@ def estimate(
     Args:
         stage: trained.
         points: (F, P, 3) clouds, metres, root frame.
-        poses: (F, 72) rad of the wearer; used by stages with `body_relative_points` alone.
-        wearer: the body.
+        poses: (F, 72) rad; used by stages with `body_relative_points` alone.
+        body: of known shape.
         frames: T of a window; that of the stage's training if None.
         stride: from one window to the next, at most T; T if None.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
@@ -90,8 +93,9 @@ def estimate(
     """
     started = time.perf_counter()
     windows = _Windows(len(points), frames or stage.settings.training.frames, stride)
-    seen = wearer.body_relative_points(points, poses) if stage.body_relative_points else points
-    outputs = list(_outputs(stage, windows, seen, labels))
+    if stage.body_relative_points:
+        points = body_relative_points(body.model, body.shape, poses, points)
+    outputs = list(_outputs(stage, windows, points, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
     canonical = stage.network.vertices(alpha[None])[0].cpu().numpy()
     found = _labels(outputs, windows)
@@ -103,21 +107,21 @@ def reconstruct(
     stage: PosedStage,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: PosedBody,
+    body: PosedBody,
     *,
     stride: int | None = None,
     skinning: SkinningSettings | None = None,
     labels: np.ndarray | None = None,
     consecutive: bool = True,
     estimated: Estimate | None = None,
-) -> Reconstruction:
+) -> ReconstructedGarment:
     """Both stages on a whole sequence; a frame in several windows is their mean.
 
     Args:
         stage: trained; it holds the canonical network.
         points: (F, P, 3) clouds, metres, root frame.
-        poses: (F, 72) rad of the wearer.
-        wearer: the body.
+        poses: (F, 72) rad.
+        body: of known shape.
         stride: from one window to the next, at most T; T if None. The last window is shifted back
             to end with the sequence.
         skinning: of the proposals, where not as in training.
@@ -134,7 +138,7 @@ def reconstruct(
             stage.canonical,
             points,
             poses,
-            wearer,
+            body,
             frames=frames_of_window,
             stride=stride,
             labels=labels,
@@ -142,13 +146,13 @@ def reconstruct(
     started = time.perf_counter()
     windows = _Windows(len(points), frames_of_window, stride)
     canonical = estimated.canonical
-    weights = wearer.weights(canonical, faces, skinning or stage.settings.skinning)
-    transforms = wearer.transforms(poses)
+    weights = body.weights(canonical, faces, skinning or stage.settings.skinning)
+    transforms = body.transforms(poses)
     proposal = proposals(canonical[None], weights[None], transforms[None])[0]
-    body, normals = wearer.shown(poses)
+    vertices, normals = body.pose_surface(poses)
     frames = {
         "proposal": proposal,
-        "body": body,
+        "body": vertices,
         "body_normals": normals,
         "transforms": transforms,
     }
@@ -158,15 +162,15 @@ def reconstruct(
         for key, value in (("worn", canonical), ("weights", weights)):
             batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
         batch = {key: value.to(stage.device) for key, value in batch.items()}
-        mean.add(chosen, stage.predictions(batch, output.levels)[-1].cpu().numpy())
+        mean.add(chosen, stage.predict(batch, output.levels)[-1].cpu().numpy())
     final = mean()
     if consecutive and stage.smooth_passes:
-        final = proposal + smoothed(final - proposal, stage.smooth_passes)
+        final = proposal + smooth_over_frames(final - proposal, stage.smooth_passes)
     seconds = estimated.seconds + time.perf_counter() - started
-    return Reconstruction(estimated.labels, canonical, proposal, final, seconds)
+    return ReconstructedGarment(estimated.labels, canonical, proposal, final, seconds)
 
 
-def smoothed(values: np.ndarray, passes: int) -> np.ndarray:
+def smooth_over_frames(values: np.ndarray, passes: int) -> np.ndarray:
     """(F, ...) averaged over frames with weights (1, 2, 1) / 4, so many times; ends repeat."""
     for _ in range(passes):
         values = convolve1d(values, [0.25, 0.5, 0.25], axis=0, mode="nearest")
@@ -236,51 +240,51 @@ def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
 
 
 def refine(
-    made: Reconstruction,
+    made: ReconstructedGarment,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: PosedBody,
+    body: PosedBody,
     label: int,
     faces: np.ndarray,
     settings: RefineSettings,
-    habits: WornGarmentStatistics | None = None,
+    worn_statistics: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
     """Our variant: a reconstruction fitted to the points that the network takes for the garment.
 
     Args:
         made: of both stages.
-        points, poses, wearer: as it was made from.
+        points, poses, body: that it was made from.
         label: the garment's code in `LABELS`.
         faces: (E, 3) of the template.
         settings: weights.
-        habits: of the type's training sequences, see `training_habits`.
+        worn_statistics: of the type's training sequences, see `training_worn_statistics`.
 
     Returns:
         (F, N, 3) metres, root frame.
     """
     chosen = made.labels == label
-    return refined(
+    return fit_to_points(
         made.final,
         points,
         chosen,
         faces,
         made.canonical,
-        *wearer.shown(poses),
+        *body.pose_surface(poses),
         settings,
         proposal=made.proposal,
-        habits=habits,
+        worn_statistics=worn_statistics,
     )
 
 
-def pictured(
-    made: Reconstruction,
+def build_reconstruction(
+    made: ReconstructedGarment,
     *,
     name: str,
     garment: str,
     faces: np.ndarray,
     points: np.ndarray,
     poses: np.ndarray,
-    wearer: PosedBody,
+    body: PosedBody,
     number: np.ndarray,
     true: np.ndarray | None = None,
     true_canonical: np.ndarray | None = None,
@@ -292,11 +296,11 @@ def pictured(
         name: of the sequence.
         garment: type.
         faces: (E, 3) of its template.
-        points, poses, wearer: as it was made from.
+        points, poses, body: that it was made from.
         number: (F,) of the frames.
         true, true_canonical: (F, N, 3) and (N, 3); None for scans.
     """
-    body = posed_vertices(wearer.model, wearer.shape, poses)[0]
+    vertices = posed_vertices(body.model, body.shape, poses)[0]
     return metrics.Reconstruction(
         name=name,
         garment=garment,
@@ -308,37 +312,40 @@ def pictured(
         true_canonical=made.canonical[:0] if true_canonical is None else true_canonical,
         points=points,
         labels=made.labels,
-        body=body,
-        rest_body=rest_body(wearer.model, wearer.shape),
-        body_faces=wearer.model.faces,
+        body=vertices,
+        rest_body=rest_body(body.model, body.shape),
+        body_faces=body.model.faces,
         root_rotation=poses[:, :3],
-        root_height=-body[..., 2].min(axis=1),
+        root_height=-vertices[..., 2].min(axis=1),
         number=number,
     )
 
 
-def training_habits(data: SequenceData, skinning: SkinningSettings) -> WornGarmentStatistics | None:
-    """What simulated training sequences tell of worn garments; None where there are none.
+def training_worn_statistics(
+    sequences: BodySequences, skinning: SkinningSettings
+) -> WornGarmentStatistics | None:
+    """Statistics of the simulated training sequences of a type; None where there are none.
 
-    Static outfits in motion hang as skinning has it, so they would tell nothing of cloth.
+    Static outfits in motion follow their skinning, so they would tell nothing of cloth.
 
     Args:
-        data: sequences of the type.
+        sequences: of the type.
         skinning: of the proposals that garments are compared with.
     """
+    data = sequences.data
     chosen = data.of_split("train", ("simulated",))
     if not len(chosen):
         return None
 
-    def skinned(sequence: int) -> np.ndarray:
-        canonical, wearer = data.canonical[sequence], data.wearer(sequence)
-        weights = wearer.weights(canonical, data.space.faces, skinning)
-        transforms = wearer.transforms(data.poses[data.rows(sequence)])
+    def proposal(sequence: int) -> np.ndarray:
+        canonical, body = data.canonical[sequence], sequences.body(sequence)
+        weights = body.weights(canonical, data.space.faces, skinning)
+        transforms = body.transforms(data.poses[data.rows(sequence)])
         return proposals(canonical[None], weights[None], transforms[None])[0]
 
-    return habits_of(
+    return measure_worn_garments(
         (data.garment[data.rows(sequence)] for sequence in chosen),
-        (skinned(sequence) for sequence in chosen),
+        (proposal(sequence) for sequence in chosen),
         (data.canonical[sequence] for sequence in chosen),
         data.space.faces,
     )

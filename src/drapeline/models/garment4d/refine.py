@@ -49,7 +49,7 @@ class RefineSettings:
 
 
 class WornGarmentStatistics(NamedTuple):
-    """What the worn garments of training tell of a type; see `habits_of`.
+    """How the worn garments of training differ from their proposals; see `measure_worn_garments`.
 
     Attributes:
         shares: (K,) lengths of the springs of `Cloth` when worn, by those in the canonical garment.
@@ -62,7 +62,7 @@ class WornGarmentStatistics(NamedTuple):
     follow: np.ndarray
 
 
-def refined(
+def fit_to_points(
     vertices: np.ndarray,
     points: np.ndarray,
     chosen: np.ndarray,
@@ -72,7 +72,7 @@ def refined(
     body_normals: np.ndarray,
     settings: RefineSettings,
     proposal: np.ndarray | None = None,
-    habits: WornGarmentStatistics | None = None,
+    worn_statistics: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
     """Garments near the points, with the canonical garment's lengths, smooth in time.
 
@@ -91,21 +91,24 @@ def refined(
         settings: weights.
         proposal: (F, N, 3) skinned garments that accelerations are compared with; `vertices` if
             None.
-        habits: of the type; if None, lengths are those at rest, all vertices start equally well,
-            and accelerations are compared with zero.
+        worn_statistics: of the type; if None, lengths are those at rest, all vertices start
+            equally well, and accelerations are compared with zero.
 
     Returns:
         (F, N, 3) float32.
     """
-    if habits is None:
+    if worn_statistics is None:
         count = len(rest)
-        habits = WornGarmentStatistics(np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count))
-    cloth = Cloth(rest, faces, settings, habits.shares)
-    keep = (settings.keep_m / np.maximum(habits.error_m, settings.keep_m)) ** 2
+        worn_statistics = WornGarmentStatistics(
+            np.ones(1), np.full(count, _USUAL_ERROR_M), np.zeros(count)
+        )
+    cloth = Cloth(rest, faces, settings, worn_statistics.shares)
+    keep = (settings.keep_m / np.maximum(worn_statistics.error_m, settings.keep_m)) ** 2
     start = np.asarray(vertices, dtype=np.float64)
     solver = SpaceTime(cloth.stiffness, 1 + keep, len(start), settings.smooth)
     constant = keep[:, None] * start
-    constant += habits.follow[:, None] * solver.bent(start if proposal is None else proposal)
+    accelerations = solver.acceleration_gradient(start if proposal is None else proposal)
+    constant += worn_statistics.follow[:, None] * accelerations
     garment, before = start, start
     for number in range(settings.rounds):
         ahead = garment + _MOMENTUM * (garment - before)
@@ -117,7 +120,7 @@ def refined(
     return garment.astype(np.float32)
 
 
-def habits_of(
+def measure_worn_garments(
     garments: Iterable[np.ndarray],
     proposals: Iterable[np.ndarray],
     canonicals: Iterable[np.ndarray],
@@ -135,16 +138,16 @@ def habits_of(
         faces: (E, 3).
     """
     pairs = springs(faces)[0]
-    share, squared, both, skinned = [], [], 0.0, 0.0
+    share, squared, products, squares = [], [], 0.0, 0.0
     for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
         share.append(
             _lengths(garment, pairs).mean(axis=0) / np.maximum(_lengths(rest, pairs), _SMALL_M)
         )
         squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
         made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
-        both, skinned = both + (made * true).sum((0, 2)), skinned + (made**2).sum((0, 2))
-    follow = (both + np.mean(both) / len(share)) / np.maximum(
-        skinned + np.mean(skinned) / len(share), _SMALL_M**2
+        products, squares = products + (made * true).sum((0, 2)), squares + (made**2).sum((0, 2))
+    follow = (products + np.mean(products) / len(share)) / np.maximum(
+        squares + np.mean(squares) / len(share), _SMALL_M**2
     )
     return WornGarmentStatistics(
         _with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1)
@@ -177,8 +180,8 @@ class Cloth:
             (np.r_[ones, -ones], (np.r_[rows, rows], pairs.T.ravel())),
             shape=(len(pairs), len(rest)),
         )
-        self._back = (self._difference.T @ sparse.diags(weights)).tocsr()
-        self.stiffness = (self._back @ self._difference).tocsc()
+        self._transposed = (self._difference.T @ sparse.diags(weights)).tocsr()
+        self.stiffness = (self._transposed @ self._difference).tocsc()
 
     def lengths(self, garment: np.ndarray) -> np.ndarray:
         """(F, N, 3) sums of each vertex's weighted springs, turned as they are but at rest."""
@@ -187,7 +190,7 @@ class Cloth:
         spring = (self._difference @ rows).reshape(-1, frames, 3)
         length = np.linalg.norm(spring, axis=-1, keepdims=True)
         spring *= self._length[:, None, None] / np.maximum(length, _SMALL_M)
-        out = self._back @ spring.reshape(len(spring), -1)
+        out = self._transposed @ spring.reshape(len(spring), -1)
         return out.reshape(count, frames, 3).transpose(1, 0, 2)
 
 
@@ -238,7 +241,7 @@ class SpaceTime:
             for value in values
         ]
 
-    def bent(self, garment: np.ndarray) -> np.ndarray:
+    def acceleration_gradient(self, garment: np.ndarray) -> np.ndarray:
         """smooth D^T D x, (F, N, 3)."""
         return np.tensordot(self._bend, garment, axes=(1, 0))
 

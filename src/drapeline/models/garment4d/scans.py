@@ -14,16 +14,16 @@ from drapeline.frames import GENDERS
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
-from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
-    Reconstruction,
-    pictured,
+    ReconstructedGarment,
+    build_reconstruction,
     reconstruct,
     refine,
-    training_habits,
+    training_worn_statistics,
 )
 from drapeline.models.garment4d.refine import RefineSettings
+from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rule_log import LOGGER
 
 SPLIT = "scans"
@@ -52,7 +52,7 @@ class ScannedGarment(NamedTuple):
 def reconstruct_scans(
     scans: ScanSequence,
     stage: PosedStage,
-    data: SequenceData,
+    sequences: BodySequences,
     refining: RefineSettings,
     *,
     name: str,
@@ -64,7 +64,7 @@ def reconstruct_scans(
     Args:
         scans: with the body.
         stage: trained; it holds the canonical network.
-        data: that it was trained on.
+        sequences: that it was trained on.
         refining: of our last step.
         name: of the scans, for errors and pictures.
         points: of each cloud that the networks see.
@@ -73,25 +73,27 @@ def reconstruct_scans(
     Raises:
         InputError: there are fewer frames than a window has, or next to no point is of the garment.
     """
-    body, faces = scans.body, stage.space.faces
+    motion, faces, garment = scans.body, stage.space.faces, sequences.data.garment_type
     clouds = scans.points(points, seed=seed)
-    wearer = data.wearers.of(GENDERS.index(body.gender), body.shape)
-    made = reconstruct(stage, clouds, body.poses, wearer)
-    check_labels(name, made.labels == stage.label, data.kind)
-    habits = training_habits(data, stage.settings.skinning)
-    final = refine(made, clouds, body.poses, wearer, stage.label, faces, refining, habits)
+    body = sequences.bodies.of(GENDERS.index(motion.gender), motion.shape)
+    made = reconstruct(stage, clouds, motion.poses, body)
+    check_labels(name, made.labels == stage.label, garment)
+    worn_statistics = training_worn_statistics(sequences, stage.settings.skinning)
+    final = refine(made, clouds, motion.poses, body, stage.label, faces, refining, worn_statistics)
     some = np.arange(0, len(final), -(-len(final) // _SHOWN))
-    shown = pictured(
-        Reconstruction(made.labels[some], made.canonical, made.proposal[some], final[some], 0.0),
+    shown = build_reconstruction(
+        ReconstructedGarment(
+            made.labels[some], made.canonical, made.proposal[some], final[some], 0.0
+        ),
         name=name,
-        garment=data.kind,
+        garment=garment,
         faces=faces,
         points=clouds[some],
-        poses=body.poses[some],
-        wearer=wearer,
+        poses=motion.poses[some],
+        body=body,
         number=some,
     )
-    rows = _measured(scans, wearer, data.kind, made, final, seed)
+    rows = _measure(scans, body, garment, made, final, seed)
     return ScannedGarment(made.canonical, final, rows, shown)
 
 
@@ -122,25 +124,25 @@ def check_labels(name: str, chosen: np.ndarray, garment: str) -> None:
         )
 
 
-def _measured(
+def _measure(
     scans: ScanSequence,
-    wearer: PosedBody,
+    body: PosedBody,
     garment: str,
-    made: Reconstruction,
+    made: ReconstructedGarment,
     final: np.ndarray,
     seed: int,
 ) -> list[MetricRow]:
     """Table 5 of the proposals, of the posed stage and of our last step, against whole scans."""
 
-    def body(frame: int) -> np.ndarray:
-        return posed_vertices(wearer.model, wearer.shape, scans.body.poses[frame][None])[0][0]
+    def body_vertices(frame: int) -> np.ndarray:
+        return posed_vertices(body.model, body.shape, scans.body.poses[frame][None])[0][0]
 
     rows = []
     steps = {"lbs": made.proposal, "posed": made.final, "ours": final}
     for variant, vertices in steps.items():
         measures = metrics.sequence_measures(
             vertices,
-            wearer=metrics.PosedBody(body, wearer.model.faces),
+            body=metrics.MovingBody(body_vertices, body.model.faces),
             points=[scan.points for scan in scans.scans],
         )
         one = metrics.Measured(SPLIT, garment, measures)

@@ -1,13 +1,13 @@
-"""Settings of the trainings: from a config or a checkpoint to dataclasses."""
+"""Settings of Garment4D: what a stage is built from, and settings from plain values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 from drapeline.errors import InputError
+from drapeline.learning_data.sequences import SOURCES
 from drapeline.models.garment4d.body_input import SkinningSettings
 from drapeline.models.garment4d.canonical import Abstraction
-from drapeline.models.garment4d.data import SOURCES
 from drapeline.models.training.module import Training
 
 
@@ -20,7 +20,7 @@ class Garment4dTraining(Training):
     Attributes:
         frames: T of a window.
         stride: frames from one training window to the next.
-        sources: of the sequences, of `data.SOURCES`.
+        sources: of the sequences, of `SOURCES`.
     """
 
     batch: int = 20
@@ -36,7 +36,7 @@ class StageSettings:
     Attributes:
         network: sizes.
         loss: weights.
-        training: how long, on what.
+        training: how long, and on what.
         skinning: of proposals, which the posed stage alone has.
     """
 
@@ -46,7 +46,7 @@ class StageSettings:
     skinning: SkinningSettings = field(default_factory=SkinningSettings)
 
 
-def settings_of(cls: type, values: Mapping[str, Any]) -> Any:
+def parse_settings(cls: type, values: Mapping[str, Any]) -> Any:
     """A settings dataclass from nested mappings and lists as they stand in a config or checkpoint.
 
     Raises:
@@ -58,11 +58,11 @@ def settings_of(cls: type, values: Mapping[str, Any]) -> Any:
         raise InputError(
             f"{cls.__name__}: no setting '{unknown[0]}', expected one of {', '.join(known)}"
         )
-    return cls(**{name: _value(value) for name, value in values.items()})
+    return cls(**{name: _parse_value(value) for name, value in values.items()})
 
 
-def _value(value: Any) -> Any:
+def _parse_value(value: Any) -> Any:
     """Lists as tuples; the only mappings within settings are abstractions."""
     if isinstance(value, Mapping):
-        return settings_of(Abstraction, value)
-    return tuple(map(_value, value)) if isinstance(value, list | tuple) else value
+        return parse_settings(Abstraction, value)
+    return tuple(map(_parse_value, value)) if isinstance(value, list | tuple) else value

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import torch
 
 from drapeline.models.garment4d.body_input import SkinningSettings
-from drapeline.models.garment4d.data import Windows
 from drapeline.models.garment4d.losses import CotangentLaplacian
-from drapeline.models.garment4d.settings import Garment4dTraining, StageSettings, settings_of
+from drapeline.models.garment4d.settings import Garment4dTraining, StageSettings, parse_settings
+from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import TrainableModule, plain
 from drapeline.registration.to_template.garment_space import GarmentSpace
@@ -18,20 +18,27 @@ from drapeline.seeding import rng_for
 
 
 class Stage(TrainableModule):
-    """What the trainings of both stages share.
+    """A stage of Garment4D in training.
 
     Args:
         settings: of the subclass's `NETWORK` and `LOSS`.
         space: of the garment type.
-        label: the type's code in `LABELS`.
+        label: the type's index in `LABELS`.
+
+    Attributes:
+        checkpoint_type: name of the class in checkpoints; also seeds the initial weights.
+        NETWORK, LOSS: classes of the settings of either.
+        SKINNING: settings where a config has none.
+        ERROR: name of the error in mm that is logged beside the loss.
+        MOST_VALIDATED: validation windows of each sequence at most, see `Windows`.
     """
 
-    kind: ClassVar[str]
+    checkpoint_type: ClassVar[str]
     NETWORK: ClassVar[type]
     LOSS: ClassVar[type]
-    POSED: ClassVar[bool]
-    ERROR: ClassVar[str]
     SKINNING: ClassVar[SkinningSettings] = SkinningSettings()
+    ERROR: ClassVar[str]
+    MOST_VALIDATED: ClassVar[int | None] = None
 
     def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__()
@@ -39,19 +46,21 @@ class Stage(TrainableModule):
         self.laplacian = CotangentLaplacian(space.mean, space.faces)
 
     @classmethod
-    def settings_of(cls, values: Mapping[str, Mapping[str, Any]]) -> StageSettings:
-        """From nested mappings as they stand in a config or a checkpoint."""
+    def parse(cls, values: Mapping[str, Mapping[str, Any]]) -> StageSettings:
+        """Settings from nested mappings as they stand in a config or a checkpoint."""
         return StageSettings(
-            cls.network_of(values.get("network", {})),
-            settings_of(cls.LOSS, values.get("loss", {})),
-            settings_of(Garment4dTraining, values.get("training", {})),
-            settings_of(SkinningSettings, {**asdict(cls.SKINNING), **values.get("skinning", {})}),
+            cls.parse_network(values.get("network", {})),
+            parse_settings(cls.LOSS, values.get("loss", {})),
+            parse_settings(Garment4dTraining, values.get("training", {})),
+            parse_settings(
+                SkinningSettings, {**asdict(cls.SKINNING), **values.get("skinning", {})}
+            ),
         )
 
     @classmethod
-    def network_of(cls, values: Mapping[str, Any]) -> Any:
+    def parse_network(cls, values: Mapping[str, Any]) -> Any:
         """Sizes from a mapping."""
-        return settings_of(cls.NETWORK, values)
+        return parse_settings(cls.NETWORK, values)
 
     @property
     def body_relative_points(self) -> bool:
@@ -60,18 +69,22 @@ class Stage(TrainableModule):
 
     def weight_rng(self) -> torch.Generator:
         """For the initial weights."""
-        rng = rng_for(self.settings.training.seed, self.kind, "weights")
+        rng = rng_for(self.settings.training.seed, self.checkpoint_type, "weights")
         return torch.Generator().manual_seed(int(rng.integers(2**62)))
 
-    # ---- what kinds of stages do differently
+    # ---- what differs between stages
 
     @abstractmethod
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
-        """Named terms with their `total`, and the error of the kind in mm, a scalar."""
+        """Named terms with their `total`, and `ERROR`, a scalar."""
 
-    def given(self) -> dict[str, Any]:
-        """What else the result depends on besides settings and data, as JSON values."""
+    def dependencies(self) -> dict[str, Any]:
+        """What the result depends on besides settings and data, as JSON values."""
         return {}
+
+    def training_sequences(self, sequences: BodySequences) -> BodySequences:
+        """Those sequences with all that batches of this stage hold."""
+        return sequences
 
     def prepare(self, windows: Windows) -> None:
         """Take from the training windows what is not learned in steps."""
@@ -79,7 +92,7 @@ class Stage(TrainableModule):
     # ---- training
 
     def training_step(self, batch: Batch) -> torch.Tensor:
-        """Loss of one batch."""
+        """Loss of a batch."""
         terms, error = self.losses(batch)
         loss = terms["total"]
         self.stop_if_unfinite(loss, terms, batch["names"])
@@ -94,20 +107,20 @@ class Stage(TrainableModule):
     def about(self) -> dict[str, Any]:
         """All that is needed to build the module again, as plain values and tensors."""
         return {
-            "kind": self.kind,
+            "checkpoint_type": self.checkpoint_type,
             "settings": plain(asdict(self.settings)),
             "space": {key: torch.from_numpy(value) for key, value in vars(self.space).items()},
             "label": self.label,
         }
 
 
-def windows_of(batch: Batch) -> list[tuple[int, int]]:
+def window_keys(batch: Batch) -> list[tuple[int, int]]:
     """Sequence and first frame of each window of a batch."""
     return list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
 
 
-def sequences_of(batch: Batch) -> list[str]:
-    """Name of the sequence that each window of a batch is of."""
+def sequence_names(batch: Batch) -> list[str]:
+    """Name of the sequence that each window of a batch is from."""
     return [name.rpartition("/")[0] for name in batch["names"]]
 
 

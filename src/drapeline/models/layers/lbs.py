@@ -6,7 +6,7 @@ from drapeline.models.layers.precision import full_precision
 
 
 @full_precision
-def skinned(
+def linear_blend_skinning(
     canonical: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor
 ) -> torch.Tensor:
     """Garments moved by their skinning weights; differentiable in every argument.

@@ -6,12 +6,6 @@ cloud may be padded: points that are not `valid` are never chosen, except in a c
 valid point, whose indices mean nothing.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
-from functools import wraps
-from typing import Any
-
 import torch
 import warp as wp
 
@@ -111,84 +105,6 @@ def _nearest(
                 most = least[last]
 
 
-class Recall:
-    """Answers to searches in clouds that come again, as in every epoch of a training.
-
-    Args:
-        room: bytes; answers about windows that there is no room for are found anew.
-    """
-
-    def __init__(self, room: int) -> None:
-        self._room = room
-        self._known: dict[Hashable, list[tuple[torch.Tensor, ...]]] = {}
-
-    @contextmanager
-    def of(self, windows: Sequence[Hashable]) -> Iterator[None]:
-        """Within, searches are about the clouds of these windows, as many of each.
-
-        For a window they must be the same ones, in the same order, whenever it comes.
-        """
-        known = [self._known.get(window) for window in windows]
-        told = None if None in known else [_joined(parts) for parts in zip(*known, strict=True)]
-        asked = _Answers(told)
-        token = _ANSWERS.set(asked)
-        try:
-            yield
-        finally:
-            _ANSWERS.reset(token)
-        if told is None:
-            self._learn(windows, asked.given)
-
-    def _learn(
-        self, windows: Sequence[Hashable], answers: Sequence[tuple[torch.Tensor, ...]]
-    ) -> None:
-        small = [tuple(_shortened(x) for x in answer) for answer in answers]
-        size = sum(x.nbytes for one in small for x in one) // len(windows)
-        for row, window in enumerate(windows):
-            if window not in self._known and size <= self._room:
-                self._known[window] = [
-                    tuple(x.chunk(len(windows))[row].clone() for x in one) for one in small
-                ]
-                self._room -= size
-
-
-class _Answers:
-    """What a few searches, one after the other, are answered."""
-
-    def __init__(self, told: Sequence[tuple[torch.Tensor, ...]] | None) -> None:
-        self.given: list[tuple[torch.Tensor, ...]] = []
-        self._told = told
-
-    def next(self, search: Callable[[], tuple[torch.Tensor, ...]]) -> tuple[torch.Tensor, ...]:
-        answer = search() if self._told is None else self._told[len(self.given)]
-        self.given.append(answer)
-        return answer
-
-
-_ANSWERS: ContextVar[_Answers | None] = ContextVar("answers", default=None)
-
-
-def _joined(parts: Sequence[tuple[torch.Tensor, ...]]) -> tuple[torch.Tensor, ...]:
-    """One answer about several windows."""
-    whole = (torch.cat(x) for x in zip(*parts, strict=True))
-    return tuple(x if x.is_floating_point() else x.long() for x in whole)
-
-
-def _shortened(x: torch.Tensor) -> torch.Tensor:
-    return x if x.is_floating_point() else x.to(torch.int32)
-
-
-def _recalled(search: Callable[..., tuple[torch.Tensor, ...]]) -> Callable[..., Any]:
-    """A search that is answered from memory where a `Recall` knows the clouds."""
-
-    @wraps(search)
-    def run(*args: Any) -> tuple[torch.Tensor, ...]:
-        answers = _ANSWERS.get()
-        return search(*args) if answers is None else answers.next(lambda: search(*args))
-
-    return run
-
-
 @torch.no_grad()
 def farthest_points(
     points: torch.Tensor, count: int, valid: torch.Tensor | None = None
@@ -207,20 +123,12 @@ def farthest_points(
     Returns:
         (B, count) int64.
     """
-    (chosen,) = _farthest_points(points, count, valid)
-    return chosen
-
-
-@_recalled
-def _farthest_points(
-    points: torch.Tensor, count: int, valid: torch.Tensor | None
-) -> tuple[torch.Tensor]:
     valid = _valid(points, valid)
     chosen = points.new_zeros((len(points), count), dtype=torch.int64)
     chosen[:, 0] = valid.to(torch.uint8).argmax(1)
     distance = points.new_full(valid.shape, torch.inf, dtype=torch.float32)
     _launch(_farthest, _vectors(points), distance.masked_fill_(~valid, -1), chosen)
-    return (chosen,)
+    return chosen
 
 
 @torch.no_grad()
@@ -246,22 +154,10 @@ def ball_neighbours(
     Returns:
         (B, Q, count) int64.
     """
-    (chosen,) = _ball_neighbours(points, centres, radius, count, valid)
-    return chosen
-
-
-@_recalled
-def _ball_neighbours(
-    points: torch.Tensor,
-    centres: torch.Tensor,
-    radius: float,
-    count: int,
-    valid: torch.Tensor | None,
-) -> tuple[torch.Tensor]:
     chosen = points.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
     cloud, valid = _vectors(points), _valid(points, valid)
     _launch(_ball, cloud, valid, _vectors(centres), radius**2, chosen)
-    return (chosen,)
+    return chosen
 
 
 @torch.no_grad()
@@ -280,13 +176,6 @@ def nearest_neighbours(
         Squared distances (B, Q, k) float32, infinite where a cloud has fewer than k valid points,
         and indices (B, Q, k) int64, 0 there.
     """
-    return _nearest_neighbours(points, queries, k, valid)
-
-
-@_recalled
-def _nearest_neighbours(
-    points: torch.Tensor, queries: torch.Tensor, k: int, valid: torch.Tensor | None
-) -> tuple[torch.Tensor, torch.Tensor]:
     chosen = points.new_zeros((*queries.shape[:2], k), dtype=torch.int64)
     squared = points.new_full(chosen.shape, torch.inf, dtype=torch.float32)
     cloud, valid = _vectors(points), _valid(points, valid)
@@ -294,7 +183,7 @@ def _nearest_neighbours(
     return squared, chosen
 
 
-def gathered(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
+def gather_rows(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
     """Rows (B, P, C) at indices (B, ...) of the same cloud, (B, ..., C)."""
     clouds, count, width = rows.shape
     first = torch.arange(clouds, device=index.device) * count

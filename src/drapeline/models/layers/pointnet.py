@@ -14,8 +14,9 @@ import torch.nn.functional as F
 from torch import nn
 
 from drapeline.models.layers.linear import linear
-from drapeline.models.layers.point_search import ball_neighbours, gathered, nearest_neighbours
+from drapeline.models.layers.point_search import ball_neighbours, gather_rows, nearest_neighbours
 from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches
 
 _SMALL = 1e-8
 _MOMENTUM, _FLOOR = 0.02, 1e-4
@@ -58,14 +59,20 @@ class Neighbourhoods(nn.Module):
         self.first = linear(3 + inputs, widths[0], rng)
         self.others = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(widths))
 
-    def forward(self, level: PointLevel, centres: torch.Tensor) -> torch.Tensor:
+    def forward(
+        self, level: PointLevel, centres: torch.Tensor, searches: Searches = SEARCH_ANEW
+    ) -> torch.Tensor:
         """Features (B, Q, widths[-1]) at centres (B, Q, 3); zero where no point is valid."""
         place, feature = self.first.weight[:, :3] / self.radius, self.first.weight[:, 3:]
-        points = placed(level.points, place)
+        points = project(level.points, place)
         points = points + F.linear(level.features, feature, self.first.bias)
-        middle = placed(centres, place)
-        index = ball_neighbours(level.points, centres, self.radius, self.count, level.valid)
-        rows = gathered(points, index)  # (B, Q, count, widths[0])
+        middle = project(centres, place)
+        index = searches(
+            "ball",
+            ball_neighbours,
+            *(level.points, centres, self.radius, self.count, level.valid),
+        )
+        rows = gather_rows(points, index)  # (B, Q, count, widths[0])
         if self.others:
             rows = rows - middle[:, :, None]
             for layer in self.others:
@@ -77,7 +84,7 @@ class Neighbourhoods(nn.Module):
 
 
 @full_precision
-def placed(points: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+def project(points: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
     """(B, n, 3) -> (B, n, C), exact enough that points of one ball can be told apart."""
     return F.linear(points, weight)
 
@@ -107,10 +114,16 @@ class SetAbstraction(nn.Module):
         self.outputs = sum(layers[-1] for layers in widths)
         self.norm = nn.LayerNorm(self.outputs)
 
-    def forward(self, level: PointLevel, chosen: torch.Tensor) -> PointLevel:
+    def forward(
+        self, level: PointLevel, chosen: torch.Tensor, searches: Searches = SEARCH_ANEW
+    ) -> PointLevel:
         """The level of the points at indices (B, Q)."""
-        centres, valid = gathered(level.points, chosen), level.valid.gather(1, chosen)
-        features = torch.cat([scale(level, centres) for scale in self.scales], dim=-1)
+        centres, valid = gather_rows(level.points, chosen), level.valid.gather(1, chosen)
+        scales = [
+            scale(level, centres, searches.within(f"scale {number}"))
+            for number, scale in enumerate(self.scales)
+        ]
+        features = torch.cat(scales, dim=-1)
         return PointLevel(centres, self.norm(features) * valid[..., None], valid)
 
 
@@ -133,20 +146,24 @@ class FeaturePropagation(nn.Module):
         self.norm = nn.LayerNorm(widths[0])
         self.others = perceptron(widths, rng)
 
-    def forward(self, fine: PointLevel, coarse: PointLevel) -> torch.Tensor:
+    def forward(
+        self, fine: PointLevel, coarse: PointLevel, searches: Searches = SEARCH_ANEW
+    ) -> torch.Tensor:
         """Features (B, n, widths[-1]) at the n points of the fine level."""
         rows = F.linear(coarse.features, self.first.weight[:, : self.coarse])
         own = F.linear(fine.features, self.first.weight[:, self.coarse :], self.first.bias)
-        features = interpolated(coarse._replace(features=rows), fine.points) + own
+        features = interpolate(coarse._replace(features=rows), fine.points, searches) + own
         return self.others(self.norm(features).relu())
 
 
-def interpolated(level: PointLevel, places: torch.Tensor) -> torch.Tensor:
+def interpolate(
+    level: PointLevel, places: torch.Tensor, searches: Searches = SEARCH_ANEW
+) -> torch.Tensor:
     """Features (B, Q, C) at places (B, Q, 3) from the three nearest points of each cloud."""
-    squared, index = nearest_neighbours(level.points, places, 3, level.valid)
+    squared, index = searches("nearest", nearest_neighbours, level.points, places, 3, level.valid)
     share = 1 / (squared + _SMALL)
     share = (share / share.sum(-1, keepdim=True).clamp_min(_SMALL)).to(level.features.dtype)
-    return (gathered(level.features, index) * share[..., None]).sum(-2)
+    return (gather_rows(level.features, index) * share[..., None]).sum(-2)
 
 
 def perceptron(widths: Sequence[int], rng: torch.Generator) -> nn.Sequential:
@@ -181,7 +198,7 @@ class RunningNorm(nn.Module):
         return (x - self.mean) / (self.square + _FLOOR).sqrt()
 
 
-def pooled(features: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+def max_pool(features: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
     """Largest features (B, C) over the valid of (B, n, C) points; zero if there is none."""
     most = features.masked_fill(~valid[..., None], -torch.inf).amax(1)
     return most.masked_fill(~valid.any(1, keepdim=True), 0)

@@ -19,11 +19,11 @@ def full_precision(function: Callable[..., Any]) -> Callable[..., Any]:
         if not torch.is_autocast_enabled(device):
             return function(*values)
         with torch.autocast(device, enabled=False):
-            return function(*map(_widened, values))
+            return function(*map(_widen, values))
 
     return run
 
 
-def _widened(value: Any) -> Any:
+def _widen(value: Any) -> Any:
     narrow = isinstance(value, torch.Tensor) and value.dtype in (torch.float16, torch.bfloat16)
     return value.float() if narrow else value

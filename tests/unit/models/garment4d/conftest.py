@@ -5,52 +5,55 @@ from pathlib import Path
 import pytest
 
 from drapeline.bodies.model import BodyModel
-from drapeline.models.garment4d.body_input import BodySet
+from drapeline.learning_data.sequences import GarmentSequence
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.train import train_canonical, train_posed
-from garment4d_stages import run_training
-from garment4d_toys import CANONICAL, PLAIN, POSED, save_toy_data, toy_bodies
+from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.windows import BodySequences
+from garment4d_stages import build_canonical, run_training
+from garment4d_toys import CANONICAL, PLAIN, POSED, open_toy_data, save_toy_data
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory: pytest.TempPathFactory, toy_body: BodyModel) -> Path:
-    """Holds `data`, as the rule `collect_garment4d` leaves it."""
-    folder = tmp_path_factory.mktemp("garment4d")
-    save_toy_data(folder / "data", toy_body)
-    return folder
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Holds `data`, once `toy_skirts` was asked for, and trained networks."""
+    return tmp_path_factory.mktemp("garment4d")
 
 
 @pytest.fixture(scope="session")
-def bodies(toy_body: BodyModel) -> BodySet:
-    """Of which networks see 30 vertices."""
-    return BodySet(toy_bodies(toy_body), 30)
+def toy_skirts(folder: Path, toy_body: BodyModel) -> list[GarmentSequence]:
+    """Nine skirts, written into `data` as the rule `collect_garment4d` does."""
+    return save_toy_data(folder / "data", toy_body)
 
 
 @pytest.fixture
-def data(folder: Path, bodies: BodySet) -> SequenceData:
-    """Opened for one test, which may change it."""
-    return SequenceData(folder / "data", bodies)
+def sequences(
+    folder: Path, toy_skirts: list[GarmentSequence], toy_body: BodyModel
+) -> BodySequences:
+    """Opened for one test, which may change them."""
+    return open_toy_data(folder / "data", toy_body, 30)
 
 
 @pytest.fixture(scope="session")
-def trained_canonical(folder: Path, bodies: BodySet) -> Path:
+def opened(folder: Path, toy_skirts: list[GarmentSequence], toy_body: BodyModel) -> BodySequences:
+    """Opened for the trainings below."""
+    return open_toy_data(folder / "data", toy_body, 30)
+
+
+@pytest.fixture(scope="session")
+def trained_canonical(folder: Path, opened: BodySequences) -> Path:
     """As the paper has it."""
-    data = SequenceData(folder / "data", bodies)
-    return run_training(train_canonical, folder, "canonical", data, PLAIN)
+    return run_training(folder, "canonical", build_canonical(opened, PLAIN), opened)
 
 
 @pytest.fixture(scope="session")
-def trained_body_relative(folder: Path, bodies: BodySet) -> Path:
+def trained_body_relative(folder: Path, opened: BodySequences) -> Path:
     """A canonical stage whose points say where on the body they are."""
-    data = SequenceData(folder / "data", bodies)
-    return run_training(train_canonical, folder, "body_relative", data, CANONICAL)
+    return run_training(folder, "body_relative", build_canonical(opened, CANONICAL), opened)
 
 
 @pytest.fixture(scope="session")
-def trained_posed(folder: Path, bodies: BodySet, trained_canonical: Path) -> Path:
+def trained_posed(folder: Path, opened: BodySequences, trained_canonical: Path) -> Path:
     """On `trained_canonical`."""
-    data = SequenceData(folder / "data", bodies)
-    stage = load_stage(trained_canonical, CanonicalStage)
-    return run_training(train_posed, folder, "posed", data, POSED, stage)
+    canonical = load_stage(trained_canonical, CanonicalStage)
+    return run_training(folder, "posed", PosedStage(PosedStage.parse(POSED), canonical), opened)

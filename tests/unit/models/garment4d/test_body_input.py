@@ -1,4 +1,4 @@
-"""What networks see of a body."""
+"""What networks are given of a body."""
 
 from dataclasses import replace
 
@@ -7,9 +7,10 @@ import numpy as np
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.garment4d.body_input import BodySet, BodySurface
+from drapeline.models.garment4d.body_input import BodySet, BodySurface, SkinningSettings
 from drapeline.seeding import rng_for
-from garment4d_toys import toy_bodies
+from garment4d_toys import skirt_faces, toy_bodies
+from tiny_sample import tube
 
 
 def test_body_points_and_normals_are_those_of_the_whole_body(toy_body):
@@ -17,7 +18,7 @@ def test_body_points_and_normals_are_those_of_the_whole_body(toy_body):
     chosen = rng.permutation(len(toy_body.v_template))[:30]
     shape, poses = rng.uniform(-2, 2, 10), REST_POSE + rng.normal(0, 0.3, (4, 72))
     whole, _ = posed_vertices(toy_body, shape, poses)
-    vertices, normals = BodySurface(toy_body, chosen).posed(shape, poses)
+    vertices, normals = BodySurface(toy_body, chosen).pose(shape, poses)
     np.testing.assert_allclose(vertices, whole[:, chosen], atol=1e-6)
     for frame in range(4):
         expected = vertex_normals(whole[frame], toy_body.faces)[chosen]
@@ -31,33 +32,29 @@ def test_pose_blend_shapes_reach_the_body_points(toy_body):
     )
     shape, poses = np.zeros(10), REST_POSE + rng.normal(0, 0.3, (2, 72))
     whole, _ = posed_vertices(body, shape, poses)
-    vertices, _ = BodySurface(body, np.arange(25)).posed(shape, poses)
+    vertices, _ = BodySurface(body, np.arange(25)).pose(shape, poses)
     np.testing.assert_allclose(vertices, whole[:, :25], atol=1e-5)
     assert np.abs(whole - posed_vertices(toy_body, shape, poses)[0]).max() > 0.005
 
 
-def test_points_over_the_body_rest_where_what_is_beneath_them_rests(toy_body):
-    wearer = BodySet(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
-    poses = REST_POSE + rng_for(0, "body_relative_points").normal(0, 0.2, (2, 72))
-    body, normals = wearer.shown(poses)
-    points = body + 0.02 * normals
-    found = wearer.body_relative_points(points, poses)
-    assert found.shape == (*points.shape[:2], 7)
-    np.testing.assert_array_equal(found[..., :3], points)
-    rest, _ = wearer.rest
-    gap = np.linalg.norm(found[..., 3:6] - rest, axis=-1)
-    assert np.median(gap) < 0.025  # 2 cm above it, but where parts blend
-    np.testing.assert_allclose(np.median(found[..., 6]), np.arcsinh(0.02 / 0.005), atol=0.1)
+def test_bodies_of_both_genders_show_the_same_vertices(toy_body):
+    bodies = BodySet(toy_bodies(toy_body), 30)
+    arrays = bodies.arrays()
+    np.testing.assert_array_equal(arrays["female/chosen"], arrays["male/chosen"])
+    assert len(np.unique(arrays["female/chosen"])) == 30
+    body = bodies.of(1, np.full(10, 0.3))
+    assert body.model is bodies.models["male"]
+    whole, _ = posed_vertices(toy_body, body.shape, REST_POSE[None])
+    vertices, normals = body.rest_surface
+    np.testing.assert_allclose(vertices, whole[0, arrays["male/chosen"]], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
 
 
-def test_skin_has_no_height_and_millimetres_above_it_count(toy_body):
-    wearer = BodySet(toy_bodies(toy_body), 30).of(0, np.full(10, 0.3))
-    poses = REST_POSE[None] + rng_for(0, "height").normal(0, 0.2, (2, 72))
-    body = posed_vertices(wearer.model, wearer.shape, poses)[0]
-    np.testing.assert_allclose(wearer.body_relative_points(body, poses)[..., 6], 0, atol=1e-3)
-    out = np.stack([vertex_normals(frame, toy_body.faces) for frame in body])
-    low, high = (
-        wearer.body_relative_points(body + gap * out, poses)[..., 6] for gap in (0.003, 0.03)
-    )
-    assert np.median(low) > 0.5
-    assert np.median(high - low) > 1.5
+def test_a_garment_s_weights_are_those_of_the_skin_beneath(toy_body):
+    body = BodySet(toy_bodies(toy_body), 30).of(0, np.zeros(10))
+    canonical = tube(0.25, -0.4, 0.05, 12, 5).vertices
+    weights = body.weights(canonical, skirt_faces(), SkinningSettings(neighbours=1, passes=0))
+    assert weights.shape == (60, 24)
+    rest = posed_vertices(toy_body, body.shape, REST_POSE[None])[0][0]
+    nearest = np.linalg.norm(canonical[:, None] - rest, axis=-1).argmin(axis=1)
+    np.testing.assert_allclose(weights, toy_body.weights[nearest], atol=1e-6)

@@ -14,7 +14,7 @@ from drapeline.models.garment4d.canonical import (
     CanonicalSettings,
     CanonicalWeights,
     PointNetRegressor,
-    balanced,
+    balance_labels,
     canonical_loss,
     first_of,
     hashed_order,
@@ -22,7 +22,7 @@ from drapeline.models.garment4d.canonical import (
 from drapeline.models.garment4d.losses import CotangentLaplacian
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.registration.to_template.garment_space import fit_space
-from garment4d_toys import as_if_fitted
+from garment4d_toys import fill_regression
 
 LABEL = LABELS.index("Skirt")
 SETTINGS = CanonicalSettings(
@@ -270,16 +270,18 @@ def test_the_loss_sees_penetration_in_metres(space):
 
 def test_labels_are_balanced_by_their_share(space):
     share = np.array([0.64, 0.32, 0.04, 0, 0, 0, 0])
-    assert balanced(share, 0).tolist() == [1, 1, 1, 0, 0, 0, 0]
-    half = balanced(share, 0.5).numpy()
+    assert balance_labels(share, 0).tolist() == [1, 1, 1, 0, 0, 0, 0]
+    half = balance_labels(share, 0.5).numpy()
     assert half[2] / half[0] == pytest.approx(4)  # sqrt(0.64 / 0.04)
     assert (half * share).sum() == pytest.approx(1)
-    assert (balanced(share, 1) * torch.from_numpy(share))[:3].tolist() == pytest.approx([1 / 3] * 3)
+    assert (balance_labels(share, 1) * torch.from_numpy(share))[:3].tolist() == pytest.approx(
+        [1 / 3] * 3
+    )
     # A point with a heavy label counts as much as several with light ones.
     _, labels, alpha, garments = windows(space, 3)
     logits = torch.randn(*labels.shape, len(LABELS), generator=rng())
     output = CanonicalOutput(logits, alpha, garments, [])
-    weights = balanced(np.full(len(LABELS), 1 / len(LABELS)), 0.5)
+    weights = balance_labels(np.full(len(LABELS), 1 / len(LABELS)), 0.5)
     even = loss_of(output, labels, alpha, garments, label_weights=weights)
     plain = loss_of(output, labels, alpha, garments)
     torch.testing.assert_close(even["segmentation"], plain["segmentation"])
@@ -365,14 +367,14 @@ def test_the_estimate_begins_with_what_maps_of_the_chosen_points_say(space, kind
     given = (labels,) if kind == "canonical" else ()
     points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
     before = network(points, *given)
-    as_if_fitted(network.regression)
+    fill_regression(network.regression)
     chosen = labels == LABEL if kind == "canonical" else torch.ones_like(labels, dtype=torch.bool)
     said = network.regression(network.maps(points, chosen))
     after = network(points, *given)
     torch.testing.assert_close(after.coefficients, before.coefficients + said)
     assert said.abs().max() > 1
     torch.testing.assert_close(after.vertices, network.vertices(after.coefficients))
-    told = network(points, *given, regressed=torch.ones_like(said))
+    told = network(points, *given, initial_alpha=torch.ones_like(said))
     torch.testing.assert_close(told.coefficients, before.coefficients + 1)
     # Neither depends on the order of points.
     shuffled = torch.randperm(points.shape[2], generator=rng(7))
@@ -402,7 +404,7 @@ def test_without_labels_maps_are_made_of_the_points_taken_for_the_garment(space)
     network = CanonicalNetwork(
         replace(SETTINGS, body_relative_points=True), space, LABEL, rng()
     ).eval()
-    as_if_fitted(network.regression)
+    fill_regression(network.regression)
     points, _, _, _ = windows(space, 2)
     points = torch.cat([points, torch.randn(*points.shape[:3], 4, generator=rng(5))], -1)
     found = network(points)

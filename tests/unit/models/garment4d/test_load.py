@@ -10,14 +10,14 @@ from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from garment4d_stages import batch_of, column
 
 
-def test_a_loaded_stage_says_what_was_validated_last(trained_posed, trained_canonical, data):
+def test_a_loaded_stage_says_what_was_validated_last(trained_posed, trained_canonical, sequences):
     stage = load_stage(trained_posed, PosedStage)
     assert not stage.training
     alone = load_stage(trained_canonical, CanonicalStage)
     for key, value in alone.state_dict().items():
         torch.testing.assert_close(value, stage.canonical.state_dict()[key], msg=key)
     # The history's validation errors are those of the weights that were kept.
-    batch = batch_of(data, alone, "val")
+    batch = batch_of(alone, sequences, "val")
     with torch.inference_mode():
         terms, _ = alone.losses(batch)
     assert float(terms["total"]) == pytest.approx(
@@ -25,7 +25,7 @@ def test_a_loaded_stage_says_what_was_validated_last(trained_posed, trained_cano
     )
 
 
-def test_networks_of_other_kinds_and_missing_ones_are_refused(trained_canonical, tmp_path):
+def test_networks_of_other_types_and_missing_ones_are_refused(trained_canonical, tmp_path):
     with pytest.raises(InputError, match="holds a 'garment4d_canonical' network, expected"):
         load_stage(trained_canonical, PosedStage, MgnStage)
     with pytest.raises(InputError, match="no such file"):

@@ -4,21 +4,22 @@ import numpy as np
 import pytest
 import torch
 
+from drapeline.learning_data.sequences import window_starts
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.data import window_starts
+from drapeline.models.garment4d.dressed import DressedSequences
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.training.batches import as_tensors
+from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.checkpoints import read_checkpoint
 from garment4d_stages import batch_of, column
 from garment4d_toys import POSED
 
 
-def test_the_posed_stage_learns_the_sway_that_skinning_lacks(trained_posed, data):
+def test_the_posed_stage_learns_the_sway_that_skinning_lacks(trained_posed, sequences):
     stage = load_stage(trained_posed, PosedStage)
-    data.wear(stage.predicted_canonicals(data, ("val",)), stage.settings.skinning)
-    batch = batch_of(data, stage, "val")
-    assert set(data.source[batch["sequence"]]) == {"simulated", "skinned"}
+    batch = batch_of(stage, stage.dress(sequences, ("val",)), "val")
+    assert set(sequences.data.source[batch["sequence"]]) == {"simulated", "skinned"}
     errors = column(trained_posed, "val_vertex_error_mm")
     assert min(errors) < 0.8 * errors[0]
     proposal = 1000 * (batch["proposal"] - batch["target"]).norm(dim=-1).mean()
@@ -32,54 +33,68 @@ def test_the_canonical_network_is_not_trained_further(trained_posed, trained_can
         torch.testing.assert_close(after[f"canonical.{key}"], value, msg=key)
 
 
-def test_levels_from_memory_are_those_of_the_network(trained_posed, data, monkeypatch):
+def test_sequences_are_dressed_in_what_the_canonical_network_predicts(trained_posed, sequences):
     stage = load_stage(trained_posed, PosedStage)
-    batch = batch_of(data, stage, "val")
+    dressed = stage.training_sequences(sequences)
+    expected = stage.predict_canonicals(sequences.data, ("train", "val"))
+    np.testing.assert_array_equal(dressed.canonical, expected)
+    assert dressed.skinning == stage.settings.skinning
+    window = np.array([[4, 1]])
+    np.testing.assert_array_equal(dressed.batch(window, 3)["worn"], expected[4:5])
+
+
+def test_point_levels_from_memory_are_those_of_the_network(trained_posed, sequences, monkeypatch):
+    stage = load_stage(trained_posed, PosedStage)
+    batch = batch_of(stage, sequences, "val")
     count = len(batch["names"])
     part = {key: value[: count - 1] for key, value in batch.items()}
-    stage.kept_levels(part)
-    expected = stage.levels(batch["points"]).levels
+    stage.point_levels(part)
+    estimate = stage.estimate_canonical
+    expected = estimate(batch["points"]).levels
     asked = []
-    levels = stage.levels
-    monkeypatch.setattr(stage, "levels", lambda points: asked.append(len(points)) or levels(points))
+
+    def counted(points):
+        asked.append(len(points))
+        return estimate(points)
+
+    monkeypatch.setattr(stage, "estimate_canonical", counted)
     for _ in range(2):
-        for one, true in zip(stage.kept_levels(batch), expected, strict=True):
+        for one, true in zip(stage.point_levels(batch), expected, strict=True):
             for x, y in zip(one, true, strict=True):
                 torch.testing.assert_close(x, y)
     assert asked == [1]
-    # Without room for more everything is asked for anew.
-    stage._kept.clear()
-    stage._room = 0
-    stage.kept_levels(batch)
-    stage.kept_levels(batch)
+    # Without room everything is asked for anew.
+    stage._levels = ByteCache(0)
+    stage.point_levels(batch)
+    stage.point_levels(batch)
     assert asked == [1, count, count]
 
 
 def test_windows_that_canonical_garments_were_predicted_from_are_not_asked_for_again(
-    data, trained_posed, monkeypatch
+    sequences, trained_posed, monkeypatch
 ):
-    stage = load_stage(trained_posed, PosedStage)
-    found = stage.predicted_canonicals(data, ("val",))
+    data, stage = sequences.data, load_stage(trained_posed, PosedStage)
+    found = stage.predict_canonicals(data, ("val",))
     validated = data.of_split("val")
     np.testing.assert_array_equal(found[data.split == "test"], data.space.mean[None])
-    batch = as_tensors(data.batch(data.windows("val", 3, 3), 3, posed=False))
-    with torch.no_grad():
-        for sequence in validated:
-            part = {k: v[batch["sequence"] == sequence] for k, v in batch.items() if k == "points"}
-            alpha = stage.levels(part["points"]).coefficients.mean(0).numpy()
-            np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-5)
-    expected = stage.levels(batch["points"]).levels
-    monkeypatch.setattr(stage, "levels", None)
-    for one, true in zip(stage.kept_levels(batch), expected, strict=True):
+    batch = as_tensors(sequences.batch(data.windows("val", 3, 3), 3))
+    for sequence in validated:
+        points = batch["points"][batch["sequence"] == sequence]
+        alpha = stage.estimate_canonical(points).coefficients.mean(0).numpy()
+        np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-5)
+    expected = stage.estimate_canonical(batch["points"]).levels
+    monkeypatch.setattr(stage, "estimate_canonical", None)
+    for one, true in zip(stage.point_levels(batch), expected, strict=True):
         for x, y in zip(one, true, strict=True):
             torch.testing.assert_close(x, y)
 
 
-def test_proposals_of_training_garments_begin_with_what_is_left_out(trained_body_relative, data):
-    stage = PosedStage(
-        PosedStage.settings_of(POSED), load_stage(trained_body_relative, CanonicalStage)
-    )
-    found = stage.predicted_canonicals(data, ("train", "val"))
+def test_training_garments_are_predicted_from_their_out_of_fold_alpha(
+    trained_body_relative, sequences
+):
+    data, canonical = sequences.data, load_stage(trained_body_relative, CanonicalStage)
+    stage = PosedStage(PosedStage.parse(POSED), canonical)
+    found = stage.predict_canonicals(data, ("train", "val"))
     for split in ("train", "val"):
         sequence = int(data.of_split(split)[0])
         name = str(data.name[sequence])
@@ -88,19 +103,17 @@ def test_proposals_of_training_garments_begin_with_what_is_left_out(trained_body
         windows = torch.stack([points[start : start + 3] for start in starts])
         initial_alpha = None
         if split == "train":
-            initial_alpha = stage.canonical.out_of_fold_alpha[name].expand(len(windows), -1)
+            initial_alpha = canonical.out_of_fold_alpha[name].expand(len(windows), -1)
         with torch.no_grad():
-            alpha = (
-                stage.canonical.network(windows, None, initial_alpha).coefficients.mean(0).numpy()
-            )
+            alpha = canonical.network(windows, None, initial_alpha).coefficients.mean(0).numpy()
         np.testing.assert_allclose(found[sequence], data.space.vertices(alpha), atol=1e-4)
 
 
-def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(data, trained_canonical):
-    stage = load_stage(trained_canonical, CanonicalStage)
+def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(sequences, trained_canonical):
     values = {**POSED, "loss": {"laplacian_form": "released"}}
-    posed = PosedStage(PosedStage.settings_of(values), stage)
-    batch = as_tensors(data.batch(data.windows("val", 3, 3), 3, posed=True))
+    posed = PosedStage(PosedStage.parse(values), load_stage(trained_canonical, CanonicalStage))
+    dressed = DressedSequences(sequences, sequences.data.canonical, posed.settings.skinning)
+    batch = as_tensors(dressed.batch(sequences.data.windows("val", 3, 3), 3))
     with torch.no_grad():
         terms, _ = posed.losses(batch)
         others, _ = posed.losses({**batch, "target": 2 * batch["target"]})

@@ -10,41 +10,48 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
+from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.metrics.sequence import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.body_input import BodySet, SkinningSettings, proposals
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.data import SequenceData
+from drapeline.models.garment4d.body_input import SkinningSettings
+from drapeline.models.garment4d.dressed import proposals
 from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,
     refine,
-    training_habits,
+    training_worn_statistics,
 )
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.seeding import rng_for
-from garment4d_toys import CANONICAL, PLAIN, POSED, as_if_fitted, save_toy_data, toy_bodies
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory, toy_body):
-    folder = tmp_path_factory.mktemp("garment4d") / "data"
-    save_toy_data(folder, toy_body)
-    return SequenceData(folder, BodySet(toy_bodies(toy_body), 30))
+from garment4d_stages import build_canonical
+from garment4d_toys import (
+    CANONICAL,
+    PLAIN,
+    POSED,
+    fill_regression,
+    open_toy_data,
+    save_toy_data,
+    toy_bodies,
+)
 
 
 @pytest.fixture
-def canonical(data):
-    return CanonicalStage(CanonicalStage.settings_of(PLAIN), data.space, data.label).eval()
+def data(sequences):
+    return sequences.data
+
+
+@pytest.fixture
+def canonical(sequences):
+    return build_canonical(sequences, PLAIN).eval()
 
 
 @pytest.fixture
 def identity(canonical):
     """Untrained: displacements are zero."""
-    return PosedStage(PosedStage.settings_of(POSED), canonical).eval()
+    return PosedStage(PosedStage.parse(POSED), canonical).eval()
 
 
 @pytest.fixture
@@ -58,25 +65,23 @@ def shaken(identity):
 
 
 @pytest.fixture
-def given(data):
+def given(data, sequences):
     """The arguments of the longest held-out sequence: seven frames, windows of three."""
     sequence = int(data.of_split("test")[0])
     rows = data.rows(sequence)
     return {
         "points": data.points[rows],
         "poses": data.poses[rows],
-        "wearer": data.wearer(sequence),
+        "body": sequences.body(sequence),
     }
 
 
 def test_without_displacements_the_result_is_the_skinned_canonical_garment(identity, given):
     made = reconstruct(identity, **given)
     np.testing.assert_allclose(made.final, made.proposal, atol=1e-6)
-    wearer = given["wearer"]
-    weights = wearer.weights(made.canonical, identity.space.faces, identity.settings.skinning)
-    expected = proposals(
-        made.canonical[None], weights[None], wearer.transforms(given["poses"])[None]
-    )
+    body = given["body"]
+    weights = body.weights(made.canonical, identity.space.faces, identity.settings.skinning)
+    expected = proposals(made.canonical[None], weights[None], body.transforms(given["poses"])[None])
     np.testing.assert_allclose(made.proposal, expected[0], atol=1e-6)
     assert made.labels.shape == given["points"].shape[:2]
 
@@ -107,7 +112,7 @@ def test_what_the_canonical_network_said_need_not_be_asked_again(shaken, given):
 @pytest.mark.parametrize(("stride", "starts"), [(None, (0, 3, 4)), (1, (0, 1, 2, 3, 4))])
 def test_frames_are_the_mean_of_the_windows_that_hold_them(shaken, given, stride, starts):
     made = reconstruct(shaken, **given, stride=stride)
-    body, normals = given["wearer"].shown(given["poses"])
+    body, normals = given["body"].pose_surface(given["poses"])
     total, held = np.zeros_like(made.final), np.zeros(len(made.final))
     for start in starts:
         span = slice(start, start + 3)
@@ -115,7 +120,7 @@ def test_frames_are_the_mean_of_the_windows_that_hold_them(shaken, given, stride
         batch = {k: torch.from_numpy(np.array(v[None, span])) for k, v in window.items()}
         points = torch.from_numpy(np.array(given["points"][None, span]))
         with torch.inference_mode():
-            found = shaken.predictions(batch, shaken.levels(points).levels)[-1]
+            found = shaken.predict(batch, shaken.estimate_canonical(points).levels)[-1]
         total[span] += found[0].numpy()
         held[span] += 1
     np.testing.assert_allclose(made.final, total / held[:, None, None], atol=2e-5)
@@ -156,7 +161,7 @@ def test_a_walk_elsewhere_gives_the_same_garment(shaken, data, given, toy_body, 
         np.savez(tmp_path / "body.npz", trans=trans, **body)
         scans = read_scans(tmp_path / "scans.npz", tmp_path / "body.npz", toy_bodies(toy_body))
         points = np.stack([scan.points for scan in scans.scans])
-        made.append(reconstruct(shaken, points, scans.body.poses, given["wearer"]).final)
+        made.append(reconstruct(shaken, points, scans.body.poses, given["body"]).final)
     np.testing.assert_allclose(made[0], made[1], atol=1e-6)
 
 
@@ -172,16 +177,16 @@ def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_po
     poses = np.array(given["poses"], dtype=np.float64)
     poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
     points = (given["points"] @ turn.as_matrix().T).astype(np.float32)
-    wearer, canonical = given["wearer"], data.canonical[0]
+    body, canonical = given["body"], data.canonical[0]
     before, after = (
-        wearer.body_relative_points(x, y)
-        for x, y in ((given["points"], given["poses"]), (points, poses))
+        body_relative_points(body.model, body.shape, x, y)
+        for x, y in ((given["poses"], given["points"]), (poses, points))
     )
     np.testing.assert_allclose(after[..., :3], points, atol=1e-6)
     np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=2e-3)
-    weights = wearer.weights(canonical, data.space.faces, SkinningSettings(16, 5))
+    weights = body.weights(canonical, data.space.faces, SkinningSettings(16, 5))
     before, after = (
-        proposals(canonical[None], weights[None], wearer.transforms(x)[None])[0]
+        proposals(canonical[None], weights[None], body.transforms(x)[None])[0]
         for x in (given["poses"], poses)
     )
     np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
@@ -207,10 +212,10 @@ def test_a_stride_longer_than_a_window_is_refused(identity, given):
         reconstruct(identity, **given, stride=4)
 
 
-def test_habits_are_those_beside_proposals_of_the_skinning_asked_for(data):
+def test_worn_statistics_are_those_beside_proposals_of_the_skinning_asked_for(sequences):
     # Toy garments are skinned like this, and sway by up to 2 cm.
-    own = training_habits(data, SkinningSettings(neighbours=16, passes=5))
-    other = training_habits(data, SkinningSettings(neighbours=1, passes=0))
+    own = training_worn_statistics(sequences, SkinningSettings(neighbours=16, passes=5))
+    other = training_worn_statistics(sequences, SkinningSettings(neighbours=1, passes=0))
     assert own.error_m.max() < 0.021
     assert own.error_m.mean() < 0.9 * other.error_m.mean()
     np.testing.assert_allclose(own.shares, other.shares)
@@ -221,10 +226,9 @@ def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, g
     true = data.garment[data.rows(sequence)]
     made = reconstruct(identity, **given)
     # The true canonical garment and the true labels, so that only the sway is left to find.
-    weights = data.wearer(sequence).weights(
-        data.canonical[sequence], data.space.faces, identity.settings.skinning
-    )
-    transforms = data.wearer(sequence).transforms(given["poses"])
+    body = given["body"]
+    weights = body.weights(data.canonical[sequence], data.space.faces, identity.settings.skinning)
+    transforms = body.transforms(given["poses"])
     proposal = proposals(data.canonical[sequence][None], weights[None], transforms[None])[0]
     made = made._replace(
         labels=data.labels[data.rows(sequence)],
@@ -240,19 +244,19 @@ def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, g
 
 
 @pytest.fixture
-def rows(data, canonical, identity, tmp_path):
+def rows(sequences, canonical, identity, tmp_path):
     settings = EvaluationSettings(
         neighbours=(1, 16), missing=(0.3,), accuracy=(1.0, 0.5), noise_shape=2.0
     )
     found = evaluate(
-        data,
+        sequences,
         {"canonical": canonical},
         {"posed": identity},
         ("val", "test"),
         settings,
         RefineSettings(rounds=4),
         pictures=tmp_path / "pictures",
-        vertex_sampled=data,
+        vertex_sampled=sequences,
     )
     write_metrics(tmp_path / "metrics.tsv", found)
     return read_metrics(tmp_path / "metrics.tsv")
@@ -295,12 +299,13 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
 
 
 def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
-    data, identity, toy_body, tmp_path, caplog
+    identity, toy_body, tmp_path, caplog
 ):
     save_toy_data(tmp_path / "data", toy_body)
-    alone = SequenceData(tmp_path / "data", BodySet(toy_bodies(toy_body), 30))
-    alone.split[(alone.source == "simulated") & (alone.split == "val")] = "train"
-    evaluation = Evaluation(alone, "val", EvaluationSettings())
+    sequences = open_toy_data(tmp_path / "data", toy_body, 30)
+    data = sequences.data
+    data.split[(data.source == "simulated") & (data.split == "val")] = "train"
+    evaluation = Evaluation(sequences, "val", EvaluationSettings())
     assert "no simulated Skirt in the val split" in caplog.text
     list(evaluation.posed("posed", identity))
     names = {row.metric for row in evaluation.rows()}
@@ -308,11 +313,11 @@ def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
     assert "acceleration_error_m_s2" not in names
 
 
-def test_a_noisy_body_reaches_canonical_stages_that_points_are_located_for(data, identity):
-    located = CanonicalStage(CanonicalStage.settings_of(CANONICAL), data.space, data.label).eval()
-    as_if_fitted(located.network.regression)
-    evaluation = Evaluation(data, "test", EvaluationSettings())
-    stages = {"canonical": located, "pointnet": identity.canonical}
+def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
+    relative = build_canonical(sequences, CANONICAL).eval()
+    fill_regression(relative.network.regression)
+    evaluation = Evaluation(sequences, "test", EvaluationSettings())
+    stages = {"canonical": relative, "pointnet": identity.canonical}
     evaluation.canonicals(stages)
     evaluation.noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
     rows = evaluation.rows()
@@ -324,7 +329,7 @@ def test_a_noisy_body_reaches_canonical_stages_that_points_are_located_for(data,
     assert plain != noisy
 
 
-def test_stages_share_what_one_canonical_network_says_of_one_body(data, identity, monkeypatch):
+def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, identity, monkeypatch):
     asked = []
 
     def counted(*args, **options):
@@ -335,7 +340,7 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(data, identity
     other = copy.deepcopy(identity)
     with torch.no_grad():
         next(other.canonical.network.parameters()).mul_(2)
-    evaluation = Evaluation(data, "test", EvaluationSettings())
+    evaluation = Evaluation(sequences, "test", EvaluationSettings())
     sequences = len(evaluation.moving)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
         list(evaluation.posed("posed", stage))

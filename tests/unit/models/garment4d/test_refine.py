@@ -11,10 +11,10 @@ from drapeline.models.garment4d.refine import (
     WornGarmentStatistics,
     barycentric,
     body_push,
-    habits_of,
+    fit_to_points,
+    measure_worn_garments,
     pairs_across,
     point_pull,
-    refined,
     springs,
 )
 from drapeline.seeding import rng_for
@@ -49,10 +49,10 @@ def fitted(start, points, rest=None, settings=SETTINGS, body=None, chosen=None, 
     chosen = np.ones(points.shape[:2], bool) if chosen is None else chosen
     body = far_body(len(start)) if body is None else body
     rest = tube() if rest is None else rest
-    return refined(start, points, chosen, FACES, rest, *body, settings, **more)
+    return fit_to_points(start, points, chosen, FACES, rest, *body, settings, **more)
 
 
-def habits(shares=1.0, error_m=0.1, follow=0.0):
+def statistics(shares=1.0, error_m=0.1, follow=0.0):
     """The same everywhere, unless (N,) or (K,) are given."""
     count = len(springs(FACES)[0])
     return WornGarmentStatistics(
@@ -113,7 +113,7 @@ def test_the_order_of_points_and_points_of_others_make_no_difference():
 def test_lengths_come_back_to_what_they_are_when_worn(share):
     rest, none = tube(), np.zeros((1, 0, 3))
     settings = replace(SETTINGS, keep_m=1e-5, rounds=60)
-    made = fitted(1.1 * rest[None], none, settings=settings, habits=habits(share))[0]
+    made = fitted(1.1 * rest[None], none, settings=settings, worn_statistics=statistics(share))[0]
     pairs, across = springs(FACES)
     first, second = pairs[~across].T
     ratio = np.linalg.norm(made[first] - made[second], axis=1)
@@ -126,7 +126,7 @@ def test_vertices_that_start_well_are_kept():
     error = np.where(tube()[:, 2] > 0.3, 0.002, 0.5)
     points = on_surface(start, 400, rng_for(0, "keep")) + [0.0, 0.04, 0.0]
     settings = replace(SETTINGS, stretch=0, bend=0)
-    made = fitted(start, points, settings=settings, habits=habits(error_m=error))
+    made = fitted(start, points, settings=settings, worn_statistics=statistics(error_m=error))
     moved = np.linalg.norm(made - start, axis=-1).mean(0)
     assert moved[error < 0.01].max() < 0.03
     assert np.median(moved[error > 0.01]) > 0.03
@@ -146,25 +146,25 @@ def test_accelerations_that_garments_follow_are_those_of_the_proposal():
     bouncing = tube() + 0.02 * np.sin(2 * np.arange(12))[:, None, None] * np.array([0, 0, 1.0])
     settings = replace(SETTINGS, stretch=0, bend=0, smooth=10.0)
     none, still = np.zeros((12, 0, 3)), np.stack([tube()] * 12)
-    made = fitted(bouncing, none, settings=settings, habits=habits(follow=1.0))
+    made = fitted(bouncing, none, settings=settings, worn_statistics=statistics(follow=1.0))
     np.testing.assert_allclose(made, bouncing, atol=1e-5)
-    for proposal, habit in ((still, habits(follow=1.0)), (bouncing, habits(follow=0.0))):
-        flat = fitted(bouncing, none, settings=settings, proposal=proposal, habits=habit)
+    for proposal, worn in ((still, statistics(follow=1.0)), (bouncing, statistics(follow=0.0))):
+        flat = fitted(bouncing, none, settings=settings, proposal=proposal, worn_statistics=worn)
         assert np.ptp(flat[..., 2] - tube()[:, 2]) < 0.3 * np.ptp(bouncing[..., 2] - tube()[:, 2])
 
 
-def test_habits_are_means_over_sequences_with_one_of_the_mean():
+def test_worn_statistics_are_means_over_sequences_with_one_of_the_mean():
     rest = tube()
     moving = rest + 0.01 * np.sin(2 * np.arange(6))[:, None, None] * np.array([0, 0, 1.0])
     half = rest + 0.5 * (moving - rest)
-    found = habits_of([half], [moving], [rest], FACES)
+    found = measure_worn_garments([half], [moving], [rest], FACES)
     np.testing.assert_allclose(found.shares, 1, atol=1e-9)
     np.testing.assert_allclose(found.follow, 0.5)
     wanted = np.sqrt(((half - moving)[:, 0] ** 2).sum(1).mean())
     np.testing.assert_allclose(found.error_m, wanted)
     # Twice as high, in one of two sequences: upright springs have shares of 1 and 2.
     high = moving * [1, 1, 2]
-    found = habits_of([moving, high], [moving, high], [rest, rest], FACES)
+    found = measure_worn_garments([moving, high], [moving, high], [rest, rest], FACES)
     pairs = springs(FACES)[0]
     upright = np.linalg.norm((rest[pairs[:, 0]] - rest[pairs[:, 1]])[:, :2], axis=1) < 1e-9
     level = np.abs(rest[pairs[:, 0], 2] - rest[pairs[:, 1], 2]) < 1e-9
@@ -190,7 +190,7 @@ def test_the_solver_agrees_with_one_dense_system(frames):
     wanted = np.linalg.solve(matrix, right.reshape(-1, 3)).reshape(right.shape)
     np.testing.assert_allclose(solver(right), wanted, atol=1e-9)
     bent = (bend @ right.reshape(-1, 3)).reshape(right.shape)
-    np.testing.assert_allclose(solver.bent(right), bent, atol=1e-9)
+    np.testing.assert_allclose(solver.acceleration_gradient(right), bent, atol=1e-9)
 
 
 def test_springs_pull_as_the_gradient_of_their_energy_says():

@@ -7,73 +7,63 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
-from drapeline.models.garment4d.data import SequenceData
 from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import MgnStage
+from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.stage import Stage
-from drapeline.models.garment4d.train import train_canonical, train_posed
 from drapeline.models.training.checkpoints import read_checkpoint
-from garment4d_stages import column, run_training
-from garment4d_toys import CANONICAL, PLAIN, POSED, toy_bodies
+from garment4d_stages import build_canonical, column, run_training
+from garment4d_toys import CANONICAL, PLAIN, POSED, open_toy_data
 
 
-@pytest.mark.parametrize("stage", ["canonical", "pointnet", "posed", "mgn"])
+def shortened(values, epochs):
+    return {**values, "training": {**CANONICAL["training"], "epochs": epochs}}
+
+
+@pytest.mark.parametrize("name", ["canonical", "pointnet", "posed", "mgn"])
 def test_mixed_precision_trains_to_about_the_same_error(
-    tmp_path, folder, bodies, trained_body_relative, stage
+    tmp_path, sequences, trained_body_relative, name
 ):
-    errors, training = [], {**CANONICAL["training"], "epochs": 2}
+    errors = []
     for precision in ("32-true", "bf16-mixed"):
-        data = SequenceData(folder / "data", bodies)
-        if stage in ("canonical", "pointnet"):
-            train, error, before = train_canonical, "canonical_error_mm", []
-            values, options = CANONICAL, {"pointnet": stage == "pointnet"}
+        if name in ("canonical", "pointnet"):
+            cls = PointNetStage if name == "pointnet" else CanonicalStage
+            stage = build_canonical(sequences, shortened(CANONICAL, 2), cls)
         else:
-            train, error = train_posed, "vertex_error_mm"
-            before = [load_stage(trained_body_relative, CanonicalStage)]
-            network = {"widths": [32, 32, 64]} if stage == "mgn" else POSED["network"]
-            values, options = {**POSED, "network": network}, {"mgn": stage == "mgn"}
-        values = {**values, "training": training}
-        out = run_training(
-            train, tmp_path, precision, data, values, *before, precision=precision, **options
-        )
-        errors.append(column(out, f"val_{error}"))
+            cls = MgnStage if name == "mgn" else PosedStage
+            network = {"widths": [32, 32, 64]} if name == "mgn" else POSED["network"]
+            values = shortened({**POSED, "network": network}, 2)
+            stage = cls(cls.parse(values), load_stage(trained_body_relative, CanonicalStage))
+        out = run_training(tmp_path, precision, stage, sequences, precision=precision)
+        errors.append(column(out, f"val_{stage.ERROR}"))
     np.testing.assert_allclose(errors[1], errors[0], rtol=0.15)
     assert errors[1] != errors[0]
 
 
-def test_baselines_are_trained_and_loaded(tmp_path, data, trained_canonical):
-    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 1}}
-    out = run_training(train_canonical, tmp_path, "pointnet", data, short, pointnet=True)
+def test_baselines_are_trained_and_loaded(tmp_path, sequences, trained_canonical):
+    stage = build_canonical(sequences, shortened(CANONICAL, 1), PointNetStage)
+    out = run_training(tmp_path, "pointnet", stage, sequences)
     stage = load_stage(out, CanonicalStage, PointNetStage)
-    assert stage.kind == "garment4d_pointnet"
-    posed = {"training": {**POSED["training"], "epochs": 1}, "network": {"widths": [8, 16]}}
-    out = run_training(
-        train_posed,
-        tmp_path,
-        "mgn",
-        data,
-        posed,
-        load_stage(trained_canonical, CanonicalStage),
-        mgn=True,
-    )
+    assert stage.checkpoint_type == "garment4d_pointnet"
+    values = shortened({"network": {"widths": [8, 16]}}, 1)
+    stage = MgnStage(MgnStage.parse(values), load_stage(trained_canonical, CanonicalStage))
+    out = run_training(tmp_path, "mgn", stage, sequences)
     stage = load_stage(out, MgnStage)
     assert stage.settings.skinning.neighbours == 1
-    assert data.skinning == stage.settings.skinning
+    dressed = stage.training_sequences(sequences)
     # Copied weights are those of single body vertices.
-    body = data.wearer(0).model.weights
-    for row in data.weights(0)[::7]:
+    body = dressed.body(0).model.weights
+    for row in dressed.weights(0)[::7]:
         assert np.abs(body - row).max(axis=1).min() < 1e-6
 
 
 @pytest.mark.parametrize("values", [CANONICAL, PLAIN], ids=["body_relative_points", "plain"])
-def test_two_trainings_end_with_the_same_weights(tmp_path, folder, bodies, values):
-    short = {**values, "training": {**CANONICAL["training"], "epochs": 2}}
+def test_two_trainings_end_with_the_same_weights(tmp_path, folder, opened, toy_body, values):
     ends = []
     for name in ("first", "second"):
-        data = SequenceData(folder / "data", bodies)
-        out = run_training(train_canonical, tmp_path, name, data, short)
+        sequences = open_toy_data(folder / "data", toy_body, 30)
+        stage = build_canonical(sequences, shortened(values, 2))
+        out = run_training(tmp_path, name, stage, sequences)
         ends.append(read_checkpoint(out / "last.ckpt")["state_dict"])
     for key, value in ends[0].items():
         torch.testing.assert_close(value, ends[1][key], msg=key)
@@ -83,9 +73,8 @@ class Killed(Exception):
     """Stands for the signal."""
 
 
-def killed(monkeypatch, train, *args):
+def kill_training(monkeypatch, *args):
     """Stop a training after its first epoch."""
-
     step = Stage.training_step
 
     def stop(stage, batch):
@@ -95,65 +84,66 @@ def killed(monkeypatch, train, *args):
 
     with monkeypatch.context() as patched, pytest.raises(Killed):
         patched.setattr(Stage, "training_step", stop)
-        run_training(train, *args)
+        run_training(*args)
 
 
-def begun(folder, name, monkeypatch, train, *args):
+def first_epoch(monkeypatch, *args):
     """The epoch that a training of this name goes on from, 0 if it starts anew."""
-    found, step = [], Stage.training_step
+    epochs, step = [], Stage.training_step
 
     def noted(stage, batch):
-        found.append(stage.position.epoch)
+        epochs.append(stage.position.epoch)
         return step(stage, batch)
 
     with monkeypatch.context() as patched:
         patched.setattr(Stage, "training_step", noted)
-        run_training(train, folder, name, *args)
-    return found[0]
+        run_training(*args)
+    return epochs[0]
 
 
 def test_a_killed_training_goes_on_with_the_same_data_alone(
-    tmp_path, folder, bodies, toy_body, monkeypatch
+    tmp_path, folder, sequences, toy_body, monkeypatch
 ):
-    short = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 2}}
-
-    def data(where=folder / "data", bodies=bodies):
-        return SequenceData(where, bodies)
-
     def moved():
         """One point of one frame elsewhere."""
-        copy = tmp_path / "moved"
+        copy = tmp_path / "moved data"
         shutil.copytree(folder / "data", copy)
         points = np.load(copy / "points.npy", mmap_mode="r+")
         points[5, 7] += 0.01
         points.flush()
-        return data(copy)
+        return open_toy_data(copy, toy_body, 30)
 
-    for name, start, changed in (
-        ("same", 1, data),
+    for name, epoch, changed in (
+        ("same", 1, lambda: open_toy_data(folder / "data", toy_body, 30)),
         ("moved", 0, moved),
-        ("fewer_body_points", 0, lambda: data(bodies=BodySet(toy_bodies(toy_body), 29))),
+        ("fewer_body_points", 0, lambda: open_toy_data(folder / "data", toy_body, 29)),
     ):
-        killed(monkeypatch, train_canonical, tmp_path, name, data(), short)
-        assert begun(tmp_path, name, monkeypatch, train_canonical, changed(), short) == start
+        values, again = shortened(CANONICAL, 2), changed()
+        stage = build_canonical(sequences, values)
+        kill_training(monkeypatch, tmp_path, name, stage, sequences)
+        stage = build_canonical(again, values)
+        assert first_epoch(monkeypatch, tmp_path, name, stage, again) == epoch
 
 
 def test_a_killed_training_goes_on_with_the_same_canonical_network_alone(
-    tmp_path, data, trained_body_relative, monkeypatch
+    tmp_path, sequences, trained_body_relative, monkeypatch
 ):
-    short = {**POSED, "training": {**POSED["training"], "epochs": 2}}
-    for name, start in (("same", 1), ("other", 0)):
-        stage = load_stage(trained_body_relative, CanonicalStage)
-        killed(monkeypatch, train_posed, tmp_path, name, data, short, stage)
+    settings = PosedStage.parse(shortened(POSED, 2))
+    for name, epoch in (("same", 1), ("other", 0)):
+        canonical = load_stage(trained_body_relative, CanonicalStage)
+        stage = PosedStage(settings, canonical)
+        kill_training(monkeypatch, tmp_path, name, stage, sequences)
         again = load_stage(trained_body_relative, CanonicalStage)
         if name == "other":
             with torch.no_grad():
                 again.network.encoder.coefficients.bias[0] += 1e-4
-        assert begun(tmp_path, name, monkeypatch, train_posed, data, short, again) == start
+        stage = PosedStage(settings, again)
+        assert first_epoch(monkeypatch, tmp_path, name, stage, sequences) == epoch
 
 
-def test_a_loss_that_is_not_finite_names_the_windows(tmp_path, data):
-    data.canonical = np.full_like(data.canonical, np.nan)
+def test_a_loss_that_is_not_finite_names_the_windows(tmp_path, sequences):
+    stage = build_canonical(sequences, CANONICAL)
+    sequences.data.canonical = np.full_like(sequences.data.canonical, np.nan)
     with pytest.raises(InputError, match=r"loss is nan \(.*for samples 0000.*/1\d.*expected a fin"):
-        run_training(train_canonical, tmp_path, "nan", data, CANONICAL)
+        run_training(tmp_path, "nan", stage, sequences)
     assert not (tmp_path / "nan").exists()

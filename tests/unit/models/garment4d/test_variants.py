@@ -9,7 +9,7 @@ from garment4d_toys import POSED
 @pytest.mark.parametrize("name", POSED_VARIANTS)
 def test_variants_change_settings_that_there_are(name):
     settings = {"network": {}, "skinning": {}, **POSED}
-    changed = PosedStage.settings_of(laid_over(settings, POSED_VARIANTS[name]))
+    changed = PosedStage.parse(laid_over(settings, POSED_VARIANTS[name]))
     for group, values in POSED_VARIANTS[name].items():
         for key, value in values.items():
             assert getattr(getattr(changed, group), key) == value

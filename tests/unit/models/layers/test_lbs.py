@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from drapeline.models.layers.lbs import skinned
+from drapeline.models.layers.lbs import linear_blend_skinning
 
 
 def motions(*size, seed=0):
@@ -35,27 +35,29 @@ def test_skinning_is_the_weighted_sum_of_rigid_motions():
     for joint in range(24):
         moved = torch.einsum("btij,bnj->btni", transforms[:, :, joint], ones)[..., :3]
         wanted += weights[:, None, :, joint, None] * moved
-    made = skinned(canonical, weights, transforms)
+    made = linear_blend_skinning(canonical, weights, transforms)
     torch.testing.assert_close(made, wanted)
-    torch.testing.assert_close(skinned(canonical, weights, transforms[..., :3, :]), made)
+    torch.testing.assert_close(
+        linear_blend_skinning(canonical, weights, transforms[..., :3, :]), made
+    )
     every = canonical[:, None].expand(-1, 4, -1, -1)
-    torch.testing.assert_close(skinned(every, weights, transforms), made)
+    torch.testing.assert_close(linear_blend_skinning(every, weights, transforms), made)
 
 
 def test_a_garment_per_frame_is_moved_by_its_own_frame():
     garments, weights, transforms = points(2, 4, 9), shares(2, 9), motions(2, 4)
-    made = skinned(garments, weights, transforms)
+    made = linear_blend_skinning(garments, weights, transforms)
     for frame in range(4):
-        alone = skinned(garments[:, frame], weights, transforms[:, frame, None])
+        alone = linear_blend_skinning(garments[:, frame], weights, transforms[:, frame, None])
         torch.testing.assert_close(made[:, frame, None], alone)
 
 
 def test_rest_stays_and_a_common_motion_is_rigid():
     canonical, weights = points(1, 9), shares(1, 9)
     rest = torch.eye(4, dtype=torch.float64).expand(1, 1, 24, 4, 4)
-    torch.testing.assert_close(skinned(canonical, weights, rest)[:, 0], canonical)
+    torch.testing.assert_close(linear_blend_skinning(canonical, weights, rest)[:, 0], canonical)
     one = motions(1, 1)[:, :, :1].expand(-1, -1, 24, -1, -1)
-    moved = skinned(canonical, weights, one)[0, 0]
+    moved = linear_blend_skinning(canonical, weights, one)[0, 0]
     torch.testing.assert_close(torch.cdist(moved, moved), torch.cdist(canonical[0], canonical[0]))
 
 
@@ -63,4 +65,4 @@ def test_rest_stays_and_a_common_motion_is_rigid():
 def test_gradients_by_finite_differences(which):
     arguments = [points(1, 3), shares(1, 3), motions(1, 2)]
     arguments[which].requires_grad_()
-    assert torch.autograd.gradcheck(skinned, arguments, fast_mode=True)
+    assert torch.autograd.gradcheck(linear_blend_skinning, arguments, fast_mode=True)

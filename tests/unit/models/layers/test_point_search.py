@@ -6,10 +6,9 @@ import torch
 from scipy.spatial import cKDTree
 
 from drapeline.models.layers.point_search import (
-    Recall,
     ball_neighbours,
     farthest_points,
-    gathered,
+    gather_rows,
     nearest_neighbours,
 )
 
@@ -66,13 +65,13 @@ def test_farthest_points_of_a_part_are_the_first_of_all():
     # Without ties: equal distances go to the lowest index, which a part may number differently.
     points = torch.rand(3, 300, 3, generator=torch.Generator().manual_seed(0))
     chosen = farthest_points(points, 64)
-    again = farthest_points(gathered(points, chosen), 16)
+    again = farthest_points(gather_rows(points, chosen), 16)
     assert (again == torch.arange(16)).all()
 
 
 def test_farthest_points_lie_apart_and_leave_no_gap():
     points = torch.rand(1, 500, 3, generator=torch.Generator().manual_seed(0))
-    middle = gathered(points, farthest_points(points, 50))
+    middle = gather_rows(points, farthest_points(points, 50))
     gap = squared(middle, points).amin(-1).max().sqrt()
     apart = torch.cdist(middle, middle)[0].fill_diagonal_(9).min()
     assert apart >= gap
@@ -163,44 +162,4 @@ def test_gathered_rows_are_those_of_the_same_cloud():
     rows = torch.arange(2 * 5 * 3.0).view(2, 5, 3)
     index = torch.tensor([[[4, 0], [1, 1]], [[2, 3], [0, 4]]])
     expected = torch.stack([rows[b][index[b]] for b in range(2)])
-    assert torch.equal(gathered(rows, index), expected)
-
-
-def all_searches(points, valid):
-    chosen = farthest_points(points, 12, valid)
-    ball = ball_neighbours(points, gathered(points, chosen), 0.5, 4, valid)
-    return [chosen, ball, *nearest_neighbours(points, gathered(points, chosen), 3, valid)]
-
-
-def test_what_was_searched_before_is_recalled_window_by_window(monkeypatch):
-    points, valid = clouds(6, 80), flags(6, 80)  # three windows of two clouds
-    expected = all_searches(points, valid)
-    recall = Recall(1 << 20)
-    for window in "ab":
-        part = slice(0, 2) if window == "a" else slice(2, 4)
-        with recall.of([window]):
-            all_searches(points[part], valid[part])
-    with recall.of("bc"):  # of which one is new
-        found = all_searches(points[2:], valid[2:])
-    for x, y in zip(found, expected, strict=True):
-        assert torch.equal(x, y[2:])
-    monkeypatch.setattr("drapeline.models.layers.point_search._launch", None)
-    with recall.of("cab"):
-        found = all_searches(torch.zeros(6, 80, 3), valid)
-    for x, y in zip(found, expected, strict=True):
-        assert torch.equal(x, y[[4, 5, 0, 1, 2, 3]])
-        assert x.dtype == y.dtype
-    with pytest.raises(TypeError), recall.of("d"):
-        all_searches(points[:2], valid[:2])
-    with pytest.raises(TypeError):  # outside of it nothing is recalled
-        all_searches(points, valid)
-
-
-def test_what_there_is_no_room_for_is_searched_again():
-    points, valid = clouds(2, 80), flags(2, 80)
-    recall = Recall(100)
-    for cloud in (points, -points):
-        with recall.of(["a"]):
-            found = all_searches(cloud, valid)
-        for x, y in zip(found, all_searches(cloud, valid), strict=True):
-            assert torch.equal(x, y)
+    assert torch.equal(gather_rows(rows, index), expected)

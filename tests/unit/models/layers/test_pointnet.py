@@ -11,8 +11,8 @@ from drapeline.models.layers.pointnet import (
     PointLevel,
     RunningNorm,
     SetAbstraction,
-    interpolated,
-    pooled,
+    interpolate,
+    max_pool,
 )
 
 RADIUS, COUNT = 0.3, 6
@@ -118,7 +118,7 @@ def test_clouds_without_points_give_zero_and_no_gradient_that_is_not_finite():
     assert not coarse.valid[0].any()
     assert (coarse.features[0] == 0).all()
     assert (coarse.features[1] != 0).any()
-    (back(level, coarse).square().sum() + pooled(coarse.features, coarse.valid).sum()).backward()
+    (back(level, coarse).square().sum() + max_pool(coarse.features, coarse.valid).sum()).backward()
     for parameter in [*layer.parameters(), *back.parameters()]:
         assert torch.isfinite(parameter.grad).all()
 
@@ -149,17 +149,17 @@ def test_propagation_interpolates_and_then_applies_its_layers():
 
 def test_interpolation_gives_points_their_own_features_and_keeps_constants():
     level = toy_level(points=11, share=1)
-    own = interpolated(level, level.points)
+    own = interpolate(level, level.points)
     torch.testing.assert_close(own, level.features, rtol=1e-3, atol=1e-3)
     level = level._replace(features=torch.full_like(level.features, 2.5))
-    constant = interpolated(level, torch.rand(2, 30, 3, generator=rng(6)))
+    constant = interpolate(level, torch.rand(2, 30, 3, generator=rng(6)))
     torch.testing.assert_close(constant, torch.full_like(constant, 2.5))
 
 
 def test_pooling_takes_the_largest_of_the_valid():
     features = torch.tensor([[[1.0, -5], [3, -7], [9, 9]], [[1, 2], [3, 4], [5, 6]]])
     valid = torch.tensor([[True, True, False], [False, False, False]])
-    assert pooled(features, valid).tolist() == [[3, -5], [0, 0]]
+    assert max_pool(features, valid).tolist() == [[3, -5], [0, 0]]
 
 
 def test_every_parameter_gets_a_gradient():

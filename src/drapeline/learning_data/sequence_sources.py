@@ -1,4 +1,4 @@
-"""Sequences of a garment type: simulated samples, and static outfits that were put into motion."""
+"""Sources of sequences: simulated samples, and static outfits that were put into motion."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -11,8 +11,8 @@ from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.learning_data.sequences import GarmentSequence
 from drapeline.learning_data.skinned import load_skinned
-from drapeline.models.garment4d.data import GarmentSequence
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.remesh import RemeshTable, remeshed
 
@@ -34,14 +34,14 @@ def simulated_sequences(
     Raises:
         InputError: a file is unusable, or a garment has no table.
     """
-    found = []
+    sequences = []
     for folder, clouds_folder in zip(samples, clouds, strict=True):
         cloud = load_clouds(clouds_folder)
         if not cloud.accepted or garment not in cloud.about["garments"]:
             continue
         sample = Sample(folder)
         table, mesh, info = _table(tables, sample.id, garment), sample.mesh(garment), sample.info
-        found.append(
+        sequences.append(
             GarmentSequence(
                 name=sample.id,
                 source="simulated",
@@ -57,7 +57,7 @@ def simulated_sequences(
                 garment=partial(_posed_sample, sample, garment, table),
             )
         )
-    return found
+    return sequences
 
 
 def _posed_sample(sample: Sample, garment: str, table: RemeshTable) -> np.ndarray:
@@ -82,7 +82,7 @@ def skinned_sequences(
     Raises:
         InputError: a file is unusable, or a garment has no table.
     """
-    found = []
+    sequences = []
     for folder, shard in zip(folders, shards, strict=True):
         rest = {
             static.name: worn
@@ -94,7 +94,7 @@ def skinned_sequences(
             if garment not in one.garments:
                 continue
             table, worn = _table(tables, one.name, garment), rest[one.name]
-            found.append(
+            sequences.append(
                 GarmentSequence(
                     name=one.name,
                     source="skinned",
@@ -110,7 +110,7 @@ def skinned_sequences(
                     garment=partial(remeshed, one.garments[garment], table),
                 )
             )
-    return found
+    return sequences
 
 
 def _table(tables: Mapping[str, RemeshTable], name: str, garment: str) -> RemeshTable:

@@ -1,0 +1,328 @@
+"""Garments through sequences: those of one type, collected into arrays that are memory-mapped.
+
+All coordinates are metres relative to the root joint, Z up. Motions have 30 frames per second; a
+simulated sequence has all of its frames, a skinned one a few of them. F frames of all sequences, S
+sequences, P points of a cloud, N vertices of the template, T frames of a window, D components of
+the garment space.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.dataset.labels import LABELS
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.body_relative_points import body_relative_points
+from drapeline.registration.to_template.garment_space import fit_space, load_space
+from drapeline.rule_log import progress
+from drapeline.storage import (
+    atomic_folder,
+    create_array,
+    load_npz,
+    open_array,
+    read_json,
+    save_npz,
+    write_json,
+)
+
+SOURCES = ("simulated", "skinned")
+_PER_SEQUENCE = (
+    *("name", "source", "split", "start", "count", "shape", "gender", "canonical"),
+    "coefficients",
+)
+
+
+@dataclass(frozen=True)
+class GarmentSequence:
+    """A garment through one sequence, before it is collected.
+
+    Attributes:
+        name: of the sequence; no other of the same type has it.
+        source: "simulated", or "skinned" for a garment moved by its skinning weights.
+        split: "train", "val" or "test".
+        gender: 0 female, 1 male.
+        shape: (10,).
+        poses: (T, 72) rad.
+        number: (T,) of the frames in the motion, rising; those of skinned sequences may be some
+            frames apart.
+        points: (T, P, 3) clouds.
+        labels: (T, P) codes of `LABELS`.
+        canonical: (N, 3) the garment in the rest pose, in template topology.
+        original: the same before registration, triangles.
+        garment: gives (T, N, 3), the posed garment in template topology, when it is needed.
+    """
+
+    name: str
+    source: str
+    split: str
+    gender: int
+    shape: np.ndarray
+    poses: np.ndarray
+    number: np.ndarray
+    points: np.ndarray
+    labels: np.ndarray
+    canonical: np.ndarray
+    original: Mesh
+    garment: Callable[[], np.ndarray]
+
+
+def collect_sequences(
+    output: str | Path,
+    garment: str,
+    sequences: Sequence[GarmentSequence],
+    faces: np.ndarray,
+    components: int,
+    bodies: Mapping[str, BodyModel] | None = None,
+) -> int:
+    """Write all sequences of a type as arrays, and the shape space of the training garments.
+
+    Args:
+        output: folder, replaced as a whole.
+        garment: the type.
+        sequences: any number of any splits.
+        faces: (F, 3) of the type's template.
+        components: D of the space; fewer where there are few garments.
+        bodies: whole, by gender, to write body-relative points too; None if no network is given
+            them.
+
+    Returns:
+        Number of frames written.
+
+    Raises:
+        InputError: there are fewer than two training sequences, two sequences have one name, or
+            one does not fit the others.
+    """
+    output = Path(output)
+    _check(output, sequences)
+    counts = np.array([len(one.poses) for one in sequences])
+    total, first = int(counts.sum()), sequences[0]
+    canonical = np.stack([one.canonical for one in sequences]).astype(np.float32)
+    trained = np.array([one.split == "train" for one in sequences])
+    space = fit_space(canonical[trained], components, faces)
+    layouts = [
+        ("points", np.float32, first.points.shape[1:]),
+        ("labels", np.uint8, first.labels.shape[1:]),
+        ("garment", np.float32, first.canonical.shape),
+        # Five jobs read these; computing them takes longer than an epoch of training.
+        *([("body_relative_points", np.float32, (first.points.shape[1], 4))] if bodies else []),
+    ]
+    with atomic_folder(output) as scratch:
+        arrays = {
+            name: create_array(scratch / f"{name}.npy", dtype, (total, *shape))
+            for name, dtype, shape in layouts
+        }
+        starts = np.cumsum(counts) - counts
+        for one, start in progress(
+            zip(sequences, starts, strict=True), total=len(sequences), label="sequences"
+        ):
+            posed = one.garment()
+            _refuse_unfinite(output, one, posed)
+            values = {"points": one.points, "labels": one.labels, "garment": posed}
+            if bodies:
+                values["body_relative_points"] = _body_relative_points(one, bodies)
+            for name, value in values.items():
+                arrays[name][start : start + len(one.poses)] = value
+        for array in arrays.values():
+            array.flush()
+        save_npz(
+            scratch / "frames.npz",
+            poses=np.concatenate([one.poses for one in sequences]).astype(np.float32),
+            sequence=np.repeat(np.arange(len(sequences)), counts),
+            number=np.concatenate([one.number for one in sequences]),
+        )
+        save_npz(
+            scratch / "sequences.npz",
+            start=starts,
+            count=counts,
+            canonical=canonical,
+            coefficients=space.coefficients(canonical),
+            shape=np.stack([one.shape for one in sequences]).astype(np.float32),
+            **{
+                key: np.array([getattr(one, key) for one in sequences])
+                for key in ("name", "source", "split", "gender")
+            },
+        )
+        save_npz(
+            scratch / "originals.npz",
+            **{
+                f"{one.name}/{key}": getattr(one.original, key)
+                for one in sequences
+                if one.split != "train"
+                for key in ("vertices", "faces")
+            },
+        )
+        space.save(scratch / "space.npz")
+        write_json(scratch / "about.json", {"garment": garment})
+    return total
+
+
+def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
+    if not sequences:
+        raise InputError(f"{output}: no sequences, expected one or more")
+    first, names = sequences[0], set()
+    for one in sequences:
+        if one.name in names:
+            raise InputError(f"{output}: two sequences are named {one.name}, expected one")
+        names.add(one.name)
+        for key in ("points", "canonical"):
+            found, wanted = (getattr(x, key).shape[-2] for x in (one, first))
+            if found != wanted:
+                raise InputError(
+                    f"{output}: sequence {one.name} has {key} of {found} rows, expected"
+                    f" {wanted} as in sequence {first.name}"
+                )
+
+
+def _body_relative_points(one: GarmentSequence, bodies: Mapping[str, BodyModel]) -> np.ndarray:
+    """(T, P, 4) what `body_relative_points` adds, for the body as rounded in the files."""
+    shape, poses = (np.asarray(x, dtype=np.float32) for x in (one.shape, one.poses))
+    return body_relative_points(bodies[GENDERS[one.gender]], shape, poses, one.points)[..., 3:]
+
+
+def _refuse_unfinite(output: Path, one: GarmentSequence, posed: np.ndarray) -> None:
+    finite = np.isfinite(posed).all(axis=(1, 2)) & np.isfinite(one.points).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(
+            f"{output}: sequence {one.name} holds NaN or infinity in frame"
+            f" {int(one.number[np.argmin(finite)])}, expected metres"
+        )
+
+
+class SequenceData:
+    """All sequences of a garment type, as `collect_sequences` wrote them.
+
+    Args:
+        folder: that it wrote.
+
+    Attributes:
+        garment_type: their type.
+        label: its code in `LABELS`.
+        space: of canonical garments.
+        points, labels, garment: (F, P, 3), (F, P), (F, N, 3), memory-mapped.
+        poses, number: (F, 72) and (F,) frame numbers in the motion.
+        name, source, split, start, count: (S,) of the sequences; start is their first row.
+        shape, gender: (S, 10), (S,).
+        canonical, coefficients: (S, N, 3), (S, D).
+
+    Raises:
+        InputError: a file is missing, lacks an array, or the arrays do not agree in length.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        folder = Path(folder)
+        self.garment_type = str(read_json(folder / "about.json")["garment"])
+        self.label = LABELS.index(self.garment_type)
+        self.space = load_space(folder / "space.npz")
+        self.points, self.labels, self.garment = (
+            open_array(folder / f"{key}.npy") for key in ("points", "labels", "garment")
+        )
+        frames = load_npz(folder / "frames.npz", "poses", "sequence", "number")
+        self.poses, self.number = frames["poses"], frames["number"]
+        table = load_npz(folder / "sequences.npz", *_PER_SEQUENCE)
+        self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
+        self.start, self.count = table["start"], table["count"]
+        self.shape, self.gender = table["shape"], table["gender"]
+        self.canonical, self.coefficients = table["canonical"], table["coefficients"]
+        lengths = {len(x) for x in (self.points, self.labels, self.garment, self.poses)}
+        if lengths != {int(self.count.sum())}:
+            raise InputError(
+                f"{folder}: arrays of {', '.join(map(str, sorted(lengths)))} frames, expected"
+                f" {int(self.count.sum())} as in sequences.npz"
+            )
+        self._folder = folder
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Every array by name, for a digest of the data."""
+        keys = ("points", "labels", "garment", "poses", "number", *_PER_SEQUENCE)
+        own = {key: getattr(self, key) for key in keys}
+        return own | {f"space/{key}": value for key, value in vars(self.space).items()}
+
+    def rows(self, sequence: int) -> slice:
+        """Frames of a sequence."""
+        start = int(self.start[sequence])
+        return slice(start, start + int(self.count[sequence]))
+
+    def consecutive(self, sequence: int) -> bool:
+        """Whether a sequence has every frame of its motion, so that accelerations are known."""
+        return bool((np.diff(self.number[self.rows(sequence)]) == 1).all())
+
+    def of_split(self, split: str, sources: Sequence[str] = SOURCES) -> np.ndarray:
+        """Sequences of a split from some sources."""
+        return np.flatnonzero((self.split == split) & np.isin(self.source, sources))
+
+    @cached_property
+    def originals(self) -> dict[str, Mesh]:
+        """Name of a sequence -> canonical garment before registration; none for training."""
+        arrays = load_npz(self._folder / "originals.npz")
+        names = dict.fromkeys(key.rpartition("/")[0] for key in arrays)
+        return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}
+
+    def windows(
+        self, split: str, frames: int, stride: int, sources: Sequence[str] = SOURCES
+    ) -> np.ndarray:
+        """(W, 2) sequence and first frame within it of windows that cover every frame.
+
+        Raises:
+            InputError: see `window_starts`.
+        """
+        found = [
+            (sequence, start)
+            for sequence in self.of_split(split, sources)
+            for start in window_starts(
+                int(self.count[sequence]), frames, stride, str(self.name[sequence])
+            )
+        ]
+        return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+    def label_share(self, split: str) -> np.ndarray:
+        """(L,) of the points of a split that have each of `LABELS`."""
+        count = np.zeros(len(LABELS), dtype=np.int64)
+        for sequence in self.of_split(split):
+            count += np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+        return count / max(count.sum(), 1)
+
+    def clouds(
+        self, sequence: int, *, body_relative_points: bool, frames: slice = slice(None)
+    ) -> np.ndarray:
+        """(F, P, 3) points of frames of a sequence; (F, P, 7) if relative to the body as well."""
+        rows = self.rows(sequence)
+        points = self.points[rows][frames]
+        if not body_relative_points:
+            return points
+        return np.concatenate([points, self._body_relative_points[rows][frames]], axis=-1)
+
+    @cached_property
+    def _body_relative_points(self) -> np.ndarray:
+        return open_array(self._folder / "body_relative_points.npy")
+
+
+def window_starts(count: int, frames: int, stride: int, name: str) -> list[int]:
+    """First frames of windows; the last one is shifted back to end with the sequence, not padded.
+
+    Args:
+        count: frames of the sequence.
+        frames: T.
+        stride: from one window to the next, at most T.
+        name: of the sequence, for the error.
+
+    Raises:
+        InputError: the sequence is shorter than a window, or windows would leave out frames.
+    """
+    if count < frames:
+        raise InputError(f"sequence {name} has {count} frames, expected at least {frames}")
+    if stride > frames:
+        raise InputError(
+            f"sequence {name}: windows of {frames} frames have a stride of {stride}, expected at"
+            f" most {frames}"
+        )
+    starts = list(range(0, count - frames + 1, stride))
+    return starts if starts[-1] == count - frames else [*starts, count - frames]

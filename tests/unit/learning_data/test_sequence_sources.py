@@ -1,0 +1,104 @@
+"""Sequences of a garment type from samples and from static outfits."""
+
+import numpy as np
+import pytest
+
+from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
+from drapeline.dataset.reader import Sample
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import triangulate
+from drapeline.learning_data.sequence_sources import simulated_sequences, skinned_sequences
+from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write_skinned
+from drapeline.outfits.outfit import Garment, Outfit
+from drapeline.outfits.static import StaticOutfit, save_static
+from drapeline.registration.to_template.remesh import RemeshTable
+from tiny_sample import tube, write_tiny_sample
+
+CLOUDS = CloudSettings(points=50)
+
+
+def middles(faces):
+    """A table that puts a template vertex into the middle of every fifth triangle."""
+    corners = triangulate(faces)[::5]
+    return RemeshTable(corners, np.full(corners.shape, 1 / 3, np.float32))
+
+
+def expected_garment(vertices, table):
+    """(..., N, 3) of vertices (..., V, 3)."""
+    return vertices[..., table.corners, :].mean(axis=-2)
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory, toy_body):
+    """An accepted training sample and a rejected one; folders of samples and of their clouds."""
+    stages = tmp_path_factory.mktemp("simulated")
+    tiny = [
+        write_tiny_sample(stages, toy_body, "00001", "train"),
+        write_tiny_sample(stages, toy_body, "00002", "test", status="rejected"),
+    ]
+    clouds = [stages / "clouds" / one.folder.name for one in tiny]
+    for one, folder in zip(tiny, clouds, strict=True):
+        write_clouds(folder, one.folder, CLOUDS)
+    return tiny, [one.folder for one in tiny], clouds
+
+
+def test_accepted_samples_that_wear_the_garment_are_sequences(simulated):
+    tiny, samples, clouds = simulated
+    table = middles(tiny[0].meshes["Skirt"].faces)
+    (one,) = simulated_sequences("Skirt", samples, clouds, {"00001": table})
+    assert (one.name, one.source, one.split, one.gender) == ("00001", "simulated", "train", 0)
+    assert one.number.tolist() == list(range(6))
+    np.testing.assert_allclose(one.poses, tiny[0].poses, atol=1e-6)
+    np.testing.assert_allclose(one.shape, tiny[0].shape, atol=1e-6)
+    cloud = load_clouds(clouds[0])
+    np.testing.assert_array_equal(one.points, cloud.points)
+    np.testing.assert_array_equal(one.labels, cloud.labels)
+    with Sample(samples[0]) as sample:
+        rest, posed = sample.mesh("Skirt"), sample.vertices("Skirt", frame="root")
+    np.testing.assert_allclose(one.canonical, expected_garment(rest.vertices, table), atol=1e-5)
+    np.testing.assert_allclose(one.garment(), expected_garment(posed, table), atol=1e-5)
+    np.testing.assert_array_equal(one.original.vertices, rest.vertices)
+    np.testing.assert_array_equal(one.original.faces, rest.triangles)
+    assert simulated_sequences("Trousers", samples, clouds, {}) == []
+
+
+def test_a_sample_whose_garment_is_not_registered_is_named(simulated):
+    _, samples, clouds = simulated
+    with pytest.raises(InputError, match="00001: its Skirt is not registered, expected a remesh"):
+        simulated_sequences("Skirt", samples, clouds, {})
+
+
+def test_static_outfits_in_motion_are_sequences(simulated, tmp_path, toy_body):
+    none = np.zeros(0, np.float32)
+    skirt, top = (
+        Garment(name, m.vertices, m.faces, np.zeros((0, 2)), np.zeros((0, 4)), none, none)
+        for name, m in (("Skirt", tube(0.25, -0.6, 0.0)), ("Top", tube(0.28, 0.05, 0.35)))
+    )
+    shape = np.full(10, 0.2)
+    outfits = [
+        StaticOutfit(name, "train", Outfit(worn, shape, np.zeros(2), np.zeros(2), "female"))
+        for name, worn in (("s1", (skirt, top)), ("s2", (top,)))
+    ]
+    save_static(tmp_path / "000.npz", outfits)
+    write_skinned(
+        tmp_path / "000",
+        tmp_path / "000.npz",
+        simulated[1],
+        {"female": toy_body},
+        SkinnedSettings(frames=3, step=2, clouds=CLOUDS),
+        garments=["Skirt", "Top"],
+    )
+    table = middles(skirt.faces)
+    (one,) = skinned_sequences("Skirt", [tmp_path / "000"], [tmp_path / "000.npz"], {"s1": table})
+    written = next(iter(load_skinned(tmp_path / "000")))
+    assert (one.name, one.source, one.split, one.gender) == ("s1", "skinned", "train", 0)
+    np.testing.assert_array_equal(one.number, written.number)
+    assert np.diff(one.number).tolist() == [2, 2]
+    np.testing.assert_array_equal(one.points, written.points)
+    np.testing.assert_array_equal(one.shape, shape)
+    np.testing.assert_allclose(one.canonical, expected_garment(skirt.vertices, table), atol=1e-5)
+    posed = expected_garment(written.garments["Skirt"], table)
+    np.testing.assert_allclose(one.garment(), posed, atol=1e-5)
+    np.testing.assert_array_equal(one.original.faces, triangulate(skirt.faces))
+    with pytest.raises(InputError, match="s1: its Top is not registered"):
+        skinned_sequences("Top", [tmp_path / "000"], [tmp_path / "000.npz"], {})

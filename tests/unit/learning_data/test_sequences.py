@@ -1,0 +1,152 @@
+"""Sequences that were collected, and which windows they have."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.learning_data.body_relative_points import body_relative_points
+from drapeline.learning_data.sequences import SequenceData, collect_sequences, window_starts
+from garment4d_toys import GARMENT, save_toy_data, skirt_faces, toy_sequences
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory, toy_body):
+    folder = tmp_path_factory.mktemp("sequences") / "data"
+    return folder, save_toy_data(folder, toy_body)
+
+
+@pytest.fixture
+def data(collected):
+    return SequenceData(collected[0])
+
+
+def test_what_was_collected_comes_back_frame_by_frame(collected, data):
+    _, sequences = collected
+    assert data.garment_type == GARMENT
+    assert data.name.tolist() == [one.name for one in sequences]
+    for index, one in enumerate(sequences):
+        rows = data.rows(index)
+        np.testing.assert_array_equal(data.points[rows], one.points)
+        np.testing.assert_array_equal(data.labels[rows], one.labels)
+        np.testing.assert_array_equal(data.garment[rows], one.garment())
+        np.testing.assert_allclose(data.poses[rows], one.poses, atol=1e-6)
+        np.testing.assert_array_equal(data.number[rows], one.number)
+        np.testing.assert_array_equal(data.canonical[index], one.canonical)
+    assert data.points.filename is not None  # mapped, not read
+    rebuilt = data.space.vertices(data.coefficients)
+    train = data.of_split("train")
+    # Width and length are all that varies, so that the space holds the training garments.
+    np.testing.assert_allclose(rebuilt[train], data.canonical[train], atol=1e-3)
+
+
+def test_coefficients_have_unit_variance_over_training_only(data):
+    train = data.of_split("train")
+    first = data.coefficients[train, :2]
+    np.testing.assert_allclose(first.mean(axis=0), 0, atol=1e-4)
+    np.testing.assert_allclose(first.std(axis=0), 1, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("count", "frames", "stride", "starts"),
+    [
+        (8, 4, 4, [0, 4]),
+        (7, 4, 4, [0, 3]),
+        (9, 4, 4, [0, 4, 5]),
+        (4, 4, 2, [0]),
+        (6, 3, 1, [0, 1, 2, 3]),
+    ],
+)
+def test_windows_cover_every_frame_without_padding(count, frames, stride, starts):
+    assert window_starts(count, frames, stride, "s") == starts
+    covered = {start + k for start in starts for k in range(frames)}
+    assert covered == set(range(count))
+
+
+def test_a_sequence_shorter_than_a_window_is_named(data):
+    with pytest.raises(InputError, match="sequence 00000 has 3 frames, expected at least 4"):
+        data.windows("train", 4, 4)
+
+
+def test_a_stride_that_leaves_out_frames_is_refused(data):
+    with pytest.raises(InputError, match="of 3 frames have a stride of 4, expected at most 3"):
+        data.windows("train", 3, 4)
+
+
+def test_only_simulated_sequences_have_every_frame(data):
+    consecutive = [data.consecutive(sequence) for sequence in range(len(data))]
+    assert consecutive == (data.source == "simulated").tolist()
+
+
+def test_windows_keep_to_their_split_and_their_sources(data):
+    for split in ("train", "val", "test"):
+        windows = data.windows(split, 3, 3)
+        assert set(data.split[windows[:, 0]]) == {split}
+    simulated = data.windows("train", 3, 3, ("simulated",))
+    assert set(data.source[simulated[:, 0]]) == {"simulated"}
+    assert len(data.windows("test", 3, 3, ("skinned",))) == 0
+
+
+def test_body_relative_points_are_computed_once_for_the_body_as_read(data, toy_body, tmp_path):
+    for sequence in (0, 5):
+        rows = data.rows(sequence)
+        expected = body_relative_points(
+            toy_body, data.shape[sequence], data.poses[rows], data.points[rows]
+        )
+        np.testing.assert_array_equal(data.clouds(sequence, body_relative_points=True), expected)
+        part = data.clouds(sequence, body_relative_points=True, frames=slice(1, 3))
+        np.testing.assert_array_equal(part, expected[1:3])
+    collect_sequences(tmp_path / "data", GARMENT, toy_sequences(toy_body), skirt_faces(), 3)
+    plain = SequenceData(tmp_path / "data")
+    assert plain.clouds(0, body_relative_points=False).shape[-1] == 3
+    with pytest.raises(InputError, match=r"body_relative_points\.npy"):
+        plain.clouds(0, body_relative_points=True)
+
+
+def test_shares_of_labels_are_those_of_the_training_points(data):
+    points = np.concatenate([data.labels[data.rows(s)].ravel() for s in data.of_split("train")])
+    share = data.label_share("train")
+    assert share.sum() == pytest.approx(1)
+    for label, value in enumerate(share):
+        assert value == pytest.approx((points == label).mean())
+
+
+def test_garments_before_registration_are_kept_of_held_out_sequences_alone(collected, data):
+    _, sequences = collected
+    held_out = {one.name: one.original for one in sequences if one.split != "train"}
+    assert data.originals.keys() == held_out.keys()
+    for name, mesh in held_out.items():
+        np.testing.assert_array_equal(data.originals[name].vertices, mesh.vertices)
+        np.testing.assert_array_equal(data.originals[name].faces, mesh.faces)
+
+
+def test_bad_sequences_are_named(tmp_path, toy_body):
+    sequences = toy_sequences(toy_body)[:3]
+
+    def collect(*changed):
+        collect_sequences(tmp_path / "data", GARMENT, [*sequences, *changed], skirt_faces(), 3)
+
+    with pytest.raises(InputError, match="two sequences are named 00001"):
+        collect(sequences[1])
+    with pytest.raises(InputError, match="00009 has points of 8 rows, expected 160"):
+        collect(replace(sequences[1], name="00009", points=np.zeros((3, 8, 3))))
+    holed = sequences[1].garment().copy()
+    holed[2, 5, 0] = np.nan
+    with pytest.raises(InputError, match="00009 holds NaN or infinity in frame 16"):
+        collect(replace(sequences[1], name="00009", garment=lambda: holed))
+    with pytest.raises(InputError, match="no sequences"):
+        collect_sequences(tmp_path / "data", GARMENT, [], skirt_faces(), 3)
+    assert not (tmp_path / "data").exists()
+
+
+def test_damaged_folders_are_refused(collected, tmp_path):
+    folder = tmp_path / "data"
+    shutil.copytree(collected[0], folder)
+    np.save(folder / "labels.npy", np.zeros((3, 160), np.uint8))
+    with pytest.raises(InputError, match=r"arrays of 3, \d+ frames, expected \d+ as in"):
+        SequenceData(folder)
+    (folder / "labels.npy").write_bytes(b"no array")
+    with pytest.raises(InputError, match="not readable as an array"):
+        SequenceData(folder)
