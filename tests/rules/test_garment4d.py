@@ -7,7 +7,7 @@ from PIL import Image
 from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
-from drapeline.metrics.sequence import load_reconstruction
+from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage

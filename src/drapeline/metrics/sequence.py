@@ -5,20 +5,16 @@ nor over windows that repeat frames. Vertices are those of a garment template, i
 frame that prediction and truth share.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import area_distance_mm, inside_measures
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, save_npz
 
 MODEL = "garment4d"
 FPS = 30.0
@@ -49,88 +45,6 @@ class Measured(NamedTuple):
     sequence: str
     garment: str
     measures: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Reconstruction:
-    """Frames of a sequence with every step of their reconstruction, for pictures.
-
-    All vertices are in metres and relative to the root joint, Z up.
-
-    Attributes:
-        name: of the sequence.
-        garment: its type.
-        faces: (n, 3) of the garment's template.
-        canonical: (N, 3) as estimated.
-        proposal: (F, N, 3), the canonical garment skinned: equation 1 without displacements.
-        final: (F, N, 3), with them.
-        true: (F, N, 3), or no frames for a scan without ground truth.
-        true_canonical: (N, 3), or no vertices.
-        points: (F, P, 3) input clouds.
-        labels: (F, P) predicted indices into `dataset.labels.LABELS`.
-        body: (F, V, 3) whole body.
-        rest_body: (V, 3) in the pose of the canonical garment.
-        body_faces: (f, 3).
-        root_rotation: (F, 3) axis-angle of the body's root joint, rad.
-        root_height: (F,) metres of the root joint above the floor.
-        number: (F,) of the frames in their sequence, rising.
-    """
-
-    name: str
-    garment: str
-    faces: np.ndarray
-    canonical: np.ndarray
-    proposal: np.ndarray
-    final: np.ndarray
-    true: np.ndarray
-    true_canonical: np.ndarray
-    points: np.ndarray
-    labels: np.ndarray
-    body: np.ndarray
-    rest_body: np.ndarray
-    body_faces: np.ndarray
-    root_rotation: np.ndarray
-    root_height: np.ndarray
-    number: np.ndarray
-
-    def save(self, path: str | Path) -> None:
-        """Write one `.npz`."""
-        save_npz(path, **vars(self))
-
-
-def load_reconstruction(path: str | Path) -> Reconstruction:
-    """Read what `Reconstruction.save` wrote.
-
-    Raises:
-        InputError: the file is missing or lacks an array.
-    """
-    names = list(Reconstruction.__dataclass_fields__)
-    arrays = load_npz(path, *names)
-    values = {name: arrays[name] for name in names}
-    words = {name: str(values[name]) for name in ("name", "garment")}
-    return Reconstruction(**{**values, **words})
-
-
-def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Path]]:
-    """Of each type the first test sequence; names of simulated ones come before the others'.
-
-    Args:
-        folders: a folder of reconstructions per type.
-
-    Returns:
-        The files of the paper's network and of ours, for every type that has any.
-
-    Raises:
-        InputError: no type has one.
-    """
-    folders = list(folders)
-    ours = [path for folder in folders for path in sorted(Path(folder).glob("*_ours.npz"))[:1]]
-    if not ours:
-        raise InputError(
-            f"{folders[0]}: no sequence of any type is in the test split, expected one or"
-            " more; ask for more samples or for a larger share"
-        )
-    return [(path.with_name(path.name.replace("_ours", "")), path) for path in ours]
 
 
 def vertex_errors_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:

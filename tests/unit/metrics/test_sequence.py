@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 
-from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.sequence import (
     CONTACT_EVERY,
     Measured,
     MovingBody,
-    Reconstruction,
     acceleration_error_m_s2,
     canonical_measures,
-    first_reconstructions,
     inside_means,
-    load_reconstruction,
     segmentation_accuracy,
     sequence_measures,
     sequence_summary,
@@ -24,7 +20,6 @@ from drapeline.metrics.sequence import (
 )
 from drapeline.metrics.table import HIGH, LOW, find_value
 from drapeline.seeding import rng_for
-from drapeline.storage import save_npz
 
 
 @pytest.fixture
@@ -188,36 +183,3 @@ def test_summary_weighs_sequences_alike_and_leaves_out_what_has_no_meaning():
     smooth = find_value(rows, "posed", "test", "Skirt", "acceleration_error_m_s2")
     assert (smooth.value, smooth.n, smooth.unit) == (0.5, 2, "m/s^2")
     assert rows == sequence_summary(measured, variant="posed", split="test", seed=1)
-
-
-def test_reconstructions_survive_a_file(tmp_path):
-    rng = rng_for(0, "garment4d file")
-    arrays = {
-        name: rng.normal(size=(2, 3))
-        for name in Reconstruction.__dataclass_fields__
-        if name not in ("name", "garment")
-    }
-    made = Reconstruction(name="00001", garment="Skirt", **{**arrays, "true": np.zeros((0, 3))})
-    made.save(tmp_path / "r.npz")
-    back = load_reconstruction(tmp_path / "r.npz")
-    assert (back.name, back.garment) == ("00001", "Skirt")
-    assert back.true.shape == (0, 3)
-    np.testing.assert_array_equal(back.number, made.number)
-    save_npz(tmp_path / "r.npz", name="00001")
-    with pytest.raises(InputError, match="garment"):
-        load_reconstruction(tmp_path / "r.npz")
-
-
-def test_of_each_type_with_a_reconstruction_the_first_is_shown_in_both_variants(tmp_path):
-    folders = [tmp_path / name for name in ("Skirt", "Tshirt", "Trousers")]
-    for folder, names in zip(folders, (["00002", "00001"], [], ["x"]), strict=True):
-        folder.mkdir()
-        for name in names:
-            for file in (f"{name}.npz", f"{name}_ours.npz"):
-                (folder / file).touch()
-    assert first_reconstructions(folders) == [
-        (folders[0] / "00001.npz", folders[0] / "00001_ours.npz"),
-        (folders[2] / "x.npz", folders[2] / "x_ours.npz"),
-    ]
-    with pytest.raises(InputError, match="Tshirt: no sequence of any type is in the test split"):
-        first_reconstructions(iter(folders[1:2]))

@@ -12,6 +12,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics import sequence as metrics
+from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.metrics.sequence import Measured
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
@@ -195,7 +196,7 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
 
-    def shown(self, sequence: int, made: ReconstructedGarment) -> metrics.Reconstruction:
+    def shown(self, sequence: int, made: ReconstructedGarment) -> Reconstruction:
         """A reconstruction with all that figures need."""
         data, rows = self.data, self.data.rows(sequence)
         return build_reconstruction(
@@ -350,7 +351,7 @@ def evaluate(
         splits: to evaluate; sweeps and noisy bodies are of the test split alone.
         settings, refining: see there.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
-            `metrics.sequence.Reconstruction`; replaced as a whole.
+            `Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code.
     """
     data, table = sequences.data, []

@@ -15,7 +15,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.learning_data.sequences import window_starts
-from drapeline.metrics import sequence as metrics
+from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
@@ -288,7 +288,7 @@ def build_reconstruction(
     number: np.ndarray,
     true: np.ndarray | None = None,
     true_canonical: np.ndarray | None = None,
-) -> metrics.Reconstruction:
+) -> Reconstruction:
     """A reconstruction with all that figures need; the floor is below the lowest vertex.
 
     Args:
@@ -301,7 +301,7 @@ def build_reconstruction(
         true, true_canonical: (F, N, 3) and (N, 3); None for scans.
     """
     vertices = posed_vertices(body.model, body.shape, poses)[0]
-    return metrics.Reconstruction(
+    return Reconstruction(
         name=name,
         garment=garment,
         faces=faces,

@@ -12,6 +12,7 @@ from drapeline.dataset.scans import ScanSequence
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.metrics import sequence as metrics
+from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.posed_stage import PosedStage
@@ -46,7 +47,7 @@ class ScannedGarment(NamedTuple):
     canonical: np.ndarray
     final: np.ndarray
     rows: list[MetricRow]
-    shown: metrics.Reconstruction
+    shown: Reconstruction
 
 
 def reconstruct_scans(

@@ -12,7 +12,8 @@ from trimesh.creation import icosahedron
 
 from drapeline.dataset.labels import LABELS
 from drapeline.geometry.mesh import edges
-from drapeline.metrics.sequence import Reconstruction, vertex_errors_mm
+from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.metrics.sequence import vertex_errors_mm
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.animated_png import save_moving
 from drapeline.rendering.camera import Camera, look_at

@@ -56,5 +56,7 @@ def test_a_garment_s_weights_are_those_of_the_skin_beneath(toy_body):
     weights = body.weights(canonical, skirt_faces(), SkinningSettings(neighbours=1, passes=0))
     assert weights.shape == (60, 24)
     rest = posed_vertices(toy_body, body.shape, REST_POSE[None])[0][0]
-    nearest = np.linalg.norm(canonical[:, None] - rest, axis=-1).argmin(axis=1)
-    np.testing.assert_allclose(weights, toy_body.weights[nearest], atol=1e-6)
+    away = np.linalg.norm(canonical[:, None] - rest, axis=-1)
+    for row, distance in zip(weights, away, strict=True):  # several may be as near
+        nearest = toy_body.weights[distance < distance.min() + 1e-6]
+        assert np.abs(nearest - row).max(axis=1).min() < 1e-6

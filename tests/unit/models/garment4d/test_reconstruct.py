@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.metrics.sequence import load_reconstruction
+from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
 from drapeline.models.garment4d.body_input import SkinningSettings

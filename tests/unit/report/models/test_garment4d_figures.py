@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import REST_POSE
-from drapeline.metrics.sequence import Reconstruction
+from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.rendering.picture_grid import heat_parts
 from drapeline.report.models import garment4d_figures as figures
 from drapeline.report.models.garment4d_figures import (
