@@ -9,8 +9,9 @@ from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.splits import SPLITS
 from drapeline.frames import GENDERS
 from drapeline.learning_data.sequences import SequenceData
-from drapeline.models.garment4d.body_input import BodySet, SkinningSettings
-from drapeline.models.garment4d.dressed import proposals
+from drapeline.models.garment4d.body_input import BodySet
+from drapeline.models.garment4d.dressed import propose_garment
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d_figures import SkinnedTwice, plot_neighbours
@@ -34,9 +35,8 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
         poses = data.poses[data.rows(sequence)]
         frame = int(np.abs(poses[:, _HIP_AND_KNEE]).sum(axis=1).argmax())
         body, worn = sequences.body(sequence), data.canonical[sequence]
-        transforms = body.transforms(poses[frame][None])[None]
         posed = [
-            proposals(worn[None], body.weights(worn, data.space.faces, how)[None], transforms)[0, 0]
+            propose_garment(body, poses[frame][None], worn, data.space.faces, how)[0]
             for how in (replace(many, neighbours=1, passes=0), many)
         ]
         vertices = posed_vertices(body.model, body.shape, poses[frame][None])[0][0]

@@ -1,11 +1,10 @@
-"""Known bodies in motion: what networks are given of them, and how garments follow them.
+"""Known bodies in motion: what networks are given of them.
 
-Coordinates are metres relative to the root joint, Z up. M body vertices that networks are given, N
-vertices of a garment, F frames.
+Coordinates are metres relative to the root joint, Z up. M body vertices that networks are given, F
+frames.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,27 +14,9 @@ from scipy import sparse
 from drapeline.bodies.model import BodyModel, shaped
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.skinning import skin
-from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.body_relative_points import joint_transforms
 from drapeline.models.layers.point_search import farthest_points
-
-
-@dataclass(frozen=True)
-class SkinningSettings:
-    """How proposals get their skinning weights (equation 2).
-
-    Attributes:
-        neighbours: K, body vertices that weights are interpolated from.
-        passes: of Laplacian smoothing.
-        power: of the inverse distance, 1 or 2.
-        coincident: "vertex", a body vertex at no distance counts alone; "released", not at all.
-    """
-
-    neighbours: int = 256
-    passes: int = 100
-    power: int = 1
-    coincident: str = "vertex"
 
 
 class BodySurface:
@@ -108,21 +89,6 @@ class PosedBody:
     def transforms(self, poses: np.ndarray) -> np.ndarray:
         """(F, 24, 4, 4) float32 motions of the joints' parts from the rest pose to poses."""
         return joint_transforms(self.model, self.shape, poses)
-
-    def weights(
-        self, canonical: np.ndarray, faces: np.ndarray, settings: SkinningSettings
-    ) -> np.ndarray:
-        """(N, 24) float32 interpolated skinning weights of a canonical garment (N, 3)."""
-        return interpolated_weights(
-            canonical,
-            faces,
-            rest_body(self.model, self.shape),
-            self.model.weights,
-            settings.neighbours,
-            settings.passes,
-            power=settings.power,
-            coincident=settings.coincident,
-        )
 
 
 class BodySet:

@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from drapeline.models.garment4d.body_input import SkinningSettings
+from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.weight_transfer import interpolated_weights
+from drapeline.models.garment4d.body_input import PosedBody
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.layers.lbs import linear_blend_skinning
 from drapeline.models.training.byte_cache import ByteCache, count_bytes
@@ -40,7 +43,9 @@ class DressedSequences(BodySequences):
         if sequence in self._weights:
             return self._weights[sequence]
         faces = self.data.space.faces
-        weights = self.body(sequence).weights(self.canonical[sequence], faces, self.skinning)
+        weights = skinning_weights(
+            self.body(sequence), self.canonical[sequence], faces, self.skinning
+        )
         self._weights.add(sequence, weights)
         return weights
 
@@ -90,6 +95,29 @@ class DressedSequences(BodySequences):
         return *body.pose_surface(poses), body.transforms(poses)
 
 
+def skinning_weights(
+    body: PosedBody, canonical: np.ndarray, faces: np.ndarray, settings: SkinningSettings
+) -> np.ndarray:
+    """(N, 24) float32 weights of a canonical garment, interpolated from a body's (equation 2).
+
+    Args:
+        body: that wears it.
+        canonical: (N, 3) garment in the rest pose.
+        faces: (E, 3) of the garment.
+        settings: of the interpolation.
+    """
+    return interpolated_weights(
+        canonical,
+        faces,
+        rest_body(body.model, body.shape),
+        body.model.weights,
+        settings.neighbours,
+        settings.passes,
+        power=settings.power,
+        coincident=settings.coincident,
+    )
+
+
 def proposals(canonical: np.ndarray, weights: np.ndarray, transforms: np.ndarray) -> np.ndarray:
     """(B, T, N, 3) interpolated linear blend skinning of canonical garments (equation 1).
 
@@ -101,3 +129,15 @@ def proposals(canonical: np.ndarray, weights: np.ndarray, transforms: np.ndarray
     with torch.no_grad():
         tensors = map(torch.from_numpy, (canonical, weights, transforms))
         return linear_blend_skinning(*tensors).numpy()
+
+
+def propose_garment(
+    body: PosedBody,
+    poses: np.ndarray,
+    canonical: np.ndarray,
+    faces: np.ndarray,
+    settings: SkinningSettings,
+) -> np.ndarray:
+    """(F, N, 3) proposals of a canonical garment on a body in poses (F, 72)."""
+    weights = skinning_weights(body, canonical, faces, settings)
+    return proposals(canonical[None], weights[None], body.transforms(poses)[None])[0]

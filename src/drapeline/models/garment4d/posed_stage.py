@@ -8,7 +8,6 @@ import numpy as np
 import torch
 
 from drapeline.learning_data.sequences import SequenceData, window_starts
-from drapeline.models.garment4d.body_input import SkinningSettings
 from drapeline.models.garment4d.canonical import CanonicalNetwork, CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import DressedSequences
@@ -21,7 +20,7 @@ from drapeline.models.garment4d.posed import (
     PosedWeights,
     posed_loss,
 )
-from drapeline.models.garment4d.settings import StageSettings
+from drapeline.models.garment4d.settings import SkinningSettings, StageSettings
 from drapeline.models.garment4d.stage import Stage, distance_mm, window_keys
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.layers.pointnet import PointLevel

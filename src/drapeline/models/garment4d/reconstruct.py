@@ -16,10 +16,10 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.learning_data.sequences import window_starts
 from drapeline.metrics.reconstructions import Reconstruction
-from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings
+from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.dressed import proposals
+from drapeline.models.garment4d.dressed import proposals, propose_garment, skinning_weights
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.refine import (
     RefineSettings,
@@ -27,6 +27,7 @@ from drapeline.models.garment4d.refine import (
     fit_to_points,
     measure_worn_garments,
 )
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
 
 _BATCH = 4  # windows at once
@@ -146,7 +147,7 @@ def reconstruct(
     started = time.perf_counter()
     windows = _Windows(len(points), frames_of_window, stride)
     canonical = estimated.canonical
-    weights = body.weights(canonical, faces, skinning or stage.settings.skinning)
+    weights = skinning_weights(body, canonical, faces, skinning or stage.settings.skinning)
     transforms = body.transforms(poses)
     proposal = proposals(canonical[None], weights[None], transforms[None])[0]
     vertices, normals = body.pose_surface(poses)
@@ -337,15 +338,18 @@ def training_worn_statistics(
     if not len(chosen):
         return None
 
-    def proposal(sequence: int) -> np.ndarray:
-        canonical, body = data.canonical[sequence], sequences.body(sequence)
-        weights = body.weights(canonical, data.space.faces, skinning)
-        transforms = body.transforms(data.poses[data.rows(sequence)])
-        return proposals(canonical[None], weights[None], transforms[None])[0]
-
     return measure_worn_garments(
         (data.garment[data.rows(sequence)] for sequence in chosen),
-        (proposal(sequence) for sequence in chosen),
+        (
+            propose_garment(
+                sequences.body(sequence),
+                data.poses[data.rows(sequence)],
+                data.canonical[sequence],
+                data.space.faces,
+                skinning,
+            )
+            for sequence in chosen
+        ),
         (data.canonical[sequence] for sequence in chosen),
         data.space.faces,
     )

@@ -6,7 +6,6 @@ from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.learning_data.sequences import SOURCES
-from drapeline.models.garment4d.body_input import SkinningSettings
 from drapeline.models.garment4d.canonical import Abstraction
 from drapeline.models.training.module import Training
 
@@ -27,6 +26,23 @@ class Garment4dTraining(Training):
     frames: int = 10
     stride: int = 10
     sources: tuple[str, ...] = SOURCES
+
+
+@dataclass(frozen=True)
+class SkinningSettings:
+    """How proposals get their skinning weights (equation 2).
+
+    Attributes:
+        neighbours: K, body vertices that weights are interpolated from.
+        passes: of Laplacian smoothing.
+        power: of the inverse distance, 1 or 2.
+        coincident: "vertex", a body vertex at no distance counts alone; "released", not at all.
+    """
+
+    neighbours: int = 256
+    passes: int = 100
+    power: int = 1
+    coincident: str = "vertex"
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,13 @@ from typing import Any, ClassVar
 
 import torch
 
-from drapeline.models.garment4d.body_input import SkinningSettings
 from drapeline.models.garment4d.losses import CotangentLaplacian
-from drapeline.models.garment4d.settings import Garment4dTraining, StageSettings, parse_settings
+from drapeline.models.garment4d.settings import (
+    Garment4dTraining,
+    SkinningSettings,
+    StageSettings,
+    parse_settings,
+)
 from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import TrainableModule, plain

@@ -7,10 +7,9 @@ import numpy as np
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.garment4d.body_input import BodySet, BodySurface, SkinningSettings
+from drapeline.models.garment4d.body_input import BodySet, BodySurface
 from drapeline.seeding import rng_for
-from garment4d_toys import skirt_faces, toy_bodies
-from tiny_sample import tube
+from garment4d_toys import toy_bodies
 
 
 def test_body_points_and_normals_are_those_of_the_whole_body(toy_body):
@@ -48,15 +47,3 @@ def test_bodies_of_both_genders_show_the_same_vertices(toy_body):
     vertices, normals = body.rest_surface
     np.testing.assert_allclose(vertices, whole[0, arrays["male/chosen"]], atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
-
-
-def test_a_garment_s_weights_are_those_of_the_skin_beneath(toy_body):
-    body = BodySet(toy_bodies(toy_body), 30).of(0, np.zeros(10))
-    canonical = tube(0.25, -0.4, 0.05, 12, 5).vertices
-    weights = body.weights(canonical, skirt_faces(), SkinningSettings(neighbours=1, passes=0))
-    assert weights.shape == (60, 24)
-    rest = posed_vertices(toy_body, body.shape, REST_POSE[None])[0][0]
-    away = np.linalg.norm(canonical[:, None] - rest, axis=-1)
-    for row, distance in zip(weights, away, strict=True):  # several may be as near
-        nearest = toy_body.weights[distance < distance.min() + 1e-6]
-        assert np.abs(nearest - row).max(axis=1).min() < 1e-6

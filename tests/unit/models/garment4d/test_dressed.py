@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.kinematics import rest_to_pose
+from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import REST_POSE
-from drapeline.models.garment4d.body_input import PosedBody, SkinningSettings
-from drapeline.models.garment4d.dressed import DressedSequences
+from drapeline.models.garment4d.body_input import PosedBody
+from drapeline.models.garment4d.dressed import DressedSequences, propose_garment, skinning_weights
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.registration.to_body.dynamic_offsets import moved
+from garment4d_toys import skirt_faces
 
 SKINNING = SkinningSettings(neighbours=16, passes=5)
 
@@ -58,6 +61,14 @@ def test_other_garments_change_proposals_but_not_the_truth(sequences, dressed):
         np.testing.assert_array_equal(again[key], before[key])
 
 
+def test_a_garment_is_proposed_as_in_batches(dressed):
+    data = dressed.data
+    poses = data.poses[data.rows(4)][1:4]
+    made = propose_garment(dressed.body(4), poses, data.canonical[4], data.space.faces, SKINNING)
+    batch = dressed.batch(np.array([[4, 1]]), 3)
+    np.testing.assert_allclose(made, batch["proposal"][0], atol=1e-6)
+
+
 @pytest.mark.parametrize("rooms", [0, 1.5, 100])
 def test_motions_that_are_not_kept_are_computed_for_the_frames_asked_for(
     sequences, rooms, monkeypatch
@@ -96,9 +107,20 @@ def test_motions_that_are_not_kept_are_computed_for_the_frames_asked_for(
 
 def test_weights_are_interpolated_once(dressed, monkeypatch):
     first = dressed.weights(4)
-    expected = dressed.body(4).weights(
-        dressed.data.canonical[4], dressed.data.space.faces, SKINNING
-    )
+    canonical, faces = dressed.data.canonical[4], dressed.data.space.faces
+    expected = skinning_weights(dressed.body(4), canonical, faces, SKINNING)
     np.testing.assert_array_equal(first, expected)
-    monkeypatch.setattr(PosedBody, "weights", None)
+    monkeypatch.setattr("drapeline.models.garment4d.dressed.skinning_weights", None)
     assert dressed.weights(np.int64(4)) is first
+
+
+def test_weights_copied_from_one_neighbour_are_those_of_the_skin_beneath(sequences, toy_body):
+    body, canonical = sequences.body(4), sequences.data.canonical[4]
+    copied = SkinningSettings(neighbours=1, passes=0)
+    weights = skinning_weights(body, canonical, skirt_faces(), copied)
+    assert weights.shape == (60, 24)
+    rest = rest_body(toy_body, body.shape)
+    away = np.linalg.norm(canonical[:, None] - rest, axis=-1)
+    for row, distance in zip(weights, away, strict=True):  # several may be as near
+        nearest = toy_body.weights[distance < distance.min() + 1e-6]
+        assert np.abs(nearest - row).max(axis=1).min() < 1e-6

@@ -14,8 +14,7 @@ from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.body_input import SkinningSettings
-from drapeline.models.garment4d.dressed import proposals
+from drapeline.models.garment4d.dressed import propose_garment
 from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
@@ -25,6 +24,7 @@ from drapeline.models.garment4d.reconstruct import (
     training_worn_statistics,
 )
 from drapeline.models.garment4d.refine import RefineSettings
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.seeding import rng_for
 from garment4d_stages import build_canonical
 from garment4d_toys import (
@@ -79,10 +79,9 @@ def given(data, sequences):
 def test_without_displacements_the_result_is_the_skinned_canonical_garment(identity, given):
     made = reconstruct(identity, **given)
     np.testing.assert_allclose(made.final, made.proposal, atol=1e-6)
-    body = given["body"]
-    weights = body.weights(made.canonical, identity.space.faces, identity.settings.skinning)
-    expected = proposals(made.canonical[None], weights[None], body.transforms(given["poses"])[None])
-    np.testing.assert_allclose(made.proposal, expected[0], atol=1e-6)
+    faces, skinning = identity.space.faces, identity.settings.skinning
+    expected = propose_garment(given["body"], given["poses"], made.canonical, faces, skinning)
+    np.testing.assert_allclose(made.proposal, expected, atol=1e-6)
     assert made.labels.shape == given["points"].shape[:2]
 
 
@@ -184,9 +183,8 @@ def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_po
     )
     np.testing.assert_allclose(after[..., :3], points, atol=1e-6)
     np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=2e-3)
-    weights = body.weights(canonical, data.space.faces, SkinningSettings(16, 5))
     before, after = (
-        proposals(canonical[None], weights[None], body.transforms(x)[None])[0]
+        propose_garment(body, x, canonical, data.space.faces, SkinningSettings(16, 5))
         for x in (given["poses"], poses)
     )
     np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
@@ -226,10 +224,13 @@ def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, g
     true = data.garment[data.rows(sequence)]
     made = reconstruct(identity, **given)
     # The true canonical garment and the true labels, so that only the sway is left to find.
-    body = given["body"]
-    weights = body.weights(data.canonical[sequence], data.space.faces, identity.settings.skinning)
-    transforms = body.transforms(given["poses"])
-    proposal = proposals(data.canonical[sequence][None], weights[None], transforms[None])[0]
+    proposal = propose_garment(
+        given["body"],
+        given["poses"],
+        data.canonical[sequence],
+        data.space.faces,
+        identity.settings.skinning,
+    )
     made = made._replace(
         labels=data.labels[data.rows(sequence)],
         canonical=data.canonical[sequence],
