@@ -68,7 +68,6 @@ UNTESTED = {
     "geometry/closest",
     "geometry/sparse",
     "models/compare",
-    "models/gcvae/conditioning",
     "models/gcvae/refiner",
     "outfits/patterns/lower",
     "outfits/patterns/panels",
