@@ -11,7 +11,7 @@ from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.garment_space import load_space
-from drapeline.registration.to_template.template_tables import load_tables
+from drapeline.registration.to_template.remesh_table import load_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

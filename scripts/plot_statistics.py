@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.report.dataset.records import accepted_records
 from drapeline.report.dataset.statistics import (
     plot_actions,
     plot_bodies,
@@ -9,7 +10,6 @@ from drapeline.report.dataset.statistics import (
     plot_splits,
     plot_vertices,
 )
-from drapeline.report.dataset.tables import accepted_records
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.outfits.static import load_static
-from drapeline.registration.to_body.registrar import Registrar, register_shard, write_errors
+from drapeline.registration.error_table import write_errors
+from drapeline.registration.to_body.registrar import Registrar, register_shard
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
 from drapeline.storage import save_npz

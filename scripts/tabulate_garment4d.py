@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drapeline.registration.to_template.template_tables import ERRORS
+from drapeline.registration.error_table import FILE_NAME
 from drapeline.report.models.garment4d_tables import write_beside_paper, write_garment4d_page
 from drapeline.rule_log import rule_log
 
@@ -15,7 +15,7 @@ with rule_log(snakemake.log[0]):
     write_garment4d_page(
         snakemake.output.page,
         given.metrics,
-        [Path(fits) / ERRORS for fits in given.fits],
+        [Path(fits) / FILE_NAME for fits in given.fits],
         body_relative_points=snakemake.params.body_relative_points,
         balanced=snakemake.params.balanced > 0,
         pulled=snakemake.params.pulled > 0,

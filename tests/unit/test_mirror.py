@@ -58,7 +58,7 @@ COVERED_BY = {
     "registration/to_template/remesh": "unit/registration/to_template/test_garment_template.py",
     "rendering/camera": "unit/rendering/test_modalities.py",
     "rendering/contact_sheet": "unit/report/dataset/test_gallery.py",
-    "report/dataset/tables": "unit/report/dataset/test_statistics.py",
+    "report/dataset/records": "unit/report/dataset/test_statistics.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
     "report/registration/registration_table": "rules/test_make_static_outfits.py",
 }

@@ -1,7 +1,6 @@
 """Collect the accepted samples into split folders, with tables of all samples and the card."""
 
-import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,9 @@ from drapeline.dataset.card import dataset_card
 from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.statistics import action_table, garment_table, overview_table
+from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
-from drapeline.storage import atomic_file, atomic_folder, link_or_copy
+from drapeline.storage import atomic_folder, link_or_copy
 
 _LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # the smallest value of these is the worst
 
@@ -99,16 +99,3 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
         worst = "min" if name.endswith(_LOW_PERCENTILES) else "max"
         row[f"{name}_{worst}"] = f"{values[worst]:.6g}"
     return row
-
-
-def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as tab-separated values, with the columns of all rows in order of appearance."""
-    columns = list(dict.fromkeys(column for row in rows for column in row))
-    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
-        writer = csv.DictWriter(
-            stream, columns, restval="", delimiter="\t", lineterminator="\n", quotechar='"'
-        )
-        writer.writeheader()
-        writer.writerows(
-            {key: " ".join(str(value).split()) for key, value in row.items()} for row in rows
-        )

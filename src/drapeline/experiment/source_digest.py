@@ -1,8 +1,9 @@
-"""Which code a rule script runs: a digest that changes when the result may change."""
+"""Which code a rule's script runs: a digest that changes when its results may change."""
 
 import ast
 import hashlib
 import json
+import re
 import sys
 from contextlib import suppress
 from functools import cache
@@ -13,32 +14,38 @@ from drapeline.storage import write_json
 
 PACKAGE = "drapeline"
 DATA_SUFFIXES = {".html", ".yaml"}
+FILE_NAME = re.compile(r"[\w.-]+")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 class Sources:
-    """The package's files as they are now; each is read once, for most are shared by many rules.
+    """The package's files as they are now. Each is read once, since most serve many rules.
 
     Args:
         folder: holds the package's folder.
-        memory: JSON file that keeps what texts come to from one run to the next, for parsing them
-            takes seconds; None to keep nothing. One that cannot be read or written does no harm.
+        memory: JSON file that keeps the parsed files from one run to the next, because parsing
+            takes seconds; None keeps nothing. A file that cannot be read or written is ignored.
     """
 
     def __init__(self, folder: str | Path, memory: str | Path | None = None) -> None:
         self._folder = Path(folder)
         self._memory = None if memory is None else Path(memory)
-        self._known = _remembered(self._memory)
-        self._used: dict[str, _Parsed] = {}
-        self._parsed = cache(self._parse)
+        self._known = _load_memory(self._memory)
+        self._used: dict[str, _Code] = {}
+        self._data_files = [
+            path
+            for path in sorted((self._folder / PACKAGE).rglob("*"))
+            if path.suffix in DATA_SUFFIXES
+        ]
+        self._code = cache(self._read_code)
         self._imports = cache(self._find_imports)
+        self._data = cache(self._find_data)
         self._module_file = cache(self._find_module)
 
     def digest(self, script: str | Path) -> str:
-        """Digest of a script and of all the package's modules that it imports, however deep.
+        """Digest of a script and of every file of the package that it uses.
 
-        Comments, layout and docstrings do not count. Data files (YAML, HTML) beside an imported
-        module, or in folders below it, count as part of it.
+        Comments, layout and docstrings do not count.
 
         Args:
             script: a Python file that imports from the package.
@@ -49,44 +56,47 @@ class Sources:
         Raises:
             FileNotFoundError: an import of the package names no module.
         """
-        digest = hashlib.sha256(self._parsed(Path(script)).code.encode())
+        digest = hashlib.sha256(self._code(Path(script)).digest.encode())
         for path in sorted(self.imported_files(script)):
             digest.update(path.name.encode())
             text = path.suffix == ".py"
-            digest.update(self._parsed(path).code.encode() if text else path.read_bytes())
+            digest.update(self._code(path).digest.encode() if text else path.read_bytes())
         return digest.hexdigest()[:12]
 
     def imported_files(self, script: str | Path) -> set[Path]:
-        """Files of the package that `script` imports, directly or through others."""
-        found: set[Path] = set()
+        """Files of the package that a script uses.
+
+        They are the modules it imports, directly or through others, and the data files (YAML, HTML)
+        beside or below such a module that the module names: by their own name or by that of a
+        folder that holds them.
+        """
+        modules: set[Path] = set()
         waiting = [Path(script)]
         while waiting:
             for module in self._imports(waiting.pop()):
-                if module not in found:
-                    found.add(module)
+                if module not in modules:
+                    modules.add(module)
                     waiting.append(module)
-        folders = {path.parent for path in found if path.parent != self._folder / PACKAGE}
-        data = {p for folder in folders for p in folder.rglob("*") if p.suffix in DATA_SUFFIXES}
-        return found | data
+        return modules.union(*map(self._data, modules))
 
     def remember(self) -> None:
-        """Keep what was found for the next run."""
+        """Keep what was parsed for the next run."""
         if self._memory is None or self._used.keys() <= self._known.keys():
             return
         with suppress(OSError):
             self._memory.parent.mkdir(parents=True, exist_ok=True)
             write_json(self._memory, self._used)
 
-    def _parse(self, path: Path) -> "_Parsed":
+    def _read_code(self, path: Path) -> "_Code":
         text = path.read_text()
-        # What code is printed as depends on the interpreter.
+        # Different interpreters print the same code differently.
         key = hashlib.sha256(f"{sys.version_info} {text}".encode()).hexdigest()
-        self._used[key] = self._known.get(key) or _parsed(text)
+        self._used[key] = self._known.get(key) or _parse(text)
         return self._used[key]
 
     def _find_imports(self, path: Path) -> list[Path]:
         found = []
-        for module, inner in self._parsed(path).imports:
+        for module, inner in self._code(path).imports:
             # `from drapeline.outfits import cuts` may name a module rather than a function.
             names = [f"{module}.{name}" for name in inner]
             for name in [n for n in names if self._module_file(n)] or [module]:
@@ -95,6 +105,15 @@ class Sources:
                     raise FileNotFoundError(f"{name}: no such module under {self._folder}")
                 found.append(file)
         return found
+
+    def _find_data(self, module: Path) -> list[Path]:
+        names = self._code(module).names
+        return [
+            path
+            for path in self._data_files
+            if path.is_relative_to(module.parent)
+            and not set(names).isdisjoint(path.relative_to(module.parent).parts)
+        ]
 
     def _find_module(self, name: str) -> Path | None:
         base = self._folder.joinpath(*name.split("."))
@@ -111,33 +130,65 @@ class _Import(NamedTuple):
     names: tuple[str, ...]
 
 
-class _Parsed(NamedTuple):
-    """What a text comes to: digest of the code without docstrings, imports of the package."""
+class _Code(NamedTuple):
+    """What counts of a Python file.
 
-    code: str
+    Attributes:
+        digest: of the code without docstrings.
+        imports: from the package.
+        names: string constants that may name a file or a folder.
+    """
+
+    digest: str
     imports: tuple[_Import, ...]
+    names: tuple[str, ...]
 
 
-def _parsed(text: str) -> _Parsed:
+def _parse(text: str) -> _Code:
     tree = ast.parse(text)
-    imports: list[_Import] = []
     for node in ast.walk(tree):
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            node.body[0] = ast.Pass()
+    imports: list[_Import] = []
+    names = set()
+    unseen = _type_checking_nodes(tree)
+    for node in ast.walk(tree):
+        if id(node) in unseen:
+            continue
         if isinstance(node, ast.Import):
             imports += [_Import(alias.name, ()) for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             imports.append(_Import(node.module, tuple(alias.name for alias in node.names)))
-        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-            node.body[0] = ast.Pass()
-    ours = tuple(i for i in imports if i.module.split(".")[0] == PACKAGE)
-    return _Parsed(hashlib.sha256(ast.unparse(tree).encode()).hexdigest(), ours)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            names.add(node.value)
+    return _Code(
+        hashlib.sha256(ast.unparse(tree).encode()).hexdigest(),
+        tuple(i for i in imports if i.module.split(".")[0] == PACKAGE),
+        tuple(sorted(filter(FILE_NAME.fullmatch, names))),
+    )
 
 
-def _remembered(memory: Path | None) -> dict[str, _Parsed]:
+def _type_checking_nodes(tree: ast.Module) -> set[int]:
+    """Identities of the nodes that only type checkers see."""
+    return {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
+
+
+def _load_memory(memory: Path | None) -> dict[str, _Code]:
     try:
         entries = {} if memory is None else json.loads(memory.read_text())
         return {
-            key: _Parsed(code, tuple(_Import(module, tuple(names)) for module, names in imports))
-            for key, (code, imports) in entries.items()
+            key: _Code(
+                digest,
+                tuple(_Import(module, tuple(inner)) for module, inner in imports),
+                tuple(names),
+            )
+            for key, (digest, imports, names) in entries.items()
         }
     except (OSError, ValueError, TypeError, AttributeError):
         return {}

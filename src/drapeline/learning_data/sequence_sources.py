@@ -14,7 +14,7 @@ from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.sequences import GarmentSequence
 from drapeline.learning_data.skinned import load_skinned
 from drapeline.outfits.static import load_static
-from drapeline.registration.to_template.remesh import RemeshTable, remeshed
+from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
 
 
 def simulated_sequences(
@@ -52,7 +52,7 @@ def simulated_sequences(
                 number=np.arange(sample.frame_count),
                 points=cloud.points,
                 labels=cloud.labels,
-                canonical=remeshed(mesh.vertices, table),
+                canonical=remesh(mesh.vertices, table),
                 original=Mesh(mesh.vertices, mesh.triangles),
                 garment=partial(_posed_sample, sample, garment, table),
             )
@@ -62,7 +62,7 @@ def simulated_sequences(
 
 def _posed_sample(sample: Sample, garment: str, table: RemeshTable) -> np.ndarray:
     with sample:
-        return remeshed(sample.vertices(garment, frame="root"), table)
+        return remesh(sample.vertices(garment, frame="root"), table)
 
 
 def skinned_sequences(
@@ -105,9 +105,9 @@ def skinned_sequences(
                     number=one.number,
                     points=one.points,
                     labels=one.labels,
-                    canonical=remeshed(worn.vertices, table),
+                    canonical=remesh(worn.vertices, table),
                     original=Mesh(worn.vertices, triangulate(worn.faces)),
-                    garment=partial(remeshed, one.garments[garment], table),
+                    garment=partial(remesh, one.garments[garment], table),
                 )
             )
     return sequences

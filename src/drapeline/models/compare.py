@@ -14,7 +14,7 @@ from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_template.garment_space import GarmentSpace
-from drapeline.registration.to_template.remesh import RemeshTable, remeshed
+from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 
@@ -61,7 +61,7 @@ def compare_representations(
 
     def on_template(row: int, vertices: np.ndarray) -> Mesh:
         name = GARMENTS[data.garment[row]]
-        return Mesh(remeshed(vertices, tables[name][data.outfit[row]]), spaces[name].faces)
+        return Mesh(remesh(vertices, tables[name][data.outfit[row]]), spaces[name].faces)
 
     def by_space(row: int, vertices: np.ndarray) -> Mesh:
         space, mesh = spaces[GARMENTS[data.garment[row]]], on_template(row, vertices)

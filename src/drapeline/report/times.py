@@ -4,9 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from drapeline.dataset.collect import write_table
+from drapeline.dataset.tables import read_table, write_table
 from drapeline.errors import InputError
-from drapeline.report.dataset.tables import read_table
 from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.style import BLUE, GREEN, ORANGE, label_bar, saved_figure, say_nothing_to_show
 

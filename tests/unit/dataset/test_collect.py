@@ -3,7 +3,7 @@ import csv
 import numpy as np
 import pytest
 
-from drapeline.dataset.collect import collect_dataset, write_table
+from drapeline.dataset.collect import collect_dataset
 from drapeline.dataset.reader import Cloth3D
 from drapeline.errors import InputError
 from drapeline.storage import read_json, write_json
@@ -104,8 +104,3 @@ def test_unusable_samples_are_named(tmp_path, toy_body):
     with pytest.raises(InputError, match=r"meta.json: lacks motion"):
         collect_dataset([folder], tmp_path / "dataset")
     assert not (tmp_path / "dataset").exists()
-
-
-def test_a_table_keeps_one_line_per_row(tmp_path):
-    write_table(tmp_path / "t.tsv", [{"a": "two\nlines\tand a tab"}, {"a": 1, "b": "x"}])
-    assert (tmp_path / "t.tsv").read_text() == "a\tb\ntwo lines and a tab\t\n1\tx\n"

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import pytest
 
 from drapeline.dataset.collect import collect_dataset
-from drapeline.report.dataset.tables import accepted_records
+from drapeline.report.dataset.records import accepted_records
 from tiny_sample import write_tiny_sample
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,15 +13,13 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import boundary_edges, triangulate
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
+from drapeline.registration.error_table import Measure, error_rows
 from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
 from drapeline.registration.to_body.nicp import NicpSettings, Surface, laid_on
-from drapeline.registration.to_body.round_trip import Measure, round_trip
+from drapeline.registration.to_body.round_trip import round_trip
 from drapeline.registration.to_body.skirt_tube import SkirtTube
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_file
-
-COLUMNS = ("garment", "name", "metric", "value", "unit")
 
 
 class Registration(NamedTuple):
@@ -127,22 +124,3 @@ def register_shard(
     keys = ("offsets", "mask", "shape", "gender", "tightness", "garment", "outfit", "split")
     columns = zip(*rows, strict=True)
     return {key: np.array(column) for key, column in zip(keys, columns, strict=True)}, errors
-
-
-def error_rows(garment: str, name: str, measures: Sequence[Measure]) -> list[dict[str, Any]]:
-    """Rows of the long form for one garment."""
-    return [
-        {"garment": garment, "name": name, "metric": m.metric, "value": m.value, "unit": m.unit}
-        for m in measures
-    ]
-
-
-def write_errors(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the long form as tab-separated values."""
-    with atomic_file(path) as scratch:
-        lines = ["\t".join(COLUMNS)]
-        for row in rows:
-            lines.append(
-                "\t".join([*(str(row[c]) for c in COLUMNS[:3]), f"{row['value']:.6g}", row["unit"]])
-            )
-        scratch.write_text("\n".join(lines) + "\n")

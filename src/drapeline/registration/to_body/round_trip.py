@@ -1,29 +1,14 @@
 """What a garment loses on its way to offsets and back."""
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import boundary_edges, edge_graph, face_normals, faces_within
+from drapeline.registration.error_table import Measure
 from drapeline.registration.to_body.correspondence import Correspondence
 
 LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
-
-
-class Measure(NamedTuple):
-    """One row of the long form.
-
-    Attributes:
-        metric: name, with its unit.
-        value: of one garment.
-        unit: of the value.
-    """
-
-    metric: str
-    value: float
-    unit: str
 
 
 def surface_distance(

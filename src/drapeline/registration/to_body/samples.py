@@ -11,8 +11,9 @@ from drapeline.bodies.weight_transfer import garment_weights
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.geometry.mesh import faces_within
+from drapeline.registration.error_table import FILE_NAME, error_rows, write_errors
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
-from drapeline.registration.to_body.registrar import Registrar, error_rows, write_errors
+from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.topology import Topology
 from drapeline.storage import atomic_folder, write_json
 
@@ -71,4 +72,4 @@ def _register(
                 weights=weights[vertex],
             ).save(folder / f"{name}.npz")
             errors += error_rows(name, sequence.id, done.measures)
-    write_errors(folder / "metrics.tsv", errors)
+    write_errors(folder / FILE_NAME, errors)

@@ -21,24 +21,13 @@ from drapeline.geometry.mesh import (
     vertex_normals,
 )
 from drapeline.registration.to_template.garment_template import GarmentTemplate
+from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
 from drapeline.registration.to_template.template_fit import Fit, FitTarget
 
 _RIM_M = 0.02
 _TURN_M = 0.1  # a place may be this much further away if it faces a radian better
 _REPAIRS = 20
 _REPAIRS_PER_RING = 5
-
-
-class RemeshTable(NamedTuple):
-    """Where each template vertex lies on a source garment.
-
-    Attributes:
-        corners: (N, 3) int32 source vertices.
-        shares: (N, 3) float32, rows sum to 1.
-    """
-
-    corners: np.ndarray
-    shares: np.ndarray
 
 
 class Residual(NamedTuple):
@@ -150,7 +139,7 @@ def _turned_back(table: RemeshTable, fit: Fit, template: GarmentTemplate) -> Rem
         # At the point of a neckline the mean of all neighbours would lie beyond the cloth.
         around = (graph, within)[attempt % 2][moved]
         count = np.maximum(np.asarray(around.sum(axis=1)), 1)
-        places, normals = (around @ remeshed(values, table) / count for values in (fit.rest, own))
+        places, normals = (around @ remesh(values, table) / count for values in (fit.rest, own))
         corners, shares = table.corners.copy(), table.shares.copy()
         corners[moved], shares[moved] = _closest(places, normals, fit.rest, fit.triangles)
         table = RemeshTable(corners, shares)
@@ -171,17 +160,12 @@ def flipped_faces(
         faces: (F, 3) of the template.
         vertices, triangles: (V, 3) and (G, 3) of the source.
     """
-    places = remeshed(vertices, table)
+    places = remesh(vertices, table)
     own = face_normals(places, faces)
     _, face = closest_points(places[faces].mean(axis=1), vertices, triangles)
     near = face_normals(vertices, triangles[face])
-    corners = remeshed(vertex_normals(vertices, triangles), table)[faces].sum(axis=1)
+    corners = remesh(vertex_normals(vertices, triangles), table)[faces].sum(axis=1)
     return ((own * near).sum(axis=1) < 0) & ((own * corners).sum(axis=1) < 0)
-
-
-def remeshed(cloth: np.ndarray, table: RemeshTable) -> np.ndarray:
-    """Source vertices (..., V, 3) of any frame in the template's topology: (..., N, 3)."""
-    return (cloth[..., table.corners, :] * table.shares[..., None]).sum(axis=-2)
 
 
 def residual(
@@ -196,7 +180,7 @@ def residual(
     """
     vertices = np.asarray(vertices, dtype=np.float64)
     triangles = triangulate(np.asarray(faces))
-    new = remeshed(vertices, table).astype(np.float64)
+    new = remesh(vertices, table).astype(np.float64)
     place, _ = closest_points(vertices, new, template.faces)
     there = 1000 * np.linalg.norm(vertices - place, axis=1)
     pairs = edges(template.faces)

@@ -1,4 +1,4 @@
-"""Registration of many garments to the templates of their types, and its files."""
+"""Registration of many garments to the templates of their types, written to files."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -7,15 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drapeline.errors import InputError
-from drapeline.registration.to_body.registrar import error_rows, write_errors
-from drapeline.registration.to_body.round_trip import Measure
+from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
 from drapeline.registration.to_template.garment_template import GarmentTemplate
-from drapeline.registration.to_template.remesh import RemeshTable, Residual, remesh_table, residual
+from drapeline.registration.to_template.remesh import Residual, remesh_table, residual
+from drapeline.registration.to_template.remesh_table import RemeshTable
 from drapeline.registration.to_template.template_fit import FitSettings, FitTarget, fit_to_template
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, load_npz, save_npz
+from drapeline.storage import atomic_folder, save_npz
 
-ERRORS = "metrics.tsv"
 _UNITS = {"mm": "mm", "faces": "count"}
 
 
@@ -71,7 +70,7 @@ def write_tables(
     with atomic_folder(folder) as scratch:
         for garment, arrays in tables.items():
             save_npz(scratch / f"{garment}.npz", **arrays)
-        write_errors(scratch / ERRORS, errors)
+        write_errors(scratch / FILE_NAME, errors)
     return len(wanted)
 
 
@@ -80,25 +79,3 @@ def _measures(found: Residual) -> list[Measure]:
         Measure(name, float(value), _UNITS[name.rpartition("_")[2]])
         for name, value in found._asdict().items()
     ]
-
-
-def load_tables(folders: Iterable[str | Path], garment: str) -> dict[str, RemeshTable]:
-    """Remesh tables of the garments of one type, by the name of their outfit or sample.
-
-    Args:
-        folders: as `write_tables` leaves them.
-        garment: the type.
-
-    Raises:
-        InputError: a file is missing or a garment lacks one of the two arrays.
-    """
-    found = {}
-    for folder in folders:
-        path = Path(folder) / f"{garment}.npz"
-        arrays = load_npz(path)
-        for name in dict.fromkeys(key.rpartition("/")[0] for key in arrays):
-            for key in RemeshTable._fields:
-                if f"{name}/{key}" not in arrays:
-                    raise InputError(f"{path}: lacks {name}/{key}, expected it for every garment")
-            found[name] = RemeshTable(*(arrays[f"{name}/{key}"] for key in RemeshTable._fields))
-    return found

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from drapeline.dataset.record import SampleRecord
+from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
-from drapeline.report.dataset.tables import read_table
 from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.style import (
     BLUE,

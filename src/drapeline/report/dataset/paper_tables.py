@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from drapeline.dataset.statistics import NO_ACTION
-from drapeline.report.dataset.tables import read_table
+from drapeline.dataset.tables import read_table
 from drapeline.report.html import Cell, html_table, write_page
 
 OURS = "This dataset"

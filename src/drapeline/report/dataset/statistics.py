@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 
 from drapeline.dataset.record import SampleRecord
 from drapeline.dataset.splits import SPLITS
+from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
-from drapeline.report.dataset.tables import read_table
 from drapeline.report.style import (
     BLUE,
     FABRIC_COLOURS,

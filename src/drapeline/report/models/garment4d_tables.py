@@ -8,17 +8,17 @@ import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from drapeline.dataset.tables import read_table
 from drapeline.metrics.sequence import MODEL
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value, read_metrics
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.report.dataset.tables import read_table
+from drapeline.registration.error_table import COLUMNS
 from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.registration.registration_table import summarised
 from drapeline.storage import atomic_file
 
 OURS, THEIRS = "This dataset", "Garment4D (other data)"
 REGISTRATION_TARGET_MM = 5.0
-_REGISTRATION_COLUMNS = ("garment", "name", "metric", "value", "unit")
 
 _CANONICAL = {
     "mean_garment": "Mean garment of the training set",
@@ -140,7 +140,7 @@ def write_garment4d_page(
         InputError: a table is missing or unusable.
     """
     rows = [row for row in read_metrics(metrics) if row.model == MODEL and row.split == "test"]
-    residuals = [row for part in registration for row in read_table(part, _REGISTRATION_COLUMNS)]
+    residuals = [row for part in registration for row in read_table(part, COLUMNS)]
     added = (
         (_BODY_RELATIVE_POINTS, body_relative_points),
         (_BALANCED, balanced),

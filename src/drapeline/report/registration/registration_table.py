@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.dataset.collect import write_table
+from drapeline.dataset.tables import read_table, write_table
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.dataset.tables import read_table
+from drapeline.registration.error_table import COLUMNS, FILE_NAME
 from drapeline.report.html import Cell, html_table, write_page
 
 TARGET_MM = 3.0
-_COLUMNS = ("garment", "name", "metric", "value", "unit")
 # What is shown of a metric over garments: its mean where nothing is said.
 _SUMMED = {"holes_before", "islands_before", "holes_after", "islands_after"}
 _LARGEST = {"garment_to_rebuilt_max_mm", "rebuilt_to_garment_max_mm"}
@@ -67,10 +66,10 @@ def write_registration_tables(
     Raises:
         InputError: a table is missing or lacks a column.
     """
-    tables = [path for path in (Path(s) / "metrics.tsv" for s in samples) if path.is_file()]
+    tables = [path for path in (Path(s) / FILE_NAME for s in samples) if path.is_file()]
     parts = {
-        "static": [row for path in static for row in read_table(path, _COLUMNS)],
-        "samples": [row for path in tables for row in read_table(path, _COLUMNS)],
+        "static": [row for path in static for row in read_table(path, COLUMNS)],
+        "samples": [row for path in tables for row in read_table(path, COLUMNS)],
     }
     summary = {source: summarised(rows, source) for source, rows in parts.items()}
     write_table(table, [row for rows in summary.values() for row in rows])

@@ -7,13 +7,8 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import boundary_loops, triangulate
 from drapeline.registration.to_template.front_opening import front_strip
 from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
-from drapeline.registration.to_template.remesh import (
-    RemeshTable,
-    flipped_faces,
-    remesh_table,
-    remeshed,
-    residual,
-)
+from drapeline.registration.to_template.remesh import flipped_faces, remesh_table, residual
+from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
 from drapeline.registration.to_template.template_fit import (
     Equation3,
     FitSettings,
@@ -47,7 +42,7 @@ def template():
 def test_a_template_fits_onto_itself(template):
     fit = fit_to_template(template.vertices, template.faces, template, FitSettings(iterations=0))
     table = remesh_table(fit, template)
-    np.testing.assert_allclose(remeshed(template.vertices, table), template.vertices, atol=2e-3)
+    np.testing.assert_allclose(remesh(template.vertices, table), template.vertices, atol=2e-3)
     assert residual(template.vertices, template.faces, template, table).flipped_faces == 0
 
 
@@ -63,7 +58,7 @@ def test_a_template_fits_onto_itself(template):
 def test_a_skirt_keeps_its_surface_ends_and_sides(template, source):
     vertices, triangles = skirt(**source)
     table = remesh_table(fit_to_template(vertices, triangles, template), template)
-    new = remeshed(vertices, table)
+    new = remesh(vertices, table)
     found = residual(vertices, triangles, template, table)
     # Chords of the two polygons around lie this far within a circle.
     radius_mm = 1000 * np.hypot(vertices[:, 0], vertices[:, 1]).max()
@@ -98,9 +93,9 @@ def test_frames_follow_affine_motions_one_by_one_or_together(template):
     rng = np.random.default_rng(0)
     turn, shift = rng.normal(0, 1, (3, 3)), rng.normal(0, 1, 3)
     frames = np.stack([vertices, vertices @ turn + shift])
-    both = remeshed(frames, table)
+    both = remesh(frames, table)
     np.testing.assert_allclose(both[1], both[0] @ turn + shift, atol=1e-6)
-    np.testing.assert_array_equal(both[1], remeshed(frames[1], table))
+    np.testing.assert_array_equal(both[1], remesh(frames[1], table))
 
 
 def test_the_numbering_of_the_source_does_not_matter(template):
@@ -109,7 +104,7 @@ def test_the_numbering_of_the_source_does_not_matter(template):
     shuffled, back = vertices[order], np.argsort(order)
     settings = FitSettings(iterations=5)
     first, second = (
-        remeshed(v, remesh_table(fit_to_template(v, f, template, settings), template))
+        remesh(v, remesh_table(fit_to_template(v, f, template, settings), template))
         for v, f in ((vertices, triangles), (shuffled, back[triangles][::-1]))
     )
     np.testing.assert_allclose(first, second, atol=2e-3)

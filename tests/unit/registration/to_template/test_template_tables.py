@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.registration.to_template.remesh import remeshed
+from drapeline.registration.error_table import FILE_NAME
+from drapeline.registration.to_template.remesh_table import load_tables, remesh
 from drapeline.registration.to_template.template_fit import FitSettings
-from drapeline.registration.to_template.template_tables import (
-    ERRORS,
-    NamedGarment,
-    load_tables,
-    write_tables,
-)
-from drapeline.storage import load_npz, save_npz
+from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
 from template_toys import toy_skirt, toy_template
 
 
@@ -40,11 +35,11 @@ def test_tables_carry_every_garment_of_a_type_and_its_residuals(folder, template
     assert set(tables) == {"s1", "s2"}
     for name, radius, low, around in (("s1", 0.25, -0.4, 20), ("s2", 0.2, -0.7, 26)):
         vertices, _ = toy_skirt(radius, low, around=around)
-        new = remeshed(vertices, tables[name])
+        new = remesh(vertices, tables[name])
         assert new.shape == template.vertices.shape
         assert new[:, 2].min() == pytest.approx(low, abs=1e-3)
         assert new[:, 2].max() == pytest.approx(0, abs=1e-3)
-    with open(folder / ERRORS, newline="") as stream:
+    with open(folder / FILE_NAME, newline="") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
     assert {(row["garment"], row["name"]) for row in rows} == {("Skirt", "s1"), ("Skirt", "s2")}
     assert {row["unit"] for row in rows if row["metric"].endswith("_mm")} == {"mm"}
@@ -62,10 +57,3 @@ def test_a_garment_without_an_opening_is_named(tmp_path, template):
             FitSettings(),
         )
     assert not (tmp_path / "fits").exists()
-
-
-def test_a_table_without_shares_is_refused(folder):
-    arrays = load_npz(folder / "Skirt.npz")
-    save_npz(folder / "Skirt.npz", **{k: v for k, v in arrays.items() if k != "s2/shares"})
-    with pytest.raises(InputError, match="lacks s2/shares"):
-        load_tables([folder], "Skirt")

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from drapeline.errors import InputError
+from drapeline.report.dataset.records import accepted_records
 from drapeline.report.dataset.statistics import (
     plot_actions,
     plot_bodies,
@@ -12,7 +13,6 @@ from drapeline.report.dataset.statistics import (
     plot_splits,
     plot_vertices,
 )
-from drapeline.report.dataset.tables import accepted_records
 
 OF_TABLES = [plot_garments, plot_actions, plot_splits]
 OF_RECORDS = [plot_bodies, plot_vertices]

@@ -1,12 +1,25 @@
-"""The dataset's tables and records as the report's figures need them."""
+"""Tab-separated tables with a heading."""
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from drapeline.dataset.record import SampleRecord, read_record
-from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
+from drapeline.storage import atomic_file
+
+
+def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as tab-separated values, with the columns of all rows in order of appearance."""
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
+        writer = csv.DictWriter(
+            stream, columns, restval="", delimiter="\t", lineterminator="\n", quotechar='"'
+        )
+        writer.writeheader()
+        writer.writerows(
+            {key: " ".join(str(value).split()) for key, value in row.items()} for row in rows
+        )
 
 
 def read_table(path: str | Path, columns: Iterable[str] = ()) -> list[dict[str, str]]:
@@ -30,14 +43,3 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> list[dict[str, 
     if rows and missing:
         raise InputError(f"{path}: lacks column {', '.join(missing)}; it has {', '.join(found)}")
     return rows
-
-
-def accepted_records(dataset: str | Path) -> list[SampleRecord]:
-    """Records of the accepted samples of a collected dataset, by id.
-
-    Raises:
-        InputError: the folder is no dataset, or a record is unusable.
-    """
-    dataset = Path(dataset)
-    folders = [path for split in SPLITS for path in (dataset / split).glob("*") if path.is_dir()]
-    return sorted((read_record(folder) for folder in folders), key=lambda r: r.meta["id"])
