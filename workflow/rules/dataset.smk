@@ -1,3 +1,11 @@
+EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
+DEFAULT_TARGETS += [f"{RESULTS}/dataset"]
+
+
+wildcard_constraints:
+    format="|".join(EXPORT_FORMATS),
+
+
 rule write_sample:
     input:
         body=sample_body,
@@ -28,7 +36,7 @@ rule write_sample:
 
 rule collect_dataset:
     input:
-        per_sample("{results}/samples/{sample}"),
+        per_sample(f"{RESULTS}/samples/{{sample}}"),
     output:
         dataset=directory(f"{RESULTS}/dataset"),
     log:

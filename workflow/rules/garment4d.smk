@@ -1,26 +1,147 @@
+from drapeline.experiment.checks import planned_sequences, require_sequences
 from drapeline.models.garment4d.variants import posed_variants
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
 
 G4D = f"{RESULTS}/garment4d"
+# Shards of static outfits that the networks learn from besides simulated samples.
+SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
+# Samples that wear a type which the networks learn.
+TEMPLATE_WEARERS = [
+    sample
+    for sample, planned in SAMPLES.items()
+    if set(planned.outfit_type.split("+")) & set(TEMPLATE_TYPES)
+]
 TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in TEMPLATE_TYPES}
 TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
     *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
 ]
+PROTOCOL = config["garment4d"]["protocol"]
+# Sequences of each type, sampled as the config says.
+SEQUENCES = {garment: f"{G4D}/{garment}/data_{PROTOCOL}" for garment in TEMPLATE_TYPES}
 # Whether networks ask where on the known body points are.
-BODY_RELATIVE_POINTS = config["garment4d"]["canonical"]["network"]["body_relative_points"]
+BODY_RELATIVE_POINTS = config["garment4d"]["canonical"]["network"][
+    "body_relative_points"
+]
 POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
 # Which trained models of the posed stage each evaluation holds.
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
-GARMENT4D_FILES = [
-    f"{RESULTS}/report/representations.html",
-    *expand(
-        f"{RESULTS}/report/garment4d_{{name}}",
-        name=[
-            *["metrics.html", "steps.png", "results.png", "moving.png"],
-            *["explained.svg", "modes.png", "skinning.png"],
-        ],
-    ),
+METRIC_TABLES["metrics"] += [
+    f"garment4d_{garment}_default" for garment in TEMPLATE_TYPES
 ]
+METRIC_TABLES["metrics_garment4d_ablations"] = [
+    f"garment4d_{garment}_ablations" for garment in TEMPLATE_TYPES
+]
+
+
+def own_template(wildcards):
+    """The user's own OBJ that garments of this type are registered to."""
+    own = config["garment4d"]["template"]["files"].get(wildcards.garment)
+    return {"own": own} if own else {}
+
+
+def cloud_settings(wildcards):
+    """How point clouds are taken; static outfits in motion follow the config's protocol."""
+    return {
+        "protocol": wildcards.get("protocol", PROTOCOL),
+        **config["garment4d"]["clouds"],
+        "seed": config["seed"],
+    }
+
+
+def garment_sequences(wildcards):
+    """Clouds of one protocol; those of static outfits follow the config's."""
+    shards = SKINNED if wildcards.protocol == PROTOCOL else []
+    return {
+        "samples": [f"{RESULTS}/samples/{sample}" for sample in TEMPLATE_WEARERS],
+        "clouds": [
+            f"{G4D}/clouds_{wildcards.protocol}/{sample}" for sample in TEMPLATE_WEARERS
+        ],
+        "skinned": [f"{G4D}/skinned/{shard}" for shard in shards],
+        "shards": [f"{RESULTS}/static/outfits/{shard}.npz" for shard in shards],
+    }
+
+
+def stage_sequences(stage=None):
+    """Input function: sequences of a type, after a check that the plan has enough for a stage.
+
+    Without a stage it is the one that the wildcard `posed` names.
+    """
+
+    def checked(wildcards):
+        name = stage or posed_stage(wildcards)
+        skinned = config["garment4d"]["skinned"]
+        training = config["garment4d"][name]["training"]
+        require_sequences(
+            wildcards.garment,
+            planned_sequences(
+                wildcards.garment,
+                SAMPLES.values(),
+                [plan for shard in SKINNED for plan in STATIC[shard]],
+                frames=skinned["frames"],
+                step=skinned["step"],
+            ),
+            stage=name,
+            sources=training["sources"],
+            window=training["frames"],
+        )
+        return SEQUENCES[wildcards.garment]
+
+    return checked
+
+
+def posed_stage(wildcards):
+    """The stage that a posed model is a variant of: the posed one, or its baseline."""
+    return "mgn" if wildcards.posed == "mgn" else "posed"
+
+
+def stage_settings(stage):
+    """Settings of a network of Garment4D, by group."""
+    own, posed = config["garment4d"][stage], config["garment4d"]["posed"]
+    settings = {
+        "network": own["network"],
+        "loss": own.get("loss", posed["loss"]),
+        "training": {**own["training"], "seed": config["seed"]},
+    }
+    if stage == "posed":
+        settings["skinning"] = config["garment4d"]["skinning"]
+    if stage == "canonical":
+        points = config["garment4d"]["clouds"]["points"]
+        settings["network"] = {**own["network"], "points": points}
+    return settings
+
+
+def posed_settings(wildcards):
+    return stage_settings(posed_stage(wildcards))
+
+
+def posed_variants_of(wildcards):
+    """Variants of the posed stage that an evaluation holds."""
+    return POSED_MODELS[wildcards.models]
+
+
+def posed_models(wildcards):
+    """Trained models of the posed stage that an evaluation holds."""
+    return [
+        f"{G4D}/{wildcards.garment}/{variant}"
+        for variant in posed_variants_of(wildcards)
+    ]
+
+
+def evaluated_sequences(wildcards):
+    """Sequences of a type; for the ablations with points as in the released code too."""
+    sequences = {"data": SEQUENCES[wildcards.garment]}
+    if wildcards.models == "ablations":
+        sequences["vertex_sampled"] = f"{G4D}/{wildcards.garment}/data_vertices"
+    return sequences
+
+
+def evaluation_settings(wildcards):
+    """Figures 8 to 10 are part of the ablations alone."""
+    settings = {**config["garment4d"]["evaluation"], "seed": config["seed"]}
+    if wildcards.models == "default":
+        settings |= dict.fromkeys(("neighbours", "missing", "accuracy"), [])
+    return settings
 
 
 wildcard_constraints:
@@ -34,11 +155,7 @@ wildcard_constraints:
 rule make_garment_template:
     input:
         unpack(own_template),
-        **{f"{gender}_body": body_file(gender) for gender in GENDERS},
-        **{
-            f"{gender}_templates": f"{RESULTS}/templates/{gender}.npz"
-            for gender in GENDERS
-        },
+        **DRESS_FORMS,
     output:
         f"{G4D}/{{garment}}/template.npz",
     log:
@@ -264,7 +381,7 @@ rule evaluate_garment4d:
         mem_mb=3000,
         runtime=240,
     params:
-        posed=lambda wildcards: POSED_MODELS[wildcards.models],
+        posed=posed_variants_of,
         splits=EVALUATED_SPLITS,
         settings=evaluation_settings,
         refine=lookup(dpath="garment4d/refine", within=config),
@@ -274,58 +391,5 @@ rule evaluate_garment4d:
         "../../scripts/evaluate_garment4d.py"
 
 
-rule compare_representations:
-    input:
-        **{
-            garment: f"{G4D}/{garment}/data_{config['garment4d']['protocol']}"
-            for garment in TEMPLATE_TYPES
-        },
-        data=static_data(*EVALUATED_SPLITS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
-        fits=expand(f"{G4D}/fits/static/{{shard}}", shard=STATIC),
-        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/svae_ours"],
-    output:
-        f"{RESULTS}/metrics/representations.tsv",
-    log:
-        f"{LOGS}/compare_representations.log",
-    benchmark:
-        f"{BENCHMARKS}/compare_representations.tsv"
-    conda:
-        "../../envs/train.yaml"
-    threads: 1
-    resources:
-        mem_mb=4000,
-        runtime=60,
-    params:
-        components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
-        split=EVALUATED_SPLITS[0],
-        seed=config["seed"],
-        code=source_hash("compare_representations"),
-    script:
-        "../../scripts/compare_representations.py"
-
-
-rule tabulate_representations:
-    input:
-        f"{RESULTS}/metrics/representations.tsv",
-    output:
-        report(
-            f"{RESULTS}/report/representations.html",
-            caption="../report/representations.rst",
-            category="Garment4D",
-            labels={"shows": "the same garments through all codes"},
-        ),
-    log:
-        f"{LOGS}/tabulate_representations.log",
-    benchmark:
-        f"{BENCHMARKS}/tabulate_representations.tsv"
-    conda:
-        "../../envs/report.yaml"
-    threads: 1
-    resources:
-        mem_mb=500,
-        runtime=10,
-    params:
-        code=source_hash("tabulate_representations"),
-    script:
-        "../../scripts/tabulate_representations.py"
+include: "garment4d_figures.smk"
+include: "garment4d_reconstruct.smk"

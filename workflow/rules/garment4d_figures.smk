@@ -1,3 +1,12 @@
+DEFAULT_TARGETS += expand(
+    f"{RESULTS}/report/garment4d_{{name}}",
+    name=[
+        *["metrics.html", "steps.png", "results.png", "moving.png"],
+        *["explained.svg", "modes.png", "skinning.png"],
+    ],
+)
+
+
 rule tabulate_garment4d:
     input:
         metrics=f"{RESULTS}/{{table}}.tsv",
@@ -14,6 +23,8 @@ rule tabulate_garment4d:
         f"{LOGS}/tabulate_garment4d/{{table}}.log",
     benchmark:
         f"{BENCHMARKS}/tabulate_garment4d/{{table}}.tsv"
+    wildcard_constraints:
+        table="metrics|metrics_garment4d_ablations",
     conda:
         "../../envs/report.yaml"
     threads: 1
@@ -21,7 +32,9 @@ rule tabulate_garment4d:
         mem_mb=500,
         runtime=10,
     params:
-        body_relative_points=lookup(dpath="garment4d/canonical/network/body_relative_points", within=config),
+        body_relative_points=lookup(
+            dpath="garment4d/canonical/network/body_relative_points", within=config
+        ),
         balanced=lookup(dpath="garment4d/canonical/loss/balance", within=config),
         pulled=lookup(dpath="garment4d/posed/network/pull_neighbours", within=config),
         smoothed=lookup(dpath="garment4d/posed/network/smooth_passes", within=config),
@@ -94,10 +107,7 @@ rule animate_garment4d:
 
 rule plot_garment_spaces:
     input:
-        **{
-            garment: f"{G4D}/{garment}/data_{config['garment4d']['protocol']}"
-            for garment in TEMPLATE_TYPES
-        },
+        **SEQUENCES,
     output:
         explained=report(
             f"{RESULTS}/report/garment4d_explained.svg",
@@ -131,7 +141,7 @@ rule plot_garment_spaces:
 rule plot_skinning:
     input:
         **WHOLE_BODIES,
-        data=f"{G4D}/Skirt/data_{config['garment4d']['protocol']}",
+        data=SEQUENCES["Skirt"],
     output:
         report(
             f"{RESULTS}/report/garment4d_skinning.png",

@@ -1,3 +1,35 @@
+from dataclasses import asdict
+
+
+def gender_body(wildcards):
+    return body_file(wildcards.gender)
+
+
+def sample_templates(wildcards):
+    return f"{RESULTS}/templates/{SAMPLES[wildcards.sample].gender}.npz"
+
+
+def own_garment_files(wildcards):
+    """The user's own OBJ files among the garments of this sample."""
+    own = config["outfits"]["own_garments"]
+    garments = SAMPLES[wildcards.sample].outfit_type.split("+")
+    return [own[garment] for garment in garments if garment in own]
+
+
+def shard_plans(wildcards):
+    """The plans of a shard's static outfits."""
+    return [asdict(plan) for plan in STATIC[wildcards.shard]]
+
+
+# What garments are cut from and fitted to, for both genders at once.
+DRESS_FORMS = {
+    **{f"{gender}_body": body_file(gender) for gender in GENDERS},
+    **{
+        f"{gender}_templates": f"{RESULTS}/templates/{gender}.npz" for gender in GENDERS
+    },
+}
+
+
 rule build_templates:
     input:
         body=gender_body,
@@ -51,3 +83,31 @@ rule make_outfit:
         code=source_hash("make_outfit"),
     script:
         "../../scripts/make_outfit.py"
+
+
+rule make_static_outfits:
+    input:
+        **DRESS_FORMS,
+    output:
+        arrays=f"{RESULTS}/static/outfits/{{shard}}.npz",
+        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
+    log:
+        f"{LOGS}/make_static_outfits/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/make_static_outfits/{{shard}}.tsv"
+    priority: LONG_CHAIN
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        seed=config["seed"],
+        plans=shard_plans,
+        shape_range=lookup(dpath="body/shape_range", within=config),
+        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
+        tightness_range=lookup(dpath="outfits/tightness_range", within=config),
+        code=source_hash("make_static_outfits"),
+    script:
+        "../../scripts/make_static_outfits.py"

@@ -1,4 +1,8 @@
-REGISTRATION_FILES = expand(
+SUPER_BODIES = {
+    gender: f"{RESULTS}/registration/body/{gender}.npz" for gender in GENDERS
+}
+TOPOLOGY = f"{RESULTS}/registration/topology.npz"
+DEFAULT_TARGETS += expand(
     f"{RESULTS}/report/{{name}}",
     name=["registration.html", "registration.png", "topologies.png", "hierarchy.png"],
 )
@@ -31,7 +35,7 @@ rule build_super_body:
 
 rule build_hierarchy:
     input:
-        topology=f"{RESULTS}/registration/topology.npz",
+        topology=TOPOLOGY,
     output:
         f"{RESULTS}/registration/hierarchy_{{pooling}}.npz",
     log:
@@ -54,7 +58,7 @@ rule build_hierarchy:
 
 rule plot_hierarchy:
     input:
-        topology=f"{RESULTS}/registration/topology.npz",
+        topology=TOPOLOGY,
         segments=f"{RESULTS}/registration/hierarchy_segments.npz",
         uniform=f"{RESULTS}/registration/hierarchy_uniform.npz",
     output:
@@ -85,3 +89,108 @@ rule plot_hierarchy:
         code=source_hash("plot_hierarchy"),
     script:
         "../../scripts/plot_hierarchy.py"
+
+
+rule register_static:
+    input:
+        **SUPER_BODIES,
+        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
+        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
+        topology=TOPOLOGY,
+    output:
+        offsets=f"{RESULTS}/registration/static/{{shard}}.npz",
+        errors=f"{RESULTS}/registration/static/{{shard}}.tsv",
+    log:
+        f"{LOGS}/register_static/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/register_static/{{shard}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        code=source_hash("register_static"),
+    script:
+        "../../scripts/register_static.py"
+
+
+rule register_sample:
+    input:
+        **SUPER_BODIES,
+        sample=f"{RESULTS}/samples/{{sample}}",
+        topology=TOPOLOGY,
+    output:
+        directory(f"{RESULTS}/registration/samples/{{sample}}"),
+    log:
+        f"{LOGS}/register_sample/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/register_sample/{{sample}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        code=source_hash("register_sample"),
+    script:
+        "../../scripts/register_sample.py"
+
+
+rule tabulate_registration:
+    input:
+        static=expand(f"{RESULTS}/registration/static/{{shard}}.tsv", shard=STATIC),
+        samples=per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
+    output:
+        table=f"{RESULTS}/report/registration.tsv",
+        page=report(
+            f"{RESULTS}/report/registration.html",
+            caption="../report/registration.rst",
+            category="Registration",
+            labels={"shows": "errors of the round trip"},
+        ),
+    log:
+        f"{LOGS}/tabulate_registration.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_registration.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("tabulate_registration"),
+    script:
+        "../../scripts/tabulate_registration.py"
+
+
+rule plot_registration:
+    input:
+        **SUPER_BODIES,
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        topology=TOPOLOGY,
+    output:
+        report(
+            f"{RESULTS}/report/registration.png",
+            caption="../report/registration_sheet.rst",
+            category="Registration",
+            labels={"shows": "a registered garment of each type"},
+        ),
+    log:
+        f"{LOGS}/plot_registration.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_registration.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        rays=lookup(dpath="renders/rays", within=config),
+        code=source_hash("plot_registration"),
+    script:
+        "../../scripts/plot_registration.py"

@@ -1,3 +1,7 @@
+DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}.png")
+DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}_moving.png")
+
+
 rule render_gallery:
     input:
         f"{RESULTS}/samples/{{sample}}",

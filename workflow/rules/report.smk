@@ -1,15 +1,3 @@
-# Every figure and page of the report but the gallery's.
-REPORT_FIGURES = [
-    *["garments", "actions", "splits", "bodies", "vertices"],
-    *["penetration", "depth", "stretch", "gap", "acceleration"],
-    *["self_crossing", "layers", "slip", "speed", "times"],
-]
-REPORT_PAGES = ["health", "tables", "viewer", "times"]
-REPORT_FILES = expand(f"{RESULTS}/report/{{name}}.svg", name=REPORT_FIGURES)
-REPORT_FILES += expand(f"{RESULTS}/report/{{name}}.html", name=REPORT_PAGES)
-REPORT_FILES += [f"{RESULTS}/report/times.tsv"]
-
-
 rule plot_statistics:
     input:
         dataset=f"{RESULTS}/dataset",
@@ -213,18 +201,18 @@ rule view_example:
         "../../scripts/view_example.py"
 
 
+DEFAULT_TARGETS += [
+    *rules.plot_statistics.output,
+    *rules.tabulate_dataset.output,
+    *rules.plot_health.output,
+    *rules.view_example.output,
+]
+
+
 rule plot_time:
     # Comes after all the rest, for what it reads are the benchmark files of the other rules.
     input:
-        rules.collect_dataset.output,
-        gallery_files(),
-        REGISTRATION_FILES,
-        GCVAE_FILES,
-        GARMENT4D_FILES,
-        rules.plot_statistics.output,
-        rules.tabulate_dataset.output,
-        rules.plot_health.output,
-        rules.view_example.output,
+        list(DEFAULT_TARGETS),
     output:
         figure=report(
             f"{RESULTS}/report/times.svg",
@@ -255,3 +243,6 @@ rule plot_time:
         code=source_hash("plot_time"),
     script:
         "../../scripts/plot_time.py"
+
+
+DEFAULT_TARGETS += rules.plot_time.output

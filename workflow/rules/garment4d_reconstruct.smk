@@ -1,4 +1,16 @@
+RECONSTRUCT = config["garment4d"]["reconstruct"]
 RECONSTRUCTED = f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"
+
+
+def own_scans(wildcards):
+    """The scans to reconstruct a garment from, and the body in them."""
+    missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]
+    if missing:
+        raise WorkflowError(
+            f"garment4d.reconstruct.{missing[0]} is not set, expected the path of your"
+            f" {'point clouds' if missing[0] == 'points' else 'body parameters'}"
+        )
+    return {key: RECONSTRUCT[key] for key in ("points", "body")}
 
 
 rule reconstruct_garment:
@@ -6,7 +18,7 @@ rule reconstruct_garment:
         unpack(own_scans),
         **WHOLE_BODIES,
         model=f"{G4D}/{RECONSTRUCT['garment']}/posed",
-        data=training_sequences().format(garment=RECONSTRUCT["garment"]),
+        data=SEQUENCES[RECONSTRUCT["garment"]],
     output:
         sample=directory(RECONSTRUCTED),
         metrics=f"{RESULTS}/metrics/reconstructed_{RECONSTRUCT['garment']}.tsv",

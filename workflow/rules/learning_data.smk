@@ -1,0 +1,55 @@
+def static_data(*splits):
+    """Input function: garments at rest, after a check that the plan has some in each of these splits."""
+
+    def checked(wildcards):
+        planned = [plan.split for plans in STATIC.values() for plan in plans]
+        require_splits(planned, splits, group="static", shares=config["static"])
+        return f"{RESULTS}/static/data"
+
+    return checked
+
+
+rule collect_static:
+    input:
+        **SUPER_BODIES,
+        shards=expand(f"{RESULTS}/registration/static/{{shard}}.npz", shard=STATIC),
+    output:
+        directory(f"{RESULTS}/static/data"),
+    log:
+        f"{LOGS}/collect_static.log",
+    benchmark:
+        f"{BENCHMARKS}/collect_static.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        code=source_hash("collect_static"),
+    script:
+        "../../scripts/collect_static.py"
+
+
+rule collect_dynamic:
+    input:
+        **SUPER_BODIES,
+        samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
+        registrations=per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
+    output:
+        directory(f"{RESULTS}/dynamic/{{version}}"),
+    log:
+        f"{LOGS}/collect_dynamic/{{version}}.log",
+    benchmark:
+        f"{BENCHMARKS}/collect_dynamic/{{version}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=240,
+    params:
+        frame_step=lookup(dpath="gcvae/dvae/frame_step", within=config),
+        code=source_hash("collect_dynamic"),
+    script:
+        "../../scripts/collect_dynamic.py"
