@@ -1,29 +1,3 @@
-def body_file(gender):
-    """The user's own SMPL file where the config names one, else the baked body."""
-    return config["body"]["files"].get(gender, f"resources/body/{gender}.npz")
-
-
-def sample_body(wildcards):
-    return body_file(SAMPLES[wildcards.sample].gender)
-
-
-def sample_motion(wildcards):
-    return f"{RESULTS}/motions/{SAMPLES[wildcards.sample].sequence}.npz"
-
-
-def motion_files(wildcards):
-    """The clip, and the joint map and skeleton it may need."""
-    return MOTIONS[wildcards.sequence].files
-
-
-def motion_parameters(wildcards):
-    """What else the importer is told: joint map, skeleton, loop, labels."""
-    return MOTIONS[wildcards.sequence].parameters()
-
-
-WHOLE_BODIES = {gender: body_file(gender) for gender in GENDERS}
-
-
 rule bake_body:
     output:
         female="resources/body/female.npz",

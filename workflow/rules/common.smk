@@ -1,5 +1,6 @@
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import yaml
@@ -15,7 +16,7 @@ os.environ.update(
 )
 
 from drapeline.errors import InputError
-from drapeline.experiment.checks import refuse_contradictions
+from drapeline.experiment.checks import refuse_contradictions, require_splits
 from drapeline.experiment.config import checked_settings
 from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.source_digest import Sources
@@ -74,8 +75,8 @@ NETWORK_THREADS = min(max((_CORES or 8) // 2, 1), 8)
 SAMPLES_FIRST, LONG_CHAIN = 2, 1
 # Only rules that evaluate read these, none that trains.
 EVALUATED_SPLITS = ["test"]
-# The rules files below add to these two: what `all` makes, and which files of metrics each table
-# holds, in this order.
+# Rules files add to these two: what `all` makes, and which files of metrics each table holds, in
+# this order.
 DEFAULT_TARGETS = []
 METRIC_TABLES = {"metrics": []}
 
@@ -105,8 +106,70 @@ def per_sample(pattern):
     return expand(pattern, sample=SAMPLES)
 
 
+def body_file(gender):
+    """The user's own SMPL file where the config names one, else the baked body."""
+    return config["body"]["files"].get(gender, f"resources/body/{gender}.npz")
+
+
+WHOLE_BODIES = {gender: body_file(gender) for gender in GENDERS}
+
+
+def gender_body(wildcards):
+    return body_file(wildcards.gender)
+
+
+def sample_body(wildcards):
+    return body_file(SAMPLES[wildcards.sample].gender)
+
+
+def sample_motion(wildcards):
+    return f"{RESULTS}/motions/{SAMPLES[wildcards.sample].sequence}.npz"
+
+
+def motion_files(wildcards):
+    """The clip, and the joint map and skeleton it may need."""
+    return MOTIONS[wildcards.sequence].files
+
+
+def motion_parameters(wildcards):
+    """What else the importer is told: joint map, skeleton, loop, labels."""
+    return MOTIONS[wildcards.sequence].parameters()
+
+
+def sample_templates(wildcards):
+    return f"{RESULTS}/templates/{SAMPLES[wildcards.sample].gender}.npz"
+
+
+def own_garment_files(wildcards):
+    """The user's own OBJ files among the garments of this sample."""
+    own = config["outfits"]["own_garments"]
+    garments = SAMPLES[wildcards.sample].outfit_type.split("+")
+    return [own[garment] for garment in garments if garment in own]
+
+
+def shard_plans(wildcards):
+    """The plans of a shard's static outfits."""
+    return [asdict(plan) for plan in STATIC[wildcards.shard]]
+
+
+def static_data(*splits):
+    """Input function: garments at rest, once the plan is known to fill these splits."""
+
+    def checked(wildcards):
+        planned = [plan.split for plans in STATIC.values() for plan in plans]
+        require_splits(planned, splits, group="static", shares=config["static"])
+        return f"{RESULTS}/static/data"
+
+    return checked
+
+
 def in_progress(stage):
     """Params function: where a training keeps its state, which outlives the job."""
     return lambda wildcards, output: str(
         Path(output[0]).parent / ".progress" / f"{stage}_{Path(output[0]).name}"
     )
+
+
+def metric_files(wildcards):
+    """Metrics of every model of a table."""
+    return [f"{RESULTS}/metrics/{name}.tsv" for name in METRIC_TABLES[wildcards.table]]

@@ -1,10 +1,5 @@
-def metric_files(wildcards):
-    """Metrics of every model of a table."""
-    return [f"{RESULTS}/metrics/{name}.tsv" for name in METRIC_TABLES[wildcards.table]]
-
-
 METRIC_TABLES["metrics"] += ["representations"]
-DEFAULT_TARGETS += [f"{RESULTS}/report/representations.html"]
+DEFAULT_TARGETS += [f"{RESULTS}/metrics.tsv", f"{RESULTS}/report/representations.html"]
 
 
 rule collect_metrics:

@@ -1,16 +1,4 @@
-RECONSTRUCT = config["garment4d"]["reconstruct"]
 RECONSTRUCTED = f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"
-
-
-def own_scans(wildcards):
-    """The scans to reconstruct a garment from, and the body in them."""
-    missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]
-    if missing:
-        raise WorkflowError(
-            f"garment4d.reconstruct.{missing[0]} is not set, expected the path of your"
-            f" {'point clouds' if missing[0] == 'points' else 'body parameters'}"
-        )
-    return {key: RECONSTRUCT[key] for key in ("points", "body")}
 
 
 rule reconstruct_garment:

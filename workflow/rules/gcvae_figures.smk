@@ -1,8 +1,3 @@
-def shown_svae():
-    """The static model that figures and samples are made with."""
-    return config["gcvae"]["sampling"]["variant"]
-
-
 # The dynamic model that figures are made with.
 SHOWN_DVAE = {
     "dvae": f"{RESULTS}/gcvae/dvae_ours",

@@ -1,12 +1,5 @@
-def static_data(*splits):
-    """Input function: garments at rest, after a check that the plan has some in each of these splits."""
-
-    def checked(wildcards):
-        planned = [plan.split for plans in STATIC.values() for plan in plans]
-        require_splits(planned, splits, group="static", shares=config["static"])
-        return f"{RESULTS}/static/data"
-
-    return checked
+wildcard_constraints:
+    version="posed|unposed",
 
 
 rule collect_static:

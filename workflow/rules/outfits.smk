@@ -1,26 +1,3 @@
-from dataclasses import asdict
-
-
-def gender_body(wildcards):
-    return body_file(wildcards.gender)
-
-
-def sample_templates(wildcards):
-    return f"{RESULTS}/templates/{SAMPLES[wildcards.sample].gender}.npz"
-
-
-def own_garment_files(wildcards):
-    """The user's own OBJ files among the garments of this sample."""
-    own = config["outfits"]["own_garments"]
-    garments = SAMPLES[wildcards.sample].outfit_type.split("+")
-    return [own[garment] for garment in garments if garment in own]
-
-
-def shard_plans(wildcards):
-    """The plans of a shard's static outfits."""
-    return [asdict(plan) for plan in STATIC[wildcards.shard]]
-
-
 # What garments are cut from and fitted to, for both genders at once.
 DRESS_FORMS = {
     **{f"{gender}_body": body_file(gender) for gender in GENDERS},

@@ -1,0 +1,164 @@
+from drapeline.experiment.checks import planned_sequences, require_sequences
+from drapeline.models.garment4d.variants import posed_variants
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
+
+G4D = f"{RESULTS}/garment4d"
+# Shards of static outfits that the networks learn from besides simulated samples.
+SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
+# Samples that wear a type which the networks learn.
+TEMPLATE_WEARERS = [
+    sample
+    for sample, planned in SAMPLES.items()
+    if set(planned.outfit_type.split("+")) & set(TEMPLATE_TYPES)
+]
+TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in TEMPLATE_TYPES}
+TEMPLATE_FITS = [
+    *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
+    *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
+]
+PROTOCOL = config["garment4d"]["protocol"]
+# Sequences of each type, sampled as the config says.
+SEQUENCES = {garment: f"{G4D}/{garment}/data_{PROTOCOL}" for garment in TEMPLATE_TYPES}
+# Whether networks ask where on the known body points are.
+BODY_RELATIVE_POINTS = config["garment4d"]["canonical"]["network"][
+    "body_relative_points"
+]
+POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
+# Which trained models of the posed stage each evaluation holds.
+POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
+METRIC_TABLES["metrics"] += [
+    f"garment4d_{garment}_default" for garment in TEMPLATE_TYPES
+]
+METRIC_TABLES["metrics_garment4d_ablations"] = [
+    f"garment4d_{garment}_ablations" for garment in TEMPLATE_TYPES
+]
+RECONSTRUCT = config["garment4d"]["reconstruct"]
+
+
+wildcard_constraints:
+    protocol="surface|vertices",
+    garment="|".join(TEMPLATE_TYPES),
+    canonical="canonical|pointnet",
+    posed="|".join([*POSED_VARIANTS, "mgn"]),
+    models="|".join(POSED_MODELS),
+
+
+def own_template(wildcards):
+    """The user's own OBJ that garments of this type are registered to."""
+    own = config["garment4d"]["template"]["files"].get(wildcards.garment)
+    return {"own": own} if own else {}
+
+
+def cloud_settings(wildcards):
+    """How point clouds are taken; static outfits in motion follow the config's protocol."""
+    return {
+        "protocol": wildcards.get("protocol", PROTOCOL),
+        **config["garment4d"]["clouds"],
+        "seed": config["seed"],
+    }
+
+
+def garment_sequences(wildcards):
+    """Clouds of one protocol; those of static outfits follow the config's."""
+    shards = SKINNED if wildcards.protocol == PROTOCOL else []
+    return {
+        "samples": [f"{RESULTS}/samples/{sample}" for sample in TEMPLATE_WEARERS],
+        "clouds": [
+            f"{G4D}/clouds_{wildcards.protocol}/{sample}" for sample in TEMPLATE_WEARERS
+        ],
+        "skinned": [f"{G4D}/skinned/{shard}" for shard in shards],
+        "shards": [f"{RESULTS}/static/outfits/{shard}.npz" for shard in shards],
+    }
+
+
+def stage_sequences(stage=None):
+    """Input function: sequences of a type, after a check that the plan has enough for a stage.
+
+    Without a stage it is the one that the wildcard `posed` names.
+    """
+
+    def checked(wildcards):
+        name = stage or posed_stage(wildcards)
+        skinned = config["garment4d"]["skinned"]
+        training = config["garment4d"][name]["training"]
+        require_sequences(
+            wildcards.garment,
+            planned_sequences(
+                wildcards.garment,
+                SAMPLES.values(),
+                [plan for shard in SKINNED for plan in STATIC[shard]],
+                frames=skinned["frames"],
+                step=skinned["step"],
+            ),
+            stage=name,
+            sources=training["sources"],
+            window=training["frames"],
+        )
+        return SEQUENCES[wildcards.garment]
+
+    return checked
+
+
+def posed_stage(wildcards):
+    """The stage that a posed model is a variant of: the posed one, or its baseline."""
+    return "mgn" if wildcards.posed == "mgn" else "posed"
+
+
+def stage_settings(stage):
+    """Settings of a network of Garment4D, by group."""
+    own, posed = config["garment4d"][stage], config["garment4d"]["posed"]
+    settings = {
+        "network": own["network"],
+        "loss": own.get("loss", posed["loss"]),
+        "training": {**own["training"], "seed": config["seed"]},
+    }
+    if stage == "posed":
+        settings["skinning"] = config["garment4d"]["skinning"]
+    if stage == "canonical":
+        points = config["garment4d"]["clouds"]["points"]
+        settings["network"] = {**own["network"], "points": points}
+    return settings
+
+
+def posed_settings(wildcards):
+    return stage_settings(posed_stage(wildcards))
+
+
+def posed_variants_of(wildcards):
+    """Variants of the posed stage that an evaluation holds."""
+    return POSED_MODELS[wildcards.models]
+
+
+def posed_models(wildcards):
+    """Trained models of the posed stage that an evaluation holds."""
+    return [
+        f"{G4D}/{wildcards.garment}/{variant}"
+        for variant in posed_variants_of(wildcards)
+    ]
+
+
+def evaluated_sequences(wildcards):
+    """Sequences of a type; for the ablations with points as in the released code too."""
+    sequences = {"data": SEQUENCES[wildcards.garment]}
+    if wildcards.models == "ablations":
+        sequences["vertex_sampled"] = f"{G4D}/{wildcards.garment}/data_vertices"
+    return sequences
+
+
+def evaluation_settings(wildcards):
+    """Figures 8 to 10 are part of the ablations alone."""
+    settings = {**config["garment4d"]["evaluation"], "seed": config["seed"]}
+    if wildcards.models == "default":
+        settings |= dict.fromkeys(("neighbours", "missing", "accuracy"), [])
+    return settings
+
+
+def own_scans(wildcards):
+    """The scans to reconstruct a garment from, and the body in them."""
+    missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]
+    if missing:
+        raise WorkflowError(
+            f"garment4d.reconstruct.{missing[0]} is not set, expected the path of your"
+            f" {'point clouds' if missing[0] == 'points' else 'body parameters'}"
+        )
+    return {key: RECONSTRUCT[key] for key in ("points", "body")}
