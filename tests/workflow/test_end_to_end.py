@@ -1,6 +1,8 @@
 """The tiny size, really made: bodies, outfits, Blender, dataset, pictures, report."""
 
 import json
+import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +69,20 @@ def test_splits_share_no_clip_and_no_body(made):
     for parts in (clips, shapes):
         together = [item for items in parts.values() for item in items]
         assert len(together) == len(set(together))
+
+
+@pytest.mark.usefixtures("made")
+def test_every_array_is_documented():
+    codes = re.findall(r"`([^`]+)`", (ROOT / "docs" / "data-format.md").read_text())
+    documented = {word for code in codes for word in re.findall(r"\w+", code)}
+    for path in sorted(RESULTS.rglob("*.np[yz]")):
+        keys = [path.stem]
+        if path.suffix == ".npz":
+            keys = [name.removesuffix(".npy") for name in zipfile.ZipFile(path).namelist()]
+        for key in keys:
+            *parents, name = key.split("/")
+            name = re.sub(r"(?<=_)\d+$", "", name)  # levels of the hierarchy
+            assert name in documented or "landmarks" in parents, f"{path.name}: {key}"
 
 
 @pytest.mark.usefixtures("made")
