@@ -7,8 +7,8 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.moving import load_moving
 from drapeline.metrics.table import write_metrics
-from drapeline.models.gcvae.codes import dynamic_vae_summary
-from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
+from drapeline.models.gcvae.evaluate_dynamic import evaluate_dynamic
 from drapeline.models.gcvae.load import load_vae
 from drapeline.models.gcvae.variants import dynamic_conditions
 from drapeline.models.training.module import BEST
@@ -22,9 +22,9 @@ with rule_log(snakemake.log[0]):
     given = snakemake.input
     variant = snakemake.wildcards.dvae
     _, frames = dynamic_conditions(variant)
-    rows = dynamic_vae_summary(
+    rows = evaluate_dynamic(
         load_vae(Path(given.model) / BEST),
-        dynamic_garments(given.data, given.static, frames),
+        load_dynamic_garments(given.data, given.static, frames),
         {
             split: load_moving(given.samples, given.registrations, split)
             for split in snakemake.params.splits

@@ -7,7 +7,8 @@ import numpy as np
 
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.gcvae.codes import encode_garments, save_codes, static_vae_summary
+from drapeline.models.gcvae.codes import encode_garments, save_codes
+from drapeline.models.gcvae.evaluate_static import evaluate_static
 from drapeline.models.gcvae.load import load_vae
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
@@ -21,4 +22,4 @@ with rule_log(snakemake.log[0]):
     codes = encode_garments(model, data, np.arange(len(data.garment)))
     save_codes(snakemake.output.codes, codes, data)
     splits, variant = snakemake.params.splits, snakemake.wildcards.svae
-    write_metrics(snakemake.output.metrics, static_vae_summary(model, data, codes, variant, splits))
+    write_metrics(snakemake.output.metrics, evaluate_static(model, data, codes, variant, splits))

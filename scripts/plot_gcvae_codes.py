@@ -12,5 +12,5 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     codes, about = load_codes(snakemake.input[0])
-    kinds = [GARMENTS[kind] for kind in about["garment"]]
-    plot_codes(snakemake.output[0], codes.mean, kinds, about["split"])
+    types = [GARMENTS[garment_index] for garment_index in about["garment"]]
+    plot_codes(snakemake.output[0], codes.mean, types, about["split"])

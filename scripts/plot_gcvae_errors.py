@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.learning_data.moving import shown_moving
+from drapeline.learning_data.moving import moving_files_test_first
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.figure_cases import moving_cases, static_cases
 from drapeline.models.gcvae.load import load_vae
 from drapeline.models.training.module import BEST
@@ -32,8 +32,8 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     )
     cases += moving_cases(
         load_vae(Path(given.dvae) / BEST),
-        dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
-        shown_moving(given.samples, given.registrations),
+        load_dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
+        moving_files_test_first(given.samples, given.registrations),
         {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS},
         bodies,
         load_topology(given.topology),

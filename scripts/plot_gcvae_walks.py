@@ -8,10 +8,11 @@ import numpy as np
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.body_template import wearer_mesh
 from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.interpolate import paper_walks
+from drapeline.models.gcvae.interpolate import interpolate_as_figure_9
 from drapeline.models.gcvae.load import load_vae
-from drapeline.models.gcvae.sample import train_types, wearer_mesh
+from drapeline.models.gcvae.sampling.types import fit_training_types
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
@@ -26,18 +27,20 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     codes, _ = load_codes(snakemake.input.codes)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     data = StaticData(snakemake.input.data)
-    types = train_types(codes, data)
+    types = fit_training_types(codes, data)
     # Held-out garments where there is one of a type.
     rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
 
     def views(steps):
         return [
-            walk_view(step.garment, wearer_mesh(bodies, step.cvar), GARMENTS[step.type])
+            walk_view(step.garment, wearer_mesh(bodies, step.cvar), GARMENTS[step.garment_index])
             for step in steps
         ]
 
-    ways = paper_walks(model, types, data, rows, codes.of(rows), snakemake.params.steps)
+    ways = interpolate_as_figure_9(model, types, data, rows, codes.of(rows), snakemake.params.steps)
     plot_views(snakemake.output.sheet, {name: views(steps) for name, steps in ways.items()})
-    ways = paper_walks(model, types, data, rows, codes.of(rows), snakemake.params.frames)
+    ways = interpolate_as_figure_9(
+        model, types, data, rows, codes.of(rows), snakemake.params.frames
+    )
     moving = next(ways[name] for name in ("topology", "cloth", "shape", *ways) if name in ways)
     animate_views(snakemake.output.moving, views(moving))

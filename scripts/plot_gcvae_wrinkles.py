@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.learning_data.moving import shown_moving
-from drapeline.models.gcvae.dynamic_garments import dynamic_garments
+from drapeline.learning_data.moving import moving_files_test_first
+from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.figure_cases import wrinkle_rows
 from drapeline.models.gcvae.load import load_vae
 from drapeline.models.training.module import BEST
@@ -24,8 +24,8 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     rows = wrinkle_rows(
         rng_for(snakemake.params.seed, "wrinkle codes"),
         load_vae(Path(given.dvae) / BEST),
-        dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
-        shown_moving(given.samples, given.registrations),
+        load_dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
+        moving_files_test_first(given.samples, given.registrations),
         {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS},
         {gender: load_body(given[gender]) for gender in GENDERS},
         load_topology(given.topology),

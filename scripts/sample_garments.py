@@ -8,12 +8,9 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.load import load_vae
-from drapeline.models.gcvae.sample import (
-    draw_requests,
-    sample_garments,
-    save_samples,
-    train_types,
-)
+from drapeline.models.gcvae.sampling.draw import draw_requests, sample_garments
+from drapeline.models.gcvae.sampling.files import save_samples
+from drapeline.models.gcvae.sampling.types import fit_training_types
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 
@@ -22,7 +19,8 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     model = load_vae(Path(snakemake.input.model) / BEST)
-    types = train_types(load_codes(snakemake.input.codes)[0], StaticData(snakemake.input.data))
+    codes, _ = load_codes(snakemake.input.codes)
+    types = fit_training_types(codes, StaticData(snakemake.input.data))
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     seed = snakemake.params.seed
     requests = draw_requests(seed, **snakemake.params.conditions)

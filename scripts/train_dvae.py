@@ -4,11 +4,14 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.gcvae.dynamic_garments import dynamic_garments
-from drapeline.models.gcvae.template_statistics import dynamic_body_template
+from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
+from drapeline.models.gcvae.dynamic_template import dynamic_body_template
+from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae
+from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.gcvae.train import train_vae
-from drapeline.models.gcvae.vae import VaeSettings
-from drapeline.models.gcvae.variants import DVAE_VARIANTS, dynamic_conditions, laid_over
+from drapeline.models.gcvae.vae import DynamicVae
+from drapeline.models.gcvae.variants import DVAE_VARIANTS, dynamic_conditions
+from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -17,22 +20,24 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
+    given, params = snakemake.input, snakemake.params
     variant = snakemake.wildcards.dvae
     _, frames = dynamic_conditions(variant)
-    garments = dynamic_garments(snakemake.input.data, snakemake.input.svae, frames)
+    garments = load_dynamic_garments(given.data, given.svae, frames)
+    template = dynamic_body_template(
+        garments,
+        load_topology(given.topology),
+        load_hierarchy(given.hierarchy),
+        {gender: load_body(given[gender]) for gender in GENDERS},
+    )
+    settings = VaeSettings.of(override_settings(params.settings, DVAE_VARIANTS[variant]))
     train_vae(
         snakemake.output[0],
+        (DynamicPpcaVae if variant == "dvae_ours" else DynamicVae)(settings, template),
         garments,
-        dynamic_body_template(
-            garments,
-            load_topology(snakemake.input.topology),
-            load_hierarchy(snakemake.input.hierarchy),
-            {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
-        ),
-        VaeSettings.of(laid_over(snakemake.params.settings, DVAE_VARIANTS[variant])),
-        conditioning=snakemake.input.get("conditioning"),
-        code=snakemake.params.code,
-        progress=snakemake.params.progress,
-        trainer=snakemake.params.trainer,
+        conditioning=given.get("conditioning"),
+        code=params.code,
+        progress=params.progress,
+        trainer=params.trainer,
         threads=snakemake.threads,
     )

@@ -12,8 +12,8 @@ from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.train import train_stage
 from drapeline.models.garment4d.variants import POSED_VARIANTS
 from drapeline.models.garment4d.windows import BodySequences
-from drapeline.models.gcvae.variants import laid_over
 from drapeline.models.training.module import fastest_device
+from drapeline.models.training.settings import override_settings
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     given, params, variant = snakemake.input, snakemake.params, snakemake.wildcards.posed
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
-    settings = laid_over(params.settings, POSED_VARIANTS.get(variant, {}))
+    settings = override_settings(params.settings, POSED_VARIANTS.get(variant, {}))
     stage = MgnStage if variant == "mgn" else PosedStage
     canonical = load_stage(given.canonical, CanonicalStage).to(fastest_device())
     train_stage(

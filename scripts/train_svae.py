@@ -5,10 +5,13 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.template_statistics import static_body_template
+from drapeline.models.gcvae.ppca_vae import StaticPpcaVae
+from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.models.gcvae.train import train_vae
-from drapeline.models.gcvae.vae import VaeSettings
-from drapeline.models.gcvae.variants import SVAE_VARIANTS, laid_over
+from drapeline.models.gcvae.vae import StaticVae
+from drapeline.models.gcvae.variants import SVAE_VARIANTS
+from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -17,21 +20,23 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    data = StaticData(snakemake.input.data)
-    changes = SVAE_VARIANTS[snakemake.wildcards.svae]
+    given, params = snakemake.input, snakemake.params
+    variant = snakemake.wildcards.svae
+    garments = StaticData(given.data)
+    template = static_body_template(
+        garments,
+        load_topology(given.topology),
+        load_hierarchy(given.hierarchy),
+        {gender: load_body(given[gender]) for gender in GENDERS},
+    )
+    settings = VaeSettings.of(override_settings(params.settings, SVAE_VARIANTS[variant]))
     train_vae(
         snakemake.output[0],
-        data,
-        static_body_template(
-            data,
-            load_topology(snakemake.input.topology),
-            load_hierarchy(snakemake.input.hierarchy),
-            {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
-        ),
-        VaeSettings.of(laid_over(snakemake.params.settings, changes)),
-        conditioning=snakemake.input.get("conditioning"),
-        code=snakemake.params.code,
-        progress=snakemake.params.progress,
-        trainer=snakemake.params.trainer,
+        (StaticPpcaVae if variant == "svae_ours" else StaticVae)(settings, template),
+        garments,
+        conditioning=given.get("conditioning"),
+        code=params.code,
+        progress=params.progress,
+        trainer=params.trainer,
         threads=snakemake.threads,
     )

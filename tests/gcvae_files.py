@@ -11,7 +11,9 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
 from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis
 from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.vae import GarmentVae, GcvaeTraining, StaticVae, VaeSettings
+from drapeline.models.gcvae.sampling.draw import draw_requests
+from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.vae import GarmentVae, StaticVae
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
@@ -122,3 +124,15 @@ def save_model(folder: Path, model: GarmentVae | None = None) -> GarmentVae:
     folder.mkdir(parents=True)
     torch.save(checkpoint, folder / "best.ckpt")
     return model
+
+
+def requests(count=4, garments=("prior", "Dress"), **changed):
+    """Requests of sampled garments, by name."""
+    settings = {
+        "female_share": 0.5,
+        "shape": None,
+        "shape_range": 1.0,
+        "tightness": None,
+        "tightness_range": (-1.5, 0.5),
+    }
+    return draw_requests(0, count, garments, **{**settings, **changed})

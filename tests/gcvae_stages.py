@@ -72,9 +72,10 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
         },
         wildcards={"conditions": "static"},
     )
+    conditioned = {**files, "conditioning": folder / "conditioning"}
     run_rule(
         "train_svae",
-        input={**files, "conditioning": folder / "conditioning"},
+        input=files if variant == "svae_ours" else conditioned,
         output=[folder / variant],
         params={
             "settings": SETTINGS,

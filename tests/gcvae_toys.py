@@ -7,11 +7,13 @@ from scipy.sparse import csr_matrix
 
 from drapeline.geometry.mesh import edges
 from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.training.batches import cvar_statistics
+from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.outfits.garment_types import GARMENTS
 
 RINGS, AROUND = 16, 12
 VERTICES = RINGS * AROUND
 COUNTS = (VERTICES, 48, 12, 4)
+DRESS, TROUSERS = GARMENTS.index("Dress"), GARMENTS.index("Trousers")
 
 
 def tube_faces(open_seam: bool) -> np.ndarray:
@@ -126,3 +128,8 @@ def toy_domain() -> BodyTemplate:
         cvar_mean=mean,
         cvar_std=std,
     )
+
+
+def half(upper: bool) -> np.ndarray:
+    """(V,) the upper or the lower half of the tube."""
+    return (np.arange(VERTICES) // AROUND >= RINGS // 2) == upper

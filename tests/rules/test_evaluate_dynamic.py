@@ -15,7 +15,7 @@ from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.gcvae.body_template import STATIC_CVAR
 from drapeline.models.gcvae.codes import Codes, save_codes
-from drapeline.models.gcvae.ppca_vae import LinearDynamicVae
+from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
@@ -117,7 +117,7 @@ def files_of_ours(files, toy_body, tmp_path):
     """The same with our own dynamic network."""
     training = replace(SETTINGS.training, mask=False, version="unposed")
     body_template = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
-    model = LinearDynamicVae(replace(SETTINGS, training=training), body_template).eval()
+    model = DynamicPpcaVae(replace(SETTINGS, training=training), body_template).eval()
     save_model(tmp_path / "ours", model)
     return {**files, "dvae": tmp_path / "ours", "model": tmp_path / "ours"}
 

@@ -17,15 +17,15 @@ def stages(tmp_path_factory, toy_body):
 
 
 @pytest.mark.parametrize(
-    ("variant", "kind"),
+    ("variant", "checkpoint_type"),
     [("svae", "static"), ("svae_no_mask", "static"), ("svae_ours", "linear")],
 )
 def test_a_variant_is_trained_and_decodes_held_out_garments(
-    run_rule, stages, tmp_path, variant, kind
+    run_rule, stages, tmp_path, variant, checkpoint_type
 ):
     folder = train_static(run_rule, stages, tmp_path, variant)
     model, data = load_vae(folder / "best.ckpt"), StaticData(stages["data"])
-    assert model.kind == kind
+    assert model.checkpoint_type == checkpoint_type
     settings = json.loads((folder / "settings.json").read_text())
     assert settings["training"]["mask"] == (variant != "svae_no_mask")
     batch = as_tensors(data.batch(data.rows("test")))

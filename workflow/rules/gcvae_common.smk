@@ -3,9 +3,9 @@ from drapeline.models.gcvae.variants import (
     DVAE_VARIANTS,
     SVAE_VARIANTS,
     dynamic_conditions,
-    laid_over,
     pooling_of,
 )
+from drapeline.models.training.settings import override_settings
 
 # Samples in motion as their metrics read them.
 MOVING_INPUTS = {
@@ -71,7 +71,7 @@ def vae_settings(model):
         }
         ours = f"{model}_ours"
         own = wildcards[model] == ours
-        return laid_over(paper, config["gcvae"][ours]) if own else paper
+        return override_settings(paper, config["gcvae"][ours]) if own else paper
 
     return settings
 

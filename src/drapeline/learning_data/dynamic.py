@@ -1,4 +1,4 @@
-"""Garments in motion: frames of simulated samples as arrays that are mapped."""
+"""Garments in motion: frames of simulated samples as memory-mapped arrays."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,20 +22,17 @@ from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, create_array, load_npz, open_array, read_json, save_npz
 
-# A condition on f frames is on the pose of the frame and of f - 1 before it, every third.
+# Poses that a frame may be conditioned on: its own and those of three before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
 
-
 _GARMENT_KEYS = ("sample", "split", "garment", "shape", "gender", "tightness")
-
-
-# Too much for memory where there are many samples: rows are frames, or garments.
+# Mapped, since many samples do not fit into memory; a row is a frame, or a garment.
 _FRAME_ARRAYS, _GARMENT_ARRAYS = ("offsets", "base", "poses"), ("mask", "static")
 
 
 @dataclass(frozen=True)
-class _Accepted:
-    """A sample to collect: its garments, and the frames that are taken of each."""
+class _AcceptedSample:
+    """A sample to collect: its garments, and the frames taken of each."""
 
     folder: Path
     registration: Path
@@ -45,7 +42,7 @@ class _Accepted:
 
 @dataclass(frozen=True)
 class _Recording:
-    """One garment of one sample: what does not change from frame to frame, and its frames."""
+    """One garment of one sample: what all of its frames share, and the frames."""
 
     about: dict[str, Any]
     mask: np.ndarray
@@ -81,7 +78,7 @@ def collect_dynamic(
     found = [
         one
         for sample, registration in samples.items()
-        for one in _accepted(Path(sample), Path(registration), step)
+        for one in _accepted_sample(Path(sample), Path(registration), step)
     ]
     if not found:
         raise InputError(
@@ -117,7 +114,7 @@ def collect_dynamic(
         save_npz(
             scratch / "frames.npz",
             frame=np.concatenate(frames),
-            wearer=np.repeat(np.arange(len(counts)), counts),
+            garment_index=np.repeat(np.arange(len(counts)), counts),
         )
         save_npz(
             scratch / "garments.npz",
@@ -127,15 +124,15 @@ def collect_dynamic(
     return sum(counts)
 
 
-def _accepted(folder: Path, registration: Path, step: int) -> Iterator[_Accepted]:
+def _accepted_sample(folder: Path, registration: Path, step: int) -> Iterator[_AcceptedSample]:
     if read_json(registration / "status.json")["status"] == "accepted":
         with Sample(folder) as sample:
             frames = np.arange(0, sample.frame_count, step)
-            yield _Accepted(folder, registration, list(sample.garments), frames)
+            yield _AcceptedSample(folder, registration, list(sample.garments), frames)
 
 
 def _recordings(
-    one: _Accepted, bodies: Mapping[str, BodyModel], version: Version
+    one: _AcceptedSample, bodies: Mapping[str, BodyModel], version: Version
 ) -> Iterator[_Recording]:
     status, frames = read_json(one.registration / "status.json"), one.frames
     with Sample(one.folder) as sample:
@@ -176,10 +173,11 @@ class DynamicData:
         version: "posed" or "unposed".
         offsets, base: (N, V, 3) float32 metres, memory-mapped: X, and what X is added to.
         poses: (N, 4, 72) rad, memory-mapped, of the frame and of three before it, each three
-            frames earlier.
+            frames earlier than the next.
         frame: (N,) number of the frame.
-        wearer: (N,) index into what follows.
-        sample, split, garment: (G,) of each garment.
+        garment_index: (N,) index of the frame's garment among the G garments.
+        sample, split: (G,) names, of each garment.
+        garment: (G,) its type, an index into `GARMENTS`.
         shape, gender, tightness: (G, 10), (G,), (G, 2).
         mask, static: (G, V) bool and (G, V, 3) float32 metres, memory-mapped, of the rest pose.
     """
@@ -191,9 +189,9 @@ class DynamicData:
             InputError: a file is missing or lacks an array.
         """
         folder = Path(folder)
-        frames = load_npz(folder / "frames.npz", "frame", "wearer")
+        frames = load_npz(folder / "frames.npz", "frame", "garment_index")
         garments = load_npz(folder / "garments.npz", "version", *_GARMENT_KEYS)
-        self.frame, self.wearer = frames["frame"], frames["wearer"]
+        self.frame, self.garment_index = frames["frame"], frames["garment_index"]
         self.version = str(garments.pop("version"))
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
@@ -205,26 +203,35 @@ class DynamicData:
 
     def rows(self, split: str) -> np.ndarray:
         """Indices of the frames of "train", "val" or "test"."""
-        return np.flatnonzero(self.split[self.wearer] == split)
+        return np.flatnonzero(self.split[self.garment_index] == split)
 
     def topology(self, rows: np.ndarray) -> np.ndarray:
         """(n,) codes of `TOPOLOGIES`."""
-        return topology_codes(self.garment[self.wearer[rows]])
+        return topology_codes(self.garment[self.garment_index[rows]])
 
-    def static_batch(self, wearers: np.ndarray) -> dict[str, Any]:
+    def rows_of(self, sample: str, garment: str) -> np.ndarray:
+        """Indices of the frames of one garment of a sample, in their order.
+
+        Args:
+            garment: its type, one of `GARMENTS`.
+        """
+        wanted = (self.sample == sample) & (self.garment == GARMENTS.index(garment))
+        return np.flatnonzero(np.isin(self.garment_index, np.flatnonzero(wanted)))
+
+    def static_batch(self, garments: np.ndarray) -> dict[str, Any]:
         """Garments (g,) in the rest pose, as an SVAE takes them."""
-        kinds = self.garment[wearers]
+        types = self.garment[garments]
         return {
-            "offsets": np.asarray(self.static[wearers]),
-            "mask": np.asarray(self.mask[wearers]),
-            "cvar": self.cvar(wearers),
-            "topology": topology_codes(kinds),
+            "offsets": np.asarray(self.static[garments]),
+            "mask": np.asarray(self.mask[garments]),
+            "cvar": self.cvar(garments),
+            "topology": topology_codes(types),
             "names": [
-                f"{sample}/{GARMENTS[kind]}"
-                for sample, kind in zip(self.sample[wearers], kinds, strict=True)
+                f"{sample}/{GARMENTS[garment_type]}"
+                for sample, garment_type in zip(self.sample[garments], types, strict=True)
             ],
         }
 
-    def cvar(self, wearers: np.ndarray) -> np.ndarray:
+    def cvar(self, garments: np.ndarray) -> np.ndarray:
         """(g, 13) static conditions of garments (g,)."""
-        return static_cvar(self.shape[wearers], self.gender[wearers], self.tightness[wearers])
+        return static_cvar(self.shape[garments], self.gender[garments], self.tightness[garments])

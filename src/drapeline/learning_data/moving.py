@@ -21,13 +21,13 @@ class MovingGarment:
     """A garment of a simulated sample.
 
     Attributes:
-        sample, split, name: which one; `name` is its type.
+        sample, split, name: identify it; `name` is its type.
         gender: of the wearer.
         shape: (10,).
         poses: (N, 72) rad.
         registered: its registration in rest pose.
         faces: (F, 3) triangles of the simulated garment.
-        cloth: (N, C, 3) float32 its vertices, root-relative metres.
+        cloth: (N, C, 3) float32 vertices of the simulated garment, root-relative metres.
     """
 
     sample: str
@@ -41,11 +41,11 @@ class MovingGarment:
     cloth: np.ndarray
 
     def points(self, frames: np.ndarray) -> np.ndarray:
-        """(n, M, 3) where the registered points are."""
+        """(n, M, 3) positions of the registered points in frames (n,)."""
         return self.registered.points(self.cloth[frames])
 
     def on_vertices(self, points: np.ndarray) -> np.ndarray:
-        """(M, 3) points -> (V, 3), zero outside of the mask."""
+        """(M, 3) points -> (V, 3), zero outside the mask."""
         out = np.zeros((len(self.registered.mask), 3), dtype=np.float32)
         out[self.registered.vertex] = points
         return out
@@ -53,7 +53,7 @@ class MovingGarment:
 
 @dataclass(frozen=True)
 class MovingFiles:
-    """Where a garment of a simulated sample lies, since not all of them fit into memory.
+    """Files of a garment of a simulated sample; not all garments fit into memory.
 
     Attributes:
         sample, split, name: as of `MovingGarment`.
@@ -68,7 +68,7 @@ class MovingFiles:
     registration: Path
 
     def load(self) -> MovingGarment:
-        """Read it.
+        """Read the garment.
 
         Raises:
             InputError: a file is missing or damaged.
@@ -95,7 +95,7 @@ def moving_files(
     Args:
         samples: folders as `write_sample` leaves them.
         registrations: folders of the same samples as `register_sample` leaves them.
-        splits: wanted.
+        splits: whose samples are wanted.
 
     Raises:
         InputError: a file is missing or damaged.
@@ -112,7 +112,7 @@ def moving_files(
 def load_moving(
     samples: Iterable[str | Path], registrations: Iterable[str | Path], split: str
 ) -> Iterator[MovingGarment]:
-    """Garments of the accepted samples of a split, each read when it is its turn.
+    """Garments of the accepted samples of a split, each read when its turn comes.
 
     Args:
         samples, registrations: see `moving_files`.
@@ -124,10 +124,10 @@ def load_moving(
     return (files.load() for files in moving_files(samples, registrations, [split]))
 
 
-def shown_moving(
+def moving_files_test_first(
     samples: Sequence[str | Path], registrations: Sequence[str | Path]
 ) -> list[MovingFiles]:
-    """All garments for pictures, those of the test split first and those of training last.
+    """Files of all garments, those of the test split first and of the training split last.
 
     Raises:
         InputError: a file is unusable, or no sample was accepted.

@@ -146,12 +146,11 @@ class StaticData:
         ]
 
     def batch(self, rows: np.ndarray) -> dict[str, np.ndarray | list[str]]:
-        """Arrays of rows: `offsets`, `mask`, `cvar`, `topology`, `garment` and `names`."""
+        """Arrays of rows: `offsets`, `mask`, `cvar`, `topology` and `names`."""
         return {
             "offsets": np.asarray(self.offsets[rows]),
             "mask": np.asarray(self.mask[rows]),
             "cvar": self.cvar(rows),
             "topology": self.topology(rows),
-            "garment": self.garment[rows],
             "names": self.names(rows),
         }

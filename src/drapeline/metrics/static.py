@@ -71,8 +71,8 @@ def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
     return found
 
 
-def with_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict[str, float]]:
-    """The measures with each garment's KL (n,) in nats."""
+def add_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict[str, float]]:
+    """Add each garment's KL (n,) in nats to its measures."""
     return [{**row, "kl_nat": float(value)} for row, value in zip(measures, kl, strict=True)]
 
 

@@ -9,7 +9,8 @@ from drapeline.learning_data.static import StaticData
 from drapeline.metrics.baselines import fit_pca
 from drapeline.metrics.garment import area_distances_mm, garment_mesh
 from drapeline.metrics.table import MetricRow, summary_rows
-from drapeline.models.gcvae.codes import decode_codes, encode_garments, static_truth
+from drapeline.models.gcvae.codes import decode_codes, encode_garments
+from drapeline.models.gcvae.evaluate_static import static_truth
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit

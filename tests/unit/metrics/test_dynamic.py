@@ -9,7 +9,7 @@ from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
-from drapeline.learning_data.moving import MovingGarment, load_moving, shown_moving
+from drapeline.learning_data.moving import MovingGarment, load_moving, moving_files_test_first
 from drapeline.metrics.dynamic import (
     MEAN,
     STILL,
@@ -191,16 +191,16 @@ def test_only_accepted_samples_are_loaded_root_relative(files):
 def test_pictures_take_held_out_garments_first(toy_body, files, tmp_path):
     samples, registrations = files
     folders = [tiny.folder for tiny in samples]
-    assert {m.split for m in shown_moving(folders, registrations)} == {"train"}
+    assert {m.split for m in moving_files_test_first(folders, registrations)} == {"train"}
     tiny = write_tiny_sample(tmp_path, toy_body, "00003", "test")
     held_out = tmp_path / "registration" / "00003"
     write_json(held_out / "status.json", {"id": "00003", "status": "accepted", "split": "test"})
     for garment in ("Tshirt", "Skirt"):
         moving_garment(toy_body, "test", "Tshirt").registered.save(held_out / f"{garment}.npz")
-    found = shown_moving([*folders, tiny.folder], [*registrations, held_out])
+    found = moving_files_test_first([*folders, tiny.folder], [*registrations, held_out])
     assert [m.split for m in found] == ["test", "test", "train", "train"]
     loaded = found[1].load()
     assert (loaded.sample, loaded.name) == ("00003", found[1].name)
     np.testing.assert_allclose(loaded.cloth, tiny.vertices[loaded.name], atol=1e-5)
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
-        shown_moving(folders[1:], registrations[1:])
+        moving_files_test_first(folders[1:], registrations[1:])

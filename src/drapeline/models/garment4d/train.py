@@ -9,7 +9,7 @@ import torch
 
 from drapeline.models.garment4d.stage import Stage
 from drapeline.models.garment4d.windows import BodySequences, Windows
-from drapeline.models.training.batches import GarmentData
+from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.digests import arrays_digest
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import plain
@@ -44,7 +44,7 @@ def train_stage(
         most_validated=stage.MOST_VALIDATED,
         body_relative_points=stage.body_relative_points,
     )
-    garments = GarmentData(windows, batch=training.batch, seed=training.seed)
+    garments = TrainingBatches(windows, batch=training.batch, seed=training.seed)
     stage.prepare(windows)
     fit(
         stage,

@@ -145,10 +145,6 @@ class Windows:
         """Rows of "train" or "val"."""
         return self._rows[split]
 
-    def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) zeros: all windows are of one type."""
-        return np.zeros(len(rows), dtype=np.int64)
-
     def batch(self, rows: np.ndarray) -> dict[str, Any]:
         """See `BodySequences.batch`."""
         return self.sequences.batch(

@@ -1,4 +1,4 @@
-"""What a garment network is trained for: graphs, faces, statistics and the rest body of a shape."""
+"""The body that garment networks are built on: graphs, faces, statistics and rest bodies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -8,8 +8,9 @@ import torch
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.frames import GENDERS, REST_POSE
+from drapeline.geometry.mesh import Mesh
 from drapeline.models.layers.precision import full_precision
-from drapeline.registration.to_body.topology import TOPOLOGIES
+from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 
 SHAPES = 10
 # cvar_s: shape, gender (0 female, 1 male), signed tightness.
@@ -18,7 +19,7 @@ STATIC_CVAR = SHAPES + 1 + 2
 
 @dataclass(frozen=True)
 class BodyTemplate:
-    """Everything about body and data that a network is built on, as arrays.
+    """Everything about the body and the training data that a network is built on, as arrays.
 
     Attributes:
         edges: topology -> (E_l, 2) of each level.
@@ -27,7 +28,7 @@ class BodyTemplate:
         offset_mean, offset_std: (V, 3) metres.
         base_mean, base_std: (V, 3) metres, of what offsets are added to.
         body_mean, body_std: (V, 3) metres, of the rest body.
-        body_basis: (2 * 11, V, 3), `rest_basis`.
+        body_basis: (2 * 11, V, 3), see `rest_basis`.
         cvar_mean, cvar_std: (C,).
     """
 
@@ -44,8 +45,18 @@ class BodyTemplate:
     cvar_mean: np.ndarray
     cvar_std: np.ndarray
 
+    def faces_of(self, garment_index: int) -> np.ndarray:
+        """(F, 3) faces of the topology of a garment type, an index into `GARMENTS`."""
+        (code,) = topology_codes(np.array([garment_index]))
+        return self.faces[TOPOLOGIES[int(code)]]
+
+    def rest_body(self, cvar: np.ndarray) -> np.ndarray:
+        """(V, 3) float32 rest body of one set of conditions (C,), metres."""
+        basis = torch.from_numpy(self.body_basis)
+        return rest_bodies(basis, torch.from_numpy(cvar.astype(np.float32))[None])[..., 0].numpy()
+
     def tensors(self) -> dict[str, torch.Tensor]:
-        """Flat form for a checkpoint."""
+        """As a flat mapping, for a checkpoint."""
         flat = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _BY_TOPOLOGY}
         for name in TOPOLOGIES:
             flat[f"faces/{name}"] = self.faces[name]
@@ -75,7 +86,7 @@ _BY_TOPOLOGY = ("edges", "parents", "faces")
 
 
 def rest_basis(bodies: Mapping[str, BodyModel]) -> np.ndarray:
-    """(2 * 11, V, 3): rest body and its change per unit of each shape coefficient, per gender.
+    """(2 * 11, V, 3) metres: per gender the rest body and its change per unit of each shape value.
 
     In a fixed pose, joints and vertices are affine in shape, so this is exact.
     """
@@ -89,8 +100,19 @@ def rest_basis(bodies: Mapping[str, BodyModel]) -> np.ndarray:
 
 @full_precision
 def rest_bodies(basis: torch.Tensor, cvar: torch.Tensor) -> torch.Tensor:
-    """Rest bodies T, (V, 3, B), of conditions (B, C) that begin with shape and gender."""
+    """Rest bodies T (V, 3, B), metres, of conditions (B, C) that begin with shape and gender."""
     male = cvar[:, SHAPES : SHAPES + 1]
     one = torch.cat([torch.ones_like(male), cvar[:, :SHAPES]], 1)
     factors = torch.cat([one * (1 - male), one * male], 1)  # (B, 22)
     return (basis.flatten(1).T @ factors.T).unflatten(0, (-1, 3))
+
+
+def wearer_mesh(bodies: Mapping[str, BodyModel], cvar: np.ndarray) -> Mesh:
+    """The whole rest body, with head, hands and feet, of static conditions.
+
+    Args:
+        bodies: whole bodies, by gender.
+        cvar: (13,); a gender between 0 (female) and 1 (male) gives a body between the two.
+    """
+    female, male = (posed_vertices(bodies[g], cvar[:10], REST_POSE[None])[0][0] for g in GENDERS)
+    return Mesh(female + cvar[10] * (male - female), bodies[GENDERS[0]].faces)

@@ -1,5 +1,6 @@
-"""The conditioning autoencoder Gamma: its middle layer is what the networks are conditioned on."""
+"""The conditioning autoencoder Gamma, whose middle layer the networks are conditioned on."""
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -9,8 +10,8 @@ from drapeline.models.layers.linear import linear
 class ConditioningAutoencoder(nn.Module):
     """{cvar, cvar^z} = Gamma(cvar), an autoencoder with one skip connection (CLOTH3D 4.2).
 
-    The skip runs from the input to the middle layer. One past the middle layer would let the
-    reconstruction do without cvar^z, which is all that the other networks see.
+    The skip runs from the input to the middle layer. If it bypassed the middle layer, the
+    reconstruction could do without cvar^z, which is all that the other networks see.
 
     Args:
         inputs: size of cvar.
@@ -40,15 +41,24 @@ class ConditioningAutoencoder(nn.Module):
         self.register_buffer("mean", mean.clone())
         self.register_buffer("std", std.clone())
 
-    def normalised(self, cvar: torch.Tensor) -> torch.Tensor:
+    def normalise(self, cvar: torch.Tensor) -> torch.Tensor:
         """(B, C) -> (B, C) with zero mean and unit deviation over the training set."""
         return (cvar - self.mean) / self.std
 
     def forward(self, cvar: torch.Tensor) -> torch.Tensor:
         """(B, C) -> cvar^z (B, middle)."""
-        x = self.normalised(cvar)
+        x = self.normalise(cvar)
         return self.into(x) + self.skip(x)
 
     def loss(self, cvar: torch.Tensor) -> torch.Tensor:
         """L1 between normalised cvar and its reconstruction."""
-        return (self.out(self(cvar)) - self.normalised(cvar)).abs().mean()
+        return (self.out(self(cvar)) - self.normalise(cvar)).abs().mean()
+
+
+def cvar_statistics(cvar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and deviation (C,) float32 of the conditions (n, C) of the training rows.
+
+    A condition that hardly varies in training has deviation 1, since it may vary elsewhere.
+    """
+    std = cvar.std(axis=0)
+    return cvar.mean(axis=0).astype(np.float32), np.where(std > 0.05, std, 1).astype(np.float32)

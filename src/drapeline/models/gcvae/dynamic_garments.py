@@ -1,4 +1,4 @@
-"""Garments in motion for the DVAE: frames of simulated samples as arrays that are mapped."""
+"""Garments in motion as a DVAE takes them: frames with their conditions."""
 
 from pathlib import Path
 
@@ -12,6 +12,8 @@ from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 
+_BATCH = 16
+
 
 class DynamicGarments:
     """Rows of a `DynamicData` with their conditions, for training, encoding and decoding.
@@ -19,7 +21,7 @@ class DynamicGarments:
     Args:
         data: frames.
         codes: (G, Z) static code z_s of each garment.
-        frames: f, how many poses are conditioned on; 1 to 4.
+        frames: f, the number of poses in the conditions, 1 to 4.
     """
 
     def __init__(self, data: DynamicData, codes: np.ndarray, frames: int) -> None:
@@ -40,55 +42,59 @@ class DynamicGarments:
     def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
         """(n, 13 + 72 f + Z) float32: conditions of the rows' mirror images.
 
-        Static codes in them stay: garments are made alike on both sides.
+        Their static codes are those of the rows: garments are symmetric in rest pose.
         """
         return self._cvar(rows, mirrored_poses(self.data.poses[rows, : self.frames]))
 
     def _cvar(self, rows: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        wearer = self.data.wearer[rows]
+        garments = self.data.garment_index[rows]
         flat = poses.reshape(len(rows), -1)
-        return np.concatenate([self.data.cvar(wearer), flat, self.codes[wearer]], 1)
+        return np.concatenate([self.data.cvar(garments), flat, self.codes[garments]], 1)
 
     def names(self, rows: np.ndarray) -> list[str]:
         """Sample, garment and frame of rows, for messages."""
         data = self.data
         return [
-            f"{data.sample[w]}/{GARMENTS[data.garment[w]]}/{frame}"
-            for w, frame in zip(data.wearer[rows], data.frame[rows], strict=True)
+            f"{data.sample[g]}/{GARMENTS[data.garment[g]]}/{frame}"
+            for g, frame in zip(data.garment_index[rows], data.frame[rows], strict=True)
         ]
 
     def batch(self, rows: np.ndarray) -> Batch:
         """Arrays of rows."""
-        data, wearer = self.data, self.data.wearer[rows]
+        data, garments = self.data, self.data.garment_index[rows]
         return {
             "offsets": np.asarray(data.offsets[rows]),
             "base": np.asarray(data.base[rows]),
-            "mask": np.asarray(data.mask[wearer]),
+            "mask": np.asarray(data.mask[garments]),
             "cvar": self.cvar(rows),
             "topology": self.topology(rows),
-            "garment": data.garment[wearer],
             "names": self.names(rows),
         }
 
 
-def static_codes(model: GarmentVae, data: DynamicData) -> np.ndarray:
+def encode_rest_garments(model: GarmentVae, data: DynamicData) -> np.ndarray:
     """(G, Z) float32: mean static code of each garment."""
-    everything = np.arange(len(data.garment))
+    garments = np.arange(len(data.garment))
     return np.concatenate(
         [
-            model.encode(as_tensors(data.static_batch(everything[start : start + 16]))).mean.numpy()
-            for start in range(0, len(everything), 16)
+            model.encode(
+                as_tensors(data.static_batch(garments[start : start + _BATCH]))
+            ).mean.numpy()
+            for start in range(0, len(garments), _BATCH)
         ]
     )
 
 
-def dynamic_garments(folder: str | Path, static: str | Path, frames: int) -> DynamicGarments:
+def load_dynamic_garments(folder: str | Path, static: str | Path, frames: int) -> DynamicGarments:
     """Frames with their conditions.
 
     Args:
         folder: of the rule `collect_dynamic`.
         static: folder of the trained SVAE that gives z_s.
-        frames: f, how many poses are conditioned on; 1 to 4.
+        frames: f, the number of poses in the conditions, 1 to 4.
+
+    Raises:
+        InputError: a file is missing or damaged.
     """
     data, model = DynamicData(folder), load_vae(Path(static) / BEST)
-    return DynamicGarments(data, static_codes(model, data), frames)
+    return DynamicGarments(data, encode_rest_garments(model, data), frames)

@@ -15,23 +15,17 @@ from drapeline.learning_data.dynamic import HISTORY_FRAMES
 from drapeline.learning_data.moving import MovingFiles, MovingGarment
 from drapeline.metrics.garment import garment_mesh, surface_error_mm
 from drapeline.metrics.predictions import GarmentCase, WornGarment
-from drapeline.models.gcvae.codes import (
-    Codes,
-    StaticGarments,
-    decode_codes,
-    encode_garments,
-    rows_of,
-    shown_points,
-    static_truth,
-)
+from drapeline.models.gcvae.codes import Codes, decode_codes, encode_garments
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.sample import smoothed
+from drapeline.models.gcvae.evaluate_static import StaticGarments, static_truth
+from drapeline.models.gcvae.posed_points import decode_points_for_display
+from drapeline.models.gcvae.sampling.types import smooth_bootstrap
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_body.topology import Topology
 
-_MEAN_FRAMES = 64  # that the mean wrinkle code of a type is taken of
+_MEAN_FRAMES = 64  # whose mean wrinkle code stands for that of a type
 
 
 def static_cases(
@@ -66,14 +60,14 @@ def static_cases(
     )
     cases = []
     for row, (offsets, mask) in zip(rows, decoded, strict=True):
-        kind, outfit = GARMENTS[garments.garment[row]], outfits[str(garments.outfit[row])]
-        original = next(g for g in outfit.garments if g.name == kind)
+        garment, outfit = GARMENTS[garments.garment[row]], outfits[str(garments.outfit[row])]
+        original = next(g for g in outfit.garments if g.name == garment)
         body, true_mask = truth.body(row), np.asarray(truth.mask[row])
         true, predicted = body + truth.offsets[row], body + offsets
         wearer = bodies[GENDERS[int(garments.cvar(np.array([row]))[0, 10])]]
         cases.append(
             GarmentCase(
-                label=f"{kind}\n{surface_error_mm(predicted, true, true_mask):.1f} mm",
+                label=f"{garment}\n{surface_error_mm(predicted, true, true_mask):.1f} mm",
                 original=Mesh(original.vertices, triangulate(original.faces)),
                 true=true,
                 mask=true_mask,
@@ -106,12 +100,12 @@ def moving_cases(
     cases = []
     for one in first_of_each((one.name, one) for one in files):
         moving = one.load()
-        rows = rows_of(garments, moving)
+        rows = garments.data.rows_of(moving.sample, moving.name)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
         body = super_bodies[moving.gender]
         frame = garments.data.frame[row]
-        points = shown_points(model, garments, row, moving, body, topology, z)
+        points = decode_points_for_display(model, garments, row, moving, body, topology, z)
         (true,) = moving.points(frame)
         mask = moving.registered.mask
         true, predicted = moving.on_vertices(true), moving.on_vertices(points[0])
@@ -147,8 +141,7 @@ def wrinkle_rows(
 
     Args:
         rng: draws the codes of the last two rows.
-        files: held-out garments first; the one of them that moves most gives frame, pose and
-            wrinkle code.
+        files: held-out garments first; the one that moves most gives frame, pose and wrinkle code.
         super_bodies, bodies: super-resolved and whole bodies, by gender.
         columns: pictures per row.
 
@@ -158,7 +151,7 @@ def wrinkle_rows(
         frames.
     """
     data = garments.data
-    rows_by = [rows_of(garments, one) for one in files]
+    rows_by = [data.rows_of(one.sample, one.name) for one in files]
     bend = [np.linalg.norm(data.poses[rows, 0, 3:], axis=1) for rows in rows_by]
     held_out = [k for k, one in enumerate(files) if one.split == files[0].split]
     chosen = max(held_out, key=lambda k: np.ptp(bend[k]))
@@ -168,11 +161,13 @@ def wrinkle_rows(
     first = first_of_each((one.name, k) for k, one in enumerate(files))
     shown = {k: files[k].load() for k in {chosen, *first}}
 
-    def worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
+    def dress(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
         other = shown[which]
         own = np.repeat(rows_by[which][:1], len(codes))
         body = super_bodies[other.gender]
-        points = shown_points(model, garments, own, other, body, topology, codes, poses)
+        points = decode_points_for_display(
+            model, garments, own, other, body, topology, codes, poses
+        )
         faces, mask = topology.faces_of(other.name), other.registered.mask
         return [
             WornGarment(
@@ -185,13 +180,13 @@ def wrinkle_rows(
         ]
 
     spread = rows[np.linspace(0, len(rows) - 1, columns).astype(int)]
-    drawn = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
+    random_codes = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
     return {
-        "pose": worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
-        "garment": [w for k in first for w in worn(k, z, data.poses[lively])],
-        "codes,\nat rest": worn(chosen, drawn, rest),
-        "codes,\nin motion": worn(chosen, drawn, np.repeat(data.poses[lively], columns, 0)),
+        "pose": dress(chosen, np.repeat(z, columns, 0), data.poses[spread]),
+        "garment": [w for k in first for w in dress(k, z, data.poses[lively])],
+        "codes,\nat rest": dress(chosen, random_codes, rest),
+        "codes,\nin motion": dress(chosen, random_codes, np.repeat(data.poses[lively], columns, 0)),
     }
 
 
@@ -204,14 +199,14 @@ def _wrinkle_codes(
 ) -> np.ndarray:
     """(count, Z) codes near those of training frames of a type, or of any if it has none.
 
-    A smoothed bootstrap, as for garments at rest: the prior mixes the wrinkles of all types.
+    A smoothed bootstrap, as for garments at rest, since the prior mixes the wrinkles of all types.
     """
     data, rows = garments.data, garments.rows("train")
-    of_type = rows[data.garment[data.wearer[rows]] == GARMENTS.index(name)]
-    drawn = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
-    codes = encode_garments(model, garments, drawn).mean
+    of_type = rows[data.garment[data.garment_index[rows]] == GARMENTS.index(name)]
+    chosen = rng.choice(of_type if len(of_type) else rows, max(2 * count, _MEAN_FRAMES))
+    codes = encode_garments(model, garments, chosen).mean
     mean = codes.mean(axis=0)
-    return smoothed(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
+    return smooth_bootstrap(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
 
 
 def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:

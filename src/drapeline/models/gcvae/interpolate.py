@@ -1,4 +1,4 @@
-"""Straight ways through codes and conditions, decoded step by step (CLOTH3D figure 9)."""
+"""Straight lines through codes and conditions, decoded step by step (CLOTH3D figure 9)."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -7,8 +7,10 @@ import numpy as np
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh
-from drapeline.models.gcvae.codes import Codes, StaticGarments, rest_body
-from drapeline.models.gcvae.sample import GarmentTypes, decode_typed, faces_of
+from drapeline.models.gcvae.codes import Codes
+from drapeline.models.gcvae.evaluate_static import StaticGarments
+from drapeline.models.gcvae.sampling.draw import decode_by_type
+from drapeline.models.gcvae.sampling.types import GarmentTypes
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 
@@ -16,20 +18,20 @@ _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
 
 
 class Step(NamedTuple):
-    """A garment on a way.
+    """A garment on the way.
 
     Attributes:
         garment: as decoded, in rest pose.
-        cvar: (13,) conditions it was decoded with.
-        type: index into `GARMENTS` of what it is most like.
+        cvar: (13,) conditions that it was decoded with.
+        garment_index: its likeliest type, an index into `GARMENTS`.
     """
 
     garment: Mesh
     cvar: np.ndarray
-    type: int
+    garment_index: int
 
 
-def walk(
+def interpolate(
     model: StaticVae,
     types: GarmentTypes,
     start: tuple[np.ndarray, np.ndarray],
@@ -38,20 +40,21 @@ def walk(
 ) -> list[Step]:
     """Decode evenly spaced points between two pairs of code (Z,) and conditions (13,).
 
-    The topology of each point is that of the type that it is most like.
+    Each is decoded on the topology of its likeliest type.
     """
     share = np.linspace(0, 1, steps)[:, None]
     z, cvar = (a + share * (b - a) for a, b in zip(start, end, strict=True))
     out = []
-    for (kind, offsets, mask), condition in zip(
-        decode_typed(model, types, z, cvar, [None] * steps), cvar, strict=True
-    ):
-        vertices = rest_body(model, condition) + offsets
-        out.append(Step(garment_mesh(vertices, faces_of(model, kind), mask), condition, kind))
+    template = model.body_template
+    decoded = decode_by_type(model, types, z, cvar, [None] * steps)
+    for (garment_index, offsets, mask), condition in zip(decoded, cvar, strict=True):
+        vertices = template.rest_body(condition) + offsets
+        mesh = garment_mesh(vertices, template.faces_of(garment_index), mask)
+        out.append(Step(mesh, condition, garment_index))
     return out
 
 
-def paper_walks(
+def interpolate_as_figure_9(
     model: StaticVae,
     types: GarmentTypes,
     garments: StaticGarments,
@@ -62,26 +65,27 @@ def paper_walks(
     """The rows of figure 9: shape, tightness, cloth, cloth across topologies, and all at once.
 
     Args:
-        rows: (n,) garments to begin and end at, the first of each type; a way that needs a type
-            that is not among them is left out.
-        codes: their (n, Z) codes.
+        rows: (n,) garments; the first of each type is where a row starts or ends. A row that needs
+            a type not among them is left out.
+        codes: (n, Z) of these garments.
+        steps: garments per row.
 
     Returns:
         What changes -> steps.
     """
-    kinds = np.asarray(garments.garment)[rows]
+    garment_indices = np.asarray(garments.garment)[rows]
     cvar = garments.cvar(rows)
     first: Mapping[str, int] = {
-        name: int(np.flatnonzero(kinds == index)[0])
+        name: int(np.flatnonzero(garment_indices == index)[0])
         for index, name in enumerate(GARMENTS)
-        if (kinds == index).any()
+        if (garment_indices == index).any()
     }
 
     def at(name: str, **changed: object) -> tuple[np.ndarray, np.ndarray]:
         """A garment's code and conditions, with another shape or tightness."""
         condition = cvar[first[name]].copy()
         for part, value in changed.items():
-            condition[_PLACES[part]] = value
+            condition[_CVAR_PARTS[part]] = value
         return codes.mean[first[name]], condition
 
     def tightness(name: str, value: float) -> list[float]:
@@ -89,17 +93,17 @@ def paper_walks(
         return [-value if female else value, value]
 
     average = np.zeros(10)
-    ends = np.zeros((2, 10))
-    ends[:, 0] = ends[:, 1] = (-_SHAPE_SPAN, _SHAPE_SPAN)
-    ways: dict[str, tuple[str, ...]] = {
+    small, large = np.zeros((2, 10))
+    small[:2], large[:2] = -_SHAPE_SPAN, _SHAPE_SPAN
+    needed_types: dict[str, tuple[str, ...]] = {
         "shape": ("Dress",),
         "tightness": ("Tshirt",),
         "cloth": ("Top", "Jumpsuit"),
         "topology": ("Jumpsuit", "Dress"),
         "all": ("Skirt", "Tshirt"),
     }
-    made = {
-        "shape": lambda a: (at(a, shape=ends[0]), at(a, shape=ends[1])),
+    ends_of = {
+        "shape": lambda a: (at(a, shape=small), at(a, shape=large)),
         "tightness": lambda a: (
             at(a, shape=average, tightness=tightness(a, _TIGHT)),
             at(a, shape=average, tightness=tightness(a, _LOOSE)),
@@ -109,10 +113,10 @@ def paper_walks(
         "all": lambda a, b: (at(a), at(b)),
     }
     return {
-        name: walk(model, types, *made[name](*needed), steps)
-        for name, needed in ways.items()
-        if all(kind in first for kind in needed)
+        name: interpolate(model, types, *ends_of[name](*needed), steps)
+        for name, needed in needed_types.items()
+        if all(garment in first for garment in needed)
     }
 
 
-_PLACES = {"shape": slice(0, 10), "tightness": slice(11, 13)}
+_CVAR_PARTS = {"shape": slice(0, 10), "tightness": slice(11, 13)}

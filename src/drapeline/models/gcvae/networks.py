@@ -21,20 +21,20 @@ from drapeline.models.layers.mesh_graph import MeshGraph
 from drapeline.models.layers.precision import full_precision
 from drapeline.registration.to_body.topology import TOPOLOGIES
 
-# Garments unlike any in training must not give infinite variance.
-_LOG_VARIANCE = (-12.0, 8.0)
+# Clamped, so that garments unlike any in training give no infinite variance.
+_LOG_VARIANCE_RANGE = (-12.0, 8.0)
 
 
 @dataclass(frozen=True)
 class GcvaeNetwork:
-    """Sizes of the networks; CLOTH3D gives latent, order and levels, the widths are ours.
+    """Sizes of the networks; CLOTH3D gives `latent`, `order` and the number of levels.
 
     Attributes:
         widths: features per node at each level, finest first.
-        scale: factor on the widths of all levels but the finest; the DVAE doubles.
+        scale: factor on the widths of all levels but the finest; 2 for the DVAE.
         features: width of the first fully connected layer of the encoder.
-        latent: size of z.
-        condition: size of cvar^z.
+        latent: numbers in z.
+        condition: numbers in cvar^z.
         order: K, the Chebyshev order; 1 means two terms.
     """
 
@@ -47,12 +47,12 @@ class GcvaeNetwork:
 
     @property
     def level_widths(self) -> list[int]:
-        """Features per node after scaling: the first and last layers keep theirs."""
+        """Features per node after scaling; the first and the last layer keep theirs."""
         return [self.widths[0], *(self.scale * width for width in self.widths[1:])]
 
 
 class Code(NamedTuple):
-    """What the encoder makes of (B,) samples.
+    """What the encoder returns for (B,) samples.
 
     Attributes:
         mean, log_variance: (B, latent) of q(z | X, cvar).
@@ -64,15 +64,15 @@ class Code(NamedTuple):
     condition: torch.Tensor
 
 
-_SECOND = 0.3
-_LEAST_SHARE = 0.1
+_SECOND_SCALE = 0.3  # of initial weights; else features double in size from level to level
+_STD_FLOOR_SHARE = 0.1
 
 
 class Residual(nn.Module):
-    """A convolution, and one whose output is added to its input.
+    """A convolution followed by a residual one.
 
-    Filters are isotropic and shared by all nodes, so alone they cannot tell where on the body, or
-    on which side of a limb, a node is; `places` are constant inputs that say so.
+    Filters are isotropic and shared by all nodes, so by themselves they cannot tell where on the
+    body, or on which side of a limb, a node is; `places` are constant inputs that tell them.
     """
 
     def __init__(
@@ -82,8 +82,8 @@ class Residual(nn.Module):
         self.first = first
         self.places = linear(places, width, rng)
         self.second = ChebConv(width, width, order, rng)
-        with torch.no_grad():  # or features double in size from level to level
-            self.second.weight.mul_(_SECOND)
+        with torch.no_grad():
+            self.second.weight.mul_(_SECOND_SCALE)
 
     def forward(
         self, x: torch.Tensor, operator: nn.Module, laplacian: nn.Module, places: torch.Tensor
@@ -91,21 +91,22 @@ class Residual(nn.Module):
         """(n, B, F) -> (N, B, width).
 
         Args:
-            operator: what the first convolution needs.
+            operator: the matrix that the first convolution takes.
+            laplacian: of the N nodes.
             places: (N, P).
         """
         x = torch.relu_(self.first(x, operator) + self.places(places)[:, None])
-        # In place on rows: autograd would copy whole gradients for a change of a view.
+        # In place on rows: to change a view in place, autograd would copy whole gradients.
         rows = self.second.rows(x, laplacian).add_(x.flatten(0, 1))
         return torch.relu_(rows).unflatten(0, x.shape[:2])
 
 
 class VertexLinear(nn.Module):
-    """A linear layer with weights of its own at every vertex; begins as zero.
+    """A linear layer with weights of its own at every vertex, initially zero.
 
-    As the normalisation of the offsets, which it undoes in part, it is no filter: from smooth
-    features it makes offsets that turn around the body with the surface, which filters that are
-    the same everywhere and in every direction learn far more slowly.
+    Unlike a filter, which is the same everywhere and in every direction, it can turn smooth
+    features into offsets that follow the surface around the body. Filters learn that far more
+    slowly.
     """
 
     def __init__(self, vertices: int, inputs: int, outputs: int) -> None:
@@ -140,35 +141,35 @@ class Encoder(nn.Module):
             linear(size.features // 2, size.condition, rng),
         )
         self.code = linear(size.features, 2 * size.latent, rng)
-        with torch.no_grad():  # begin near the prior's mean with small variance
+        with torch.no_grad():  # start near the prior's mean, with small variance
             self.code.weight[: size.latent].mul_(0.7)
             self.code.weight[size.latent :].mul_(0.1)
             self.code.bias[size.latent :].fill_(-4)
 
     def forward(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> Code:
         """Topology -> (V, B_t, inputs), to the codes of all samples in that order."""
-        rows = (self.pooled(graphs, inputs) - self.mean) / self.std
+        rows = (self.pool(graphs, inputs) - self.mean) / self.std
         features = torch.relu(self.features(rows))
         code, condition = (head(features).to(self.mean) for head in (self.code, self.condition))
         mean, log_variance = code.chunk(2, dim=1)
-        return Code(mean, log_variance.clamp(*_LOG_VARIANCE), condition)
+        return Code(mean, log_variance.clamp(*_LOG_VARIANCE_RANGE), condition)
 
-    def pooled(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> torch.Tensor:
+    def pool(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> torch.Tensor:
         """Features of the coarsest nodes, (B, nodes * width), before they are normalised."""
-        return torch.cat([self._pooled(graphs[name], x) for name, x in inputs.items()])
+        return torch.cat([self._pool(graphs[name], x) for name, x in inputs.items()])
 
     @torch.no_grad()
     def normalise_by(self, graphs: nn.ModuleDict, inputs: Mapping[str, torch.Tensor]) -> None:
-        """Let the initial features of a first batch have zero mean and unit deviation.
+        """Normalise pooled features by their mean and deviation over a first batch.
 
-        Most of a pooled feature is the same for all garments; without this the differences
-        between them are too small a part of what the code is made from for training to find.
+        Most of a pooled feature is the same for all garments; unnormalised, the differences
+        between garments are too small a part of it for training to pick up.
         """
-        rows = self.pooled(graphs, inputs)
+        rows = self.pool(graphs, inputs)
         self.mean.copy_(rows.mean(0))
-        self.std.copy_(rows.std(0).clamp_min(_LEAST_SHARE * rows.std()))
+        self.std.copy_(rows.std(0).clamp_min(_STD_FLOOR_SHARE * rows.std()))
 
-    def _pooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
+    def _pool(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         for level, block in enumerate(self.levels):
             laplacian = graph.laplacians[level]
             x = block(x, laplacian, laplacian, graph.places(level))
@@ -180,8 +181,8 @@ class Encoder(nn.Module):
 class Decoder(nn.Module):
     """Phi(z, cvar^z): fully connected to one node per segment, then copy unpooling and levels.
 
-    Its skip connections lie inside its levels and none comes from the encoder, so z and cvar are
-    all it needs.
+    Skip connections lie within its levels and none comes from the encoder, so z and cvar^z are
+    all that it needs.
 
     Args:
         outputs: 3 offset channels, and one more for the mask's logit.
@@ -206,7 +207,7 @@ class Decoder(nn.Module):
             Residual(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
-        # Both branches are linear in the last features, so one layer makes both.
+        # Both branches are linear in the last features, so one layer computes both.
         self.branches = VertexLinear(vertices, widths[0], outputs)
 
     def forward(
@@ -217,11 +218,11 @@ class Decoder(nn.Module):
         rows = rows.view(len(rows), self.nodes, -1).transpose(0, 1).contiguous()  # (nodes, B, F)
         parts = rows.split(list(counts.values()), dim=1)
         return {
-            name: self._unpooled(graphs[name], part.contiguous())
+            name: self._unpool(graphs[name], part.contiguous())
             for name, part in zip(counts, parts, strict=True)
         }
 
-    def _unpooled(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
+    def _unpool(self, graph: MeshGraph, x: torch.Tensor) -> torch.Tensor:
         x = torch.relu(self.coarsest(x, graph.laplacians[-1]) + x)
         for level, block in zip(range(len(self.levels) - 1, -1, -1), self.levels, strict=True):
             x = block(x, graph.unpools[level], graph.laplacians[level], graph.places(level))
@@ -231,8 +232,8 @@ class Decoder(nn.Module):
 PLACES = 6
 
 
-def graphs_of(body_template: BodyTemplate, order: int) -> nn.ModuleDict:
-    """Topology -> graph; places are position and normal on the mean rest body."""
+def mesh_graphs(body_template: BodyTemplate, order: int) -> nn.ModuleDict:
+    """Topology -> graph, with position and normal on the mean rest body as places (N, 6)."""
     graphs = {}
     for name in TOPOLOGIES:
         position = body_template.body_mean - body_template.body_mean.mean(axis=0)
@@ -265,13 +266,13 @@ class Gcvae(nn.Module):
         rng: torch.Generator,
     ) -> None:
         super().__init__()
-        self.graphs = graphs_of(body_template, size.order)
+        self.graphs = mesh_graphs(body_template, size.order)
         nodes = self.graphs[TOPOLOGIES[0]].counts[-1]
         self.encoder = Encoder(inputs, nodes, PLACES, size, rng)
         self.decoder = Decoder(3 + mask, len(body_template.offset_mean), nodes, PLACES, size, rng)
 
     def normalise_by(self, inputs: Mapping[str, torch.Tensor]) -> None:
-        """Set the encoder's constants from a first batch; see there."""
+        """Set the encoder's constants from a first batch; see `Encoder.normalise_by`."""
         self.encoder.normalise_by(self.graphs, inputs)
 
     def encode(self, inputs: Mapping[str, torch.Tensor]) -> Code:

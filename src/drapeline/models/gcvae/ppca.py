@@ -1,9 +1,12 @@
-"""A linear conditional VAE in closed form: probabilistic PCA of offsets that are partly missing.
+"""Probabilistic PCA of partly missing fields, conditioned by a linear regression.
 
-Outside a garment's mask there is no offset. Read as zero, as plain PCA must, every hem and every
-sleeve end is a jump in the field that costs components; read as missing, the field is smooth and
-what it would be beyond the hem is inferred. The mask itself enters as a fourth channel: blurred
-over the mesh until it is a ramp, whose half-way line is the hem.
+A field is the offsets of a garment's vertices. Outside the garment's mask there is no offset. Read
+as zero, as plain PCA has to, every hem and every end of a sleeve is a jump in the field that costs
+components; read as missing, the field is smooth, and what it would be beyond the hem is inferred.
+The mask itself can enter as a further channel: blurred over the mesh it becomes a ramp, which is
+zero at the hem.
+
+After Tipping and Bishop, "Probabilistic principal component analysis", 1999.
 """
 
 from typing import NamedTuple
@@ -15,13 +18,13 @@ from drapeline.models.layers.precision import full_precision
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
-class LinearFit(NamedTuple):
-    """Parameters of y = mean(c) + basis z + noise, z standard normal.
+class PpcaFit(NamedTuple):
+    """Parameters of y = regression(c) + basis z + noise, with z standard normal.
 
     Attributes:
         regression: (C + 1, V * channels) from conditions and a one.
         basis: (Z, V * channels).
-        noise: () variance of what the basis leaves.
+        noise: () variance that the basis leaves unexplained.
     """
 
     regression: torch.Tensor
@@ -29,11 +32,16 @@ class LinearFit(NamedTuple):
     noise: torch.Tensor
 
 
-def blurred(mask: torch.Tensor, laplacian: SparseMatrix, passes: int) -> torch.Tensor:
-    """(V, B) mask -> (V, B) from -1 to 1: averaged `passes` times over the graph, 0 at its edge.
+def blur_mask(mask: torch.Tensor, laplacian: SparseMatrix, passes: int) -> torch.Tensor:
+    """Average a mask over the graph until it is a ramp from -1 outside to 1 inside.
 
     Args:
-        laplacian: scaled and normalised; half of what it takes off one is a stable average.
+        mask: (V, B) bool.
+        laplacian: scaled and normalised; half of (1 - laplacian) is a stable averaging step.
+        passes: number of steps.
+
+    Returns:
+        (V, B), zero at the mask's edge.
     """
     x = mask.to(laplacian.forward_value.dtype)
     total = torch.ones_like(x[:, :1])
@@ -43,12 +51,12 @@ def blurred(mask: torch.Tensor, laplacian: SparseMatrix, passes: int) -> torch.T
     return 2 * both[:, :-1] / both[:, -1:] - 1
 
 
-def with_one(conditions: torch.Tensor) -> torch.Tensor:
+def append_one(conditions: torch.Tensor) -> torch.Tensor:
     """(n, C) -> (n, C + 1)."""
     return torch.cat([conditions, torch.ones_like(conditions[:, :1])], 1)
 
 
-def fit_linear(
+def fit_ppca(
     fields: torch.Tensor,
     known: torch.Tensor,
     conditions: torch.Tensor,
@@ -56,51 +64,51 @@ def fit_linear(
     latent: int,
     rounds: int,
     ridge: float,
-) -> LinearFit:
-    """Fit by filling in what is missing and fitting again.
+) -> PpcaFit:
+    """Fit by turns: fill in what is missing, fit to the filled fields, and so on.
 
     Args:
-        fields: (n, V * channels), any number where not known.
+        fields: (n, V * channels), arbitrary where not known.
         known: (n, V * channels) bool.
         conditions: (n, C) of zero mean and unit deviation.
-        latent: size of z; components beyond what n samples span are zero.
+        latent: size of z; components beyond those that n samples span are zero.
         rounds: of filling in.
-        ridge: weight of the regression's penalty, in samples.
+        ridge: weight of the regression's penalty, counted in samples.
     """
     filled = torch.where(known, fields, 0)
-    one = with_one(conditions)
+    one = append_one(conditions)
     penalty = ridge * torch.eye(one.shape[1], dtype=one.dtype, device=one.device)
     penalty[-1, -1] = 0
     count = min(latent, len(fields) - 1)
     for _ in range(rounds):
         regression = torch.linalg.solve(one.T @ one + penalty, one.T @ filled)
-        rest = filled - one @ regression
-        values, vectors = torch.linalg.eigh((rest @ rest.T / len(rest)).double())
+        residual = filled - one @ regression
+        values, vectors = torch.linalg.eigh((residual @ residual.T / len(residual)).double())
         values, vectors = values.flip(0), vectors.flip(1)
         noise = values[count:].sum() / fields.shape[1]
-        # PPCA (Tipping and Bishop): shrink each direction by the noise it holds.
+        # Each direction shrinks by the share of its variance that is noise.
         kept = ((values[:count] - noise) / values[:count]).nan_to_num().clamp_min(0)
-        low = (vectors[:, :count] * kept) @ (vectors[:, :count].T @ rest.double())
-        filled = torch.where(known, fields, one @ regression + low.to(rest.dtype))
-    size = ((values[:count] - noise).clamp_min(0) / (len(rest) * values[:count])).nan_to_num()
-    basis = torch.zeros(latent, fields.shape[1], dtype=rest.dtype, device=rest.device)
-    basis[:count] = ((vectors[:, :count] * size.sqrt()).T @ rest.double()).to(rest.dtype)
-    return LinearFit(regression, basis, noise.to(rest.dtype).clamp_min(1e-6))
+        low = (vectors[:, :count] * kept) @ (vectors[:, :count].T @ residual.double())
+        filled = torch.where(known, fields, one @ regression + low.to(residual.dtype))
+    size = ((values[:count] - noise).clamp_min(0) / (len(residual) * values[:count])).nan_to_num()
+    basis = torch.zeros(latent, fields.shape[1], dtype=residual.dtype, device=residual.device)
+    basis[:count] = ((vectors[:, :count] * size.sqrt()).T @ residual.double()).to(residual.dtype)
+    return PpcaFit(regression, basis, noise.to(residual.dtype).clamp_min(1e-6))
 
 
-class LinearPath(nn.Module):
-    """The fitted linear VAE as a module: exact posterior, and the field of a code.
+class Ppca(nn.Module):
+    """A fit as a module: the exact posterior of a field, and the field of a code.
 
     Args:
         vertices: V.
         conditions: C.
-        latent: size of z.
-        chosen: (S,) vertices that the posterior looks at.
+        latent: Z, size of z.
+        observed: (S,) vertices that the posterior looks at.
         channels: of the fields: three of offsets, and others that are known everywhere.
     """
 
     def __init__(
-        self, vertices: int, conditions: int, latent: int, chosen: torch.Tensor, channels: int
+        self, vertices: int, conditions: int, latent: int, observed: torch.Tensor, channels: int
     ) -> None:
         super().__init__()
         self.channels = channels
@@ -108,17 +116,17 @@ class LinearPath(nn.Module):
         self.register_buffer("regression", torch.zeros(conditions + 1, width))
         self.register_buffer("basis", torch.zeros(latent, width))
         self.register_buffer("noise", torch.ones(()))
-        self.register_buffer("chosen", chosen, persistent=False)
+        self.register_buffer("observed", observed, persistent=False)
 
-    def take(self, fit: LinearFit) -> None:
-        """Hold a fit."""
+    def set_fit(self, fit: PpcaFit) -> None:
+        """Copy the parameters of a fit."""
         for name, value in fit._asdict().items():
             getattr(self, name).copy_(value)
 
     @full_precision
     def forward(self, z: torch.Tensor, conditions: torch.Tensor) -> torch.Tensor:
-        """(B, Z) and (B, C) -> fields (V, channels, B)."""
-        field = with_one(conditions) @ self.regression + z @ self.basis
+        """(B, Z) and (B, C) -> mean fields (V, channels, B)."""
+        field = append_one(conditions) @ self.regression + z @ self.basis
         return field.T.unflatten(0, (-1, self.channels))
 
     @full_precision
@@ -133,20 +141,21 @@ class LinearPath(nn.Module):
             conditions: (B, C).
         """
         latent = len(self.basis)
-        basis = self.basis.unflatten(1, (-1, self.channels))[:, self.chosen]  # (Z, S, channels)
-        rest = (fields - self(torch.zeros_like(conditions[:, :1]).expand(-1, latent), conditions))[
-            self.chosen
-        ]
+        basis = self.basis.unflatten(1, (-1, self.channels))[:, self.observed]  # (Z, S, channels)
+        residual = (
+            fields - self(torch.zeros_like(conditions[:, :1]).expand(-1, latent), conditions)
+        )[self.observed]
         field = basis[..., 3:].flatten(1)  # (Z, S * others)
         always = field @ field.T
         means, variances = [], []
         for sample in range(len(conditions)):
-            inside = mask[self.chosen, sample]
+            inside = mask[self.observed, sample]
             offsets = basis[:, inside, :3].flatten(1)  # (Z, 3 M)
             precision = (always + offsets @ offsets.T) / self.noise
             precision.diagonal().add_(1)
             seen = (
-                offsets @ rest[inside, :3, sample].flatten() + field @ rest[:, 3:, sample].flatten()
+                offsets @ residual[inside, :3, sample].flatten()
+                + field @ residual[:, 3:, sample].flatten()
             )
             root = torch.linalg.cholesky(precision)
             means.append(torch.cholesky_solve((seen / self.noise)[:, None], root)[:, 0])

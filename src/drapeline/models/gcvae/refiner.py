@@ -11,10 +11,10 @@ from drapeline.models.layers.mesh_graph import MeshGraph
 
 
 class Refiner(nn.Module):
-    """Down by max pooling, up by copying, each level adding what it had on the way down.
+    """Down by max pooling, up by copying; each level adds its features from the way down.
 
-    Its input is made of z and conditions alone, so its inner skips pass no garment on. It begins
-    as the zero function.
+    Its input is computed from z and conditions alone, so no skip connection leaks the garment.
+    Initially it is the zero function.
     """
 
     def __init__(

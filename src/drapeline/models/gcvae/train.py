@@ -1,32 +1,22 @@
-"""Whole trainings: from data and settings to a finished folder."""
+"""Train a garment VAE: from data and settings to a finished folder."""
 
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.conditioning_training import load_conditioning
-from drapeline.models.gcvae.ppca_vae import LinearDynamicVae, LinearVae
-from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae, VaeSettings
-from drapeline.models.training.batches import GarmentData, Garments
+from drapeline.models.gcvae.train_conditioning import load_conditioning
+from drapeline.models.gcvae.vae import Garments, GarmentVae
+from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.digests import tensors_digest
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import BEST, plain
 
-MODELS: dict[str, type[GarmentVae]] = {
-    "gcvae": StaticVae,
-    "linear": LinearVae,
-    "dynamic": DynamicVae,
-    "linear_dynamic": LinearDynamicVae,
-}
-
 
 def train_vae(
     folder: str | Path,
+    model: GarmentVae,
     garments: Garments,
-    body_template: BodyTemplate,
-    settings: VaeSettings,
     *,
     conditioning: str | Path | None,
     code: str,
@@ -34,27 +24,33 @@ def train_vae(
     trainer: dict[str, Any],
     threads: int,
 ) -> None:
-    """Train a garment VAE and leave a folder as `fit` does; see there for the arguments.
+    """Train a garment VAE and leave a folder as `fit` does.
 
     Args:
-        conditioning: folder of the trained conditioning autoencoder, for networks that have one.
-        code: digest of the code; a training is taken up again by the same code alone.
+        folder, progress, trainer, threads: see `fit`.
+        model: untrained.
+        garments: of training and validation rows.
+        conditioning: folder of the trained conditioning autoencoder, for models that have one.
+        code: digest of the code; only the same code resumes a training.
+
+    Raises:
+        InputError: a checkpoint is unusable, or an offset or the loss is not finite.
     """
-    training = settings.training
+    training = model.settings.training
     about = {
-        **plain(asdict(settings)),
-        "body_template": tensors_digest(body_template.tensors()),
+        "checkpoint_type": model.checkpoint_type,
+        **plain(asdict(model.settings)),
+        "body_template": tensors_digest(model.body_template.tensors()),
         "code": code,
     }
-    model = MODELS[training.model](settings, body_template)
-    if hasattr(model, "conditioning"):
+    if conditioning is not None:
         path = Path(conditioning) / BEST
         load_conditioning(read_checkpoint(path), model.conditioning, path)
         about["conditioning"] = tensors_digest(model.conditioning.state_dict())
     model.prepare(garments)
     fit(
         model,
-        GarmentData(garments, batch=training.batch, seed=training.seed),
+        TrainingBatches(garments, batch=training.batch, seed=training.seed),
         folder,
         progress=progress,
         epochs=training.epochs,

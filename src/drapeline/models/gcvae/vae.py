@@ -1,9 +1,9 @@
-"""The static and the dynamic garment VAE, their losses and their schedules."""
+"""The garment VAEs of CLOTH3D, static and dynamic, with their losses and schedules."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import asdict
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -11,62 +11,43 @@ import torch
 from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
 from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
 from drapeline.models.gcvae.loss import (
-    GcvaeLoss,
     distance_sums,
     kl_nat,
     mask_sums,
     normal_sums,
     offset_sums,
 )
-from drapeline.models.gcvae.networks import Code, Gcvae, GcvaeNetwork
+from drapeline.models.gcvae.networks import Code, Gcvae
+from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.layers.mesh_normals import FaceNormals
-from drapeline.models.training.batches import Batch, Garments, as_tensors, refuse_unfinite
-from drapeline.models.training.module import TrainableModule, Training, plain
+from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
+from drapeline.models.training.module import TrainableModule, plain
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
 
-@dataclass(frozen=True)
-class GcvaeTraining(Training):
-    """How a garment VAE is trained; numbers as printed in CLOTH3D where it prints any.
+class Garments(Protocol):
+    """Registered garments with conditions, as VAEs are trained on them and encode them."""
 
-    Attributes:
-        model: "gcvae", the paper's SVAE; "dynamic", the paper's DVAE; or ours of each, "linear"
-            and "linear_dynamic".
-        normal_parts: each step takes the normals of one of so many parts of all faces.
-        mask: whether the decoder predicts the mask.
-        version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
-            the static garment. An SVAE has "rest".
-    """
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of a split."""
 
-    model: str = "gcvae"
-    normal_parts: int = 4
-    mask: bool = True
-    version: str = "rest"
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) codes of `TOPOLOGIES`."""
 
+    def cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, C) conditions."""
 
-@dataclass(frozen=True)
-class VaeSettings:
-    """All that a garment VAE is built from besides its body template."""
+    def batch(self, rows: np.ndarray) -> Batch:
+        """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,) and `names`.
 
-    network: GcvaeNetwork = field(default_factory=GcvaeNetwork)
-    loss: GcvaeLoss = field(default_factory=GcvaeLoss)
-    training: GcvaeTraining = field(default_factory=GcvaeTraining)
-
-    @classmethod
-    def of(cls, values: Mapping[str, Mapping[str, Any]]) -> "VaeSettings":
-        """From nested mappings as they stand in a config or a checkpoint."""
-        network = {k: tuple(v) if k == "widths" else v for k, v in values["network"].items()}
-        return cls(
-            GcvaeNetwork(**network),
-            GcvaeLoss(**values["loss"]),
-            GcvaeTraining(**values["training"]),
-        )
+        Garments in motion also have `base` (B, V, 3), what their offsets are added to.
+        """
 
 
-# Deviations from the mean at which the encoder's input is cut: outside of its mask a garment has
-# no offset, and at vertices where all others have much that is dozens of deviations away.
-_FAR = 5.0
+# The encoder's input is clamped to so many deviations from the mean: outside its mask a garment
+# has no offset, which is dozens of deviations away at vertices where all others have a large one.
+_CLAMP_DEVIATIONS = 5.0
 _FIRST_BATCH = 64
 
 
@@ -101,9 +82,12 @@ class GarmentVae(TrainableModule):
         settings: sizes, loss and training.
         body_template: graphs, faces, statistics and rest bodies.
         inputs: encoder channels per vertex.
+
+    Attributes:
+        checkpoint_type: names the class in its checkpoints.
     """
 
-    kind = ""
+    checkpoint_type: ClassVar[str]
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate, *, inputs: int) -> None:
         super().__init__()
@@ -131,7 +115,7 @@ class GarmentVae(TrainableModule):
         table = torch.from_numpy(np.asarray(getattr(self.body_template, name), dtype=np.float32))
         self.register_buffer(name, table, persistent=False)
 
-    # ---- what kinds of networks do differently
+    # ---- what subclasses may do differently
 
     def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
         """Make the networks."""
@@ -149,11 +133,14 @@ class GarmentVae(TrainableModule):
         )
 
     def prepare(self, garments: Garments) -> None:
-        """Set what is found from the training rows before training."""
+        """Set what is computed from training rows before the first step.
+
+        Raises:
+            InputError: offsets are not finite; names the samples.
+        """
         rows = garments.rows("train")
         rng = rng_for(self.settings.training.seed, "first batch")
         chosen = np.sort(rng.permutation(rows)[:_FIRST_BATCH])
-        chosen = chosen[np.argsort(garments.topology(chosen), kind="stable")]
         batch = garments.batch(chosen)
         refuse_unfinite(batch["offsets"], batch["names"], "offsets")
         parts = self.parts(as_tensors(batch))
@@ -176,7 +163,7 @@ class GarmentVae(TrainableModule):
                 continue
             offsets = planes(batch["offsets"][rows])
             base, inputs = self.base_and_inputs(batch, rows)
-            target = self.normalised(offsets, "offset")
+            target = self.normalise(offsets, "offset")
             parts[name] = Part(
                 rows=rows,
                 names=[batch["names"][row] for row in rows.tolist()],
@@ -184,7 +171,7 @@ class GarmentVae(TrainableModule):
                 offsets=offsets,
                 mask=batch["mask"][rows].T,
                 base=base,
-                inputs=torch.cat([target, *inputs], 1).clamp(-_FAR, _FAR),
+                inputs=torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS),
                 target=target,
             )
         return parts
@@ -211,7 +198,7 @@ class GarmentVae(TrainableModule):
     def decode(
         self, z: torch.Tensor, cvar: torch.Tensor, topology: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor | None]:
-        """Garments of codes; nothing of an input garment is needed.
+        """Garments from codes and conditions alone.
 
         Args:
             z: (B, latent).
@@ -228,15 +215,19 @@ class GarmentVae(TrainableModule):
         counts = {name: len(part) for name, part in rows.items()}
         parts = self.decode_parts(z[order], cvar[order], counts)
         out = torch.cat(list(parts.values()), 2)[..., torch.argsort(order)]
-        offsets = self.metres(out[:, :3]).permute(2, 0, 1)
+        offsets = self.to_metres(out[:, :3]).permute(2, 0, 1)
         return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
 
-    def normalised(self, x: torch.Tensor, name: str) -> torch.Tensor:
-        """(V, 3, B) metres -> by the mean and deviation per vertex of `name`."""
+    def normalise(self, x: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) metres -> deviations from the mean of `name`, per vertex.
+
+        Args:
+            name: "offset", "base" or "body".
+        """
         mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
         return (x - mean[..., None]) / std[..., None]
 
-    def metres(self, normalised: torch.Tensor) -> torch.Tensor:
+    def to_metres(self, normalised: torch.Tensor) -> torch.Tensor:
         """(V, 3, B) normalised offsets -> metres."""
         return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
 
@@ -264,7 +255,7 @@ class GarmentVae(TrainableModule):
         return loss
 
     def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
-        """The other terms of equation 3."""
+        """Regression of the conditions' code and KL divergence, of equation 3."""
         return {
             "condition": (code.condition - self.conditioning(cvar)).abs().mean(),
             "kl": kl_nat(code.mean, code.log_variance).mean() / code.mean.shape[1],
@@ -282,12 +273,12 @@ class GarmentVae(TrainableModule):
             if weights.offsets_form == "l1":
                 sums["offsets"] = sums["offsets"] + offset_sums(x[:, :3], part.target, inside)
             else:
-                made = self.metres(x[:, :3])
+                made = self.to_metres(x[:, :3])
                 sums["offsets"] = sums["offsets"] + distance_sums(made, part.offsets, inside)
             if weights.normals:
                 normals = self.normals[name]
                 true = normals(part.base + part.offsets, faces)
-                made = normals(part.base + self.metres(x[:, :3]), faces)
+                made = normals(part.base + self.to_metres(x[:, :3]), faces)
                 among = normals.mask(part.mask, faces)
                 sums["normals"] = sums["normals"] + normal_sums(made, true, among)
             if x.shape[1] > 3:
@@ -295,7 +286,10 @@ class GarmentVae(TrainableModule):
         return {key: total / count.clamp_min(1) for key, (total, count) in sums.items()}
 
     def validation_step(self, batch: Batch) -> None:
-        """L_o + 0.1 KL, by which the best weights are chosen, and metrics; all at the mean code."""
+        """Log `selection`, L_o + 0.1 KL, by which the best weights are chosen, and metrics.
+
+        All of them at the mean code.
+        """
         parts = self.parts(batch)
         cvar, counts = conditions_of(parts)
         code = self.encode_parts(parts)
@@ -316,7 +310,7 @@ class GarmentVae(TrainableModule):
         """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
         errors, overlaps = [], []
         for name, part in parts.items():
-            distance = (self.metres(out[name][:, :3]) - part.offsets).norm(dim=1)
+            distance = (self.to_metres(out[name][:, :3]) - part.offsets).norm(dim=1)
             errors.append((distance * part.mask).sum(0) / part.mask.sum(0).clamp_min(1))
             if out[name].shape[1] > 3:
                 made = out[name][:, 3] > 0
@@ -327,14 +321,17 @@ class GarmentVae(TrainableModule):
         return values
 
     def _noise(self, like: torch.Tensor) -> torch.Tensor:
-        """Standard normal numbers of seed, step and rank alone, so that a resume draws the same."""
+        """Standard normal numbers that depend on seed, step and rank alone.
+
+        A training that is resumed thus draws the same ones.
+        """
         rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
         return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
 
     def about(self) -> dict[str, Any]:
-        """All that is needed to build the network again, as plain values and tensors."""
+        """Everything needed to rebuild the network, as plain values and tensors."""
         return {
-            "kind": self.kind,
+            "checkpoint_type": self.checkpoint_type,
             "settings": plain(asdict(self.settings)),
             "body_template": self.body_template.tensors(),
         }
@@ -359,7 +356,7 @@ def planes(x: torch.Tensor) -> torch.Tensor:
 class StaticVae(GarmentVae):
     """SVAE: garments in rest pose, conditioned on shape, gender and tightness."""
 
-    kind = "static"
+    checkpoint_type = "static"
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(settings, body_template, inputs=6)
@@ -369,7 +366,7 @@ class StaticVae(GarmentVae):
     ) -> tuple[torch.Tensor, list[torch.Tensor]]:
         """Offsets are added to the rest body T, which the encoder sees too."""
         body = rest_bodies(self.body_basis, batch["cvar"][rows])
-        return body, [self.normalised(body, "base")]
+        return body, [self.normalise(body, "base")]
 
 
 class DynamicVae(GarmentVae):
@@ -381,11 +378,12 @@ class DynamicVae(GarmentVae):
     A batch brings what its offsets are added to as `base` (B, V, 3).
 
     Attributes:
-        settles: whether its garments go through `settled` after decoding, which the paper has not.
+        resolves_penetration: whether decoded garments are evened out and pushed out of the body,
+            which the paper does not do.
     """
 
-    kind = "dynamic"
-    settles = False
+    checkpoint_type = "dynamic"
+    resolves_penetration: ClassVar[bool] = False
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(
@@ -395,10 +393,10 @@ class DynamicVae(GarmentVae):
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
     ) -> tuple[torch.Tensor, list[torch.Tensor]]:
-        """The posed body; or the static garment, with the rest body besides."""
+        """The posed body; or the static garment, and the rest body as a further input."""
         base = planes(batch["base"][rows])
-        inputs = [self.normalised(base, "base")]
+        inputs = [self.normalise(base, "base")]
         if self.settings.training.version == "unposed":
             body = rest_bodies(self.body_basis, batch["cvar"][rows])
-            inputs.append(self.normalised(body, "body"))
+            inputs.append(self.normalise(body, "body"))
         return base, inputs

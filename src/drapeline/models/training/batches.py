@@ -1,4 +1,4 @@
-"""Batches of garments for training, read from memory-mapped arrays."""
+"""Batches of rows for training, read from memory-mapped arrays."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
@@ -13,24 +13,18 @@ from drapeline.seeding import rng_for
 Batch = dict[str, Any]
 
 
-class Garments(Protocol):
-    """Rows that a network can be trained on."""
+class TrainingRows(Protocol):
+    """Rows that a network can be trained on: garments, windows of sequences, conditions."""
 
     def rows(self, split: str) -> np.ndarray:
-        """Indices of the rows of a split."""
-
-    def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) codes of `TOPOLOGIES`."""
-
-    def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
-        """(n, C) conditions of the rows' mirror images, as closed-form networks take them."""
+        """Indices of the rows of a split, "train" or "val"."""
 
     def batch(self, rows: np.ndarray) -> Batch:
-        """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,), `names`, ..."""
+        """Arrays of rows (B,) by name, `names` of the rows among them."""
 
 
 def as_tensors(batch: Batch) -> Batch:
-    """The same with arrays as tensors."""
+    """The batch with its arrays as tensors."""
     return {
         key: torch.from_numpy(np.ascontiguousarray(value)) if hasattr(value, "dtype") else value
         for key, value in batch.items()
@@ -38,11 +32,12 @@ def as_tensors(batch: Batch) -> Batch:
 
 
 def refuse_unfinite(values: np.ndarray, names: Sequence[str], what: str) -> None:
-    """Check an array (n, ...) that statistics are made from.
+    """Check an array that statistics are computed from.
 
     Args:
+        values: (n, ...).
         names: (n,) of its rows.
-        what: it holds, for the message.
+        what: the array holds, for the message.
 
     Raises:
         InputError: names the samples whose values are not all finite.
@@ -53,30 +48,27 @@ def refuse_unfinite(values: np.ndarray, names: Sequence[str], what: str) -> None
         raise InputError(f"samples {bad}: {what} hold NaN or infinity, expected finite numbers")
 
 
-class _Rows(Dataset):
+class _BatchDataset(Dataset):
     """Whole batches at once: one fancy index per array in place of one per sample."""
 
-    def __init__(self, garments: Garments) -> None:
-        self.garments = garments
+    def __init__(self, source: TrainingRows) -> None:
+        self.source = source
 
     def __getitem__(self, rows: list[int]) -> Batch:
-        rows = np.sort(np.asarray(rows))
-        # Rows of one topology side by side, as the network takes them.
-        rows = rows[np.argsort(self.garments.topology(rows), kind="stable")]
-        return as_tensors(self.garments.batch(rows))
+        return as_tensors(self.source.batch(np.sort(np.asarray(rows))))
 
 
-class _Batches(Sampler):
-    """Batches of even size; shuffled by seed and epoch alone where there is a seed.
+class _BatchSampler(Sampler):
+    """Batches of even size; with a seed, their order depends on seed and epoch alone.
 
-    Of several processes each takes its share, and as many as the others, for they wait for one
-    another in every step.
+    Each of several processes takes its share, and as many batches as the others, since they wait
+    for one another in every step.
 
     Args:
-        rows: to take.
-        size: of a batch, about.
-        seed: of the order; None keeps it.
-        processes: how many there are.
+        rows: to split into batches.
+        size: about how many rows a batch has.
+        seed: of the order; None keeps the rows in order.
+        processes: number of processes.
         rank: which of them this is.
     """
 
@@ -99,27 +91,27 @@ class _Batches(Sampler):
         if self.seed is not None:
             rows = rng_for(self.seed, "epoch", self.epoch).permutation(rows)
         total = self.count * self.processes
-        rows = np.resize(rows, max(len(rows), total))  # fewer than processes: some come again
+        rows = np.resize(rows, max(len(rows), total))  # with too few rows, some are used twice
         parts = np.array_split(rows, total)[self.rank :: self.processes]
         yield from (part.tolist() for part in parts)
 
 
-class GarmentData:
-    """Training and validation batches; the test rows are for evaluation and are not read here.
+class TrainingBatches:
+    """Training and validation batches; test rows are for evaluation and are not read here.
 
     Args:
-        garments: where batches come from.
-        batch: samples per step.
+        source: where the rows come from.
+        batch: rows per step.
         seed: of the order of the training rows.
 
     Raises:
         InputError: the training or the validation split is empty.
     """
 
-    def __init__(self, garments: Garments, *, batch: int, seed: int) -> None:
-        self.garments, self.batch, self.seed = garments, batch, seed
+    def __init__(self, source: TrainingRows, *, batch: int, seed: int) -> None:
+        self.source, self.batch, self.seed = source, batch, seed
         for split in ("train", "val"):
-            if len(garments.rows(split)) == 0:
+            if len(source.rows(split)) == 0:
                 raise InputError(
                     f"the {split} split holds no garments, expected one or more;"
                     " ask for more samples or for a larger share"
@@ -134,14 +126,5 @@ class GarmentData:
             rank: which of them this is.
         """
         seed = self.seed if split == "train" else None
-        sampler = _Batches(self.garments.rows(split), self.batch, seed, processes, rank)
-        return DataLoader(_Rows(self.garments), sampler=sampler, batch_size=None)
-
-
-def cvar_statistics(cvar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation (C,) over the training rows.
-
-    What hardly varies in training counts as deviation 1: elsewhere it may.
-    """
-    std = cvar.std(axis=0)
-    return cvar.mean(axis=0).astype(np.float32), np.where(std > 0.05, std, 1).astype(np.float32)
+        sampler = _BatchSampler(self.source.rows(split), self.batch, seed, processes, rank)
+        return DataLoader(_BatchDataset(self.source), sampler=sampler, batch_size=None)

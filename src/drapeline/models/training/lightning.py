@@ -19,7 +19,7 @@ from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
 from pytorch_lightning.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
-from drapeline.models.training.batches import Batch, GarmentData
+from drapeline.models.training.batches import Batch, TrainingBatches
 from drapeline.models.training.module import BEST, LAST, Position, TrainableModule
 from drapeline.rule_log import LOGGER
 from drapeline.storage import atomic_file, atomic_folder, write_json
@@ -82,7 +82,7 @@ class _Loop(lightning.LightningModule):
     In checkpoints are the network's weights alone.
     """
 
-    def __init__(self, trained: TrainableModule, data: GarmentData) -> None:
+    def __init__(self, trained: TrainableModule, data: TrainingBatches) -> None:
         super().__init__()
         self.trained, self.data = trained, data
 
@@ -142,7 +142,7 @@ class _Loop(lightning.LightningModule):
 
 def fit(
     module: TrainableModule,
-    data: GarmentData,
+    data: TrainingBatches,
     folder: str | Path,
     *,
     progress: str | Path,

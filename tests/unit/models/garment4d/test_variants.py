@@ -2,14 +2,14 @@ import pytest
 
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.variants import POSED_VARIANTS, posed_variants
-from drapeline.models.gcvae.variants import laid_over
+from drapeline.models.training.settings import override_settings
 from garment4d_toys import POSED
 
 
 @pytest.mark.parametrize("name", POSED_VARIANTS)
 def test_variants_change_settings_that_there_are(name):
     settings = {"network": {}, "skinning": {}, **POSED}
-    changed = PosedStage.parse(laid_over(settings, POSED_VARIANTS[name]))
+    changed = PosedStage.parse(override_settings(settings, POSED_VARIANTS[name]))
     for group, values in POSED_VARIANTS[name].items():
         for key, value in values.items():
             assert getattr(getattr(changed, group), key) == value

@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.learning_data.sequences import collect_sequences
 from drapeline.models.garment4d.windows import Windows
-from drapeline.models.training.batches import GarmentData
+from drapeline.models.training.batches import TrainingBatches
 from garment4d_toys import GARMENT, open_toy_data, skirt_faces, toy_sequences
 
 
@@ -45,7 +45,7 @@ def test_the_digested_arrays_tell_data_and_bodies_apart(sequences, folder, toy_b
 
 
 def test_training_sees_train_and_val_windows_only(sequences):
-    loader = GarmentData(Windows(sequences, frames=3, stride=2), batch=4, seed=0)
+    loader = TrainingBatches(Windows(sequences, frames=3, stride=2), batch=4, seed=0)
     seen = {"train": set(), "val": set()}
     for split, batches in ((split, loader.loader(split)) for split in ("train", "val")):
         for batch in batches:

@@ -26,13 +26,13 @@ def cvar():
 def test_conditions_are_normalised_by_the_training_set_s_mean_and_deviation(gamma, cvar):
     gamma.mean.copy_(cvar.mean(0))
     gamma.std.copy_(cvar.std(0))
-    normalised = gamma.normalised(cvar)
+    normalised = gamma.normalise(cvar)
     torch.testing.assert_close(normalised.mean(0), torch.zeros(INPUTS).double())
     torch.testing.assert_close(normalised.std(0), torch.ones(INPUTS).double())
 
 
 def test_the_middle_layer_is_a_network_beside_a_skip_connection(gamma, cvar):
-    normalised = gamma.normalised(cvar)
+    normalised = gamma.normalise(cvar)
     expected = gamma.into(normalised) + gamma.skip(normalised)
     torch.testing.assert_close(gamma(cvar), expected)
     with torch.no_grad():

@@ -14,7 +14,7 @@ class Frames:
     """Two hundred frames of two garments; the last fifty are held out."""
 
     data = SimpleNamespace(
-        wearer=np.repeat([0, 1], 100),
+        garment_index=np.repeat([0, 1], 100),
         garment=np.array([GARMENTS.index("Skirt"), GARMENTS.index("Tshirt")]),
     )
 
@@ -24,7 +24,7 @@ class Frames:
 
 def test_wrinkle_codes_are_spread_like_those_of_training_frames_of_the_type(monkeypatch):
     rng = rng_for(0, "codes")
-    known = np.where(Frames.data.wearer[:, None], 5.0, -5.0) + rng.standard_normal((200, 8))
+    known = np.where(Frames.data.garment_index[:, None], 5.0, -5.0) + rng.standard_normal((200, 8))
     seen = []
 
     def encoded(model, garments, rows):

@@ -17,7 +17,8 @@ from drapeline.models.gcvae.loss import (
     offset_sums,
 )
 from drapeline.models.gcvae.networks import Code, GcvaeNetwork
-from drapeline.models.gcvae.vae import GcvaeTraining, StaticVae, VaeSettings, conditions_of
+from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.vae import StaticVae, conditions_of
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
@@ -308,3 +309,20 @@ def test_a_step_against_the_gradient_of_a_term_lowers_what_it_stands_for(name):
     after = slow_terms(toy_domain(), batch, *decoded(model, batch))
     # To first order, the step lowers the term by a hundred thousandth of itself.
     assert (before[name] - after[name]) / before[name] == pytest.approx(1e-5, rel=0.1)
+
+
+def test_kl_is_that_of_torch_summed_over_the_code_and_zero_for_the_prior():
+    mean, log_variance = torch.randn(2, 5, 8, generator=torch.Generator().manual_seed(0)).double()
+    normal = torch.distributions.Normal
+    expected = torch.distributions.kl_divergence(
+        normal(mean, (log_variance / 2).exp()), normal(0.0, 1.0)
+    )
+    torch.testing.assert_close(kl_nat(mean, log_variance), expected.sum(1), rtol=1e-10, atol=0)
+    assert (kl_nat(torch.zeros(3, 8), torch.zeros(3, 8)) == 0).all()
+
+
+def test_the_printed_schedule_of_the_kl_weight():
+    loss = GcvaeLoss()
+    assert loss.kl_weight(0.0) == loss.kl_weight(0.5) == 1e-4
+    assert loss.kl_weight(0.51) == pytest.approx(1e-4 + 0.005)
+    assert loss.kl_weight(1.0) == 0.25

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.bodies.model import posed_vertices
-from drapeline.frames import REST_POSE
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis, rest_bodies
 from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.vae import GcvaeTraining, StaticVae, VaeSettings
-from drapeline.outfits.garment_types import GARMENTS
-from drapeline.registration.to_body.topology import topology_codes
+from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.vae import StaticVae
 from gcvae_toys import VERTICES, ToyGarments, toy_domain
 
 NETWORK = GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4)
@@ -124,31 +120,6 @@ def test_same_seed_same_weights():
     assert not torch.equal(
         first["network.encoder.features.weight"], other["network.encoder.features.weight"]
     )
-
-
-def test_a_domain_survives_its_flat_form():
-    body_template = toy_domain()
-    again = BodyTemplate.from_tensors(body_template.tensors())
-    np.testing.assert_array_equal(again.offset_std, body_template.offset_std)
-    for name in ("body", "skirt"):
-        for key in ("edges", "parents"):
-            pairs = zip(getattr(again, key)[name], getattr(body_template, key)[name], strict=True)
-            assert all(np.array_equal(a, b) for a, b in pairs)
-
-
-def test_rest_bodies_are_the_posed_bodies_exactly(toy_body):
-    basis = torch.from_numpy(rest_basis({"female": toy_body, "male": toy_body}))
-    shape = np.linspace(-1, 1, 10)
-    for gender in (0, 1):
-        cvar = torch.tensor([[*shape, gender, 0.1, 0.2]], dtype=torch.float32)
-        made = rest_bodies(basis, cvar)[..., 0]
-        true = posed_vertices(toy_body, shape, REST_POSE[None])[0][0]
-        np.testing.assert_allclose(made, true, atol=1e-5)
-
-
-def test_skirts_and_dresses_have_the_second_topology():
-    codes = topology_codes(np.arange(len(GARMENTS)))
-    assert [g for g, c in zip(GARMENTS, codes, strict=True) if c] == ["Skirt", "Dress"]
 
 
 def test_a_level_is_a_convolution_that_knows_its_place_beside_a_skip_connection(model):

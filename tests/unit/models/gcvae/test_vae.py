@@ -8,22 +8,16 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.conditioning_training import ConditioningSettings, train_conditioning
 from drapeline.models.gcvae.load import load_vae
-from drapeline.models.gcvae.loss import GcvaeLoss, kl_nat
+from drapeline.models.gcvae.loss import GcvaeLoss
 from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.ppca import LinearFit, LinearPath
+from drapeline.models.gcvae.ppca_vae import StaticPpcaVae
+from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.train import train_vae
-from drapeline.models.gcvae.vae import GcvaeTraining, VaeSettings
-from drapeline.models.gcvae.variants import (
-    DVAE_VARIANTS,
-    SVAE_VARIANTS,
-    dynamic_conditions,
-    laid_over,
-)
-from drapeline.models.training.batches import GarmentData, _Batches, as_tensors
+from drapeline.models.gcvae.train_conditioning import ConditioningSettings, train_conditioning
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint
-from drapeline.models.training.lightning import learning_rate
 from gcvae_toys import ToyGarments, toy_domain
 
 SETTINGS = VaeSettings(
@@ -33,13 +27,17 @@ SETTINGS = VaeSettings(
 )
 MOVING = replace(
     SETTINGS,
-    training=replace(SETTINGS.training, model="dynamic", version="unposed", mask=False),
+    training=replace(SETTINGS.training, version="unposed", mask=False),
 )
 OURS = replace(
     SETTINGS,
     loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
-    training=replace(SETTINGS.training, model="linear"),
 )
+CLASS_AND_SETTINGS = {
+    "paper": (StaticVae, SETTINGS),
+    "moving": (DynamicVae, MOVING),
+    "ours": (StaticPpcaVae, OURS),
+}
 CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 12, "batch": 8}})
 
 
@@ -59,13 +57,12 @@ def conditioning(tmp_path_factory):
 def train(tmp_path, conditioning):
     """train("name", settings, garments) -> folder of the finished training."""
 
-    def run(name, settings=SETTINGS, garments=None, given=conditioning, **options):
+    def run(name, settings=SETTINGS, garments=None, cls=StaticVae, given=conditioning, **options):
         train_vae(
             tmp_path / name,
+            cls(settings, toy_domain()),
             garments or ToyGarments(),
-            toy_domain(),
-            settings,
-            conditioning=given,
+            conditioning=None if cls is StaticPpcaVae else given,
             code="c",
             progress=tmp_path / ".progress" / name,
             trainer={"accelerator": "cpu", **options},
@@ -96,9 +93,10 @@ def test_the_conditioning_autoencoder_learns_and_is_frozen_in_the_vae(train, con
         torch.testing.assert_close(after[name], value)
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
-def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, settings):
-    folder = train("model", settings)
+@pytest.mark.parametrize("name", ["paper", "ours"])
+def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, name):
+    cls, settings = CLASS_AND_SETTINGS[name]
+    folder = train("model", settings, cls=cls)
     assert sorted(p.name for p in folder.iterdir()) == [
         "best.ckpt",
         "history.tsv",
@@ -114,6 +112,7 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, set
         header.split("\t")
     )
     model, batch = load_vae(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
+    assert type(model) is cls
     code = model.encode(batch)
     with torch.inference_mode():
         offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
@@ -127,10 +126,12 @@ def column(folder, name):
 
 
 @pytest.mark.parametrize("order", [1, 3])
-@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
-def test_mixed_precision_trains_to_about_the_same_error(train, settings, order):
+@pytest.mark.parametrize("model", ["paper", "ours"])
+def test_mixed_precision_trains_to_about_the_same_error(train, model, order):
+    cls, settings = CLASS_AND_SETTINGS[model]
     settings = replace(settings, network=replace(settings.network, order=order))
-    full, mixed = train("full", settings), train("mixed", settings, precision="bf16-mixed")
+    full = train("full", settings, cls=cls)
+    mixed = train("mixed", settings, cls=cls, precision="bf16-mixed")
     name = "val_surface_error_mm"
     np.testing.assert_allclose(column(mixed, name), column(full, name), rtol=0.15)
     assert column(mixed, name) != column(full, name)
@@ -171,14 +172,15 @@ class DiesAfter(ToyGarments):
         return super().batch(rows)
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, MOVING, OURS], ids=["paper", "moving", "ours"])
-def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, settings):
+@pytest.mark.parametrize("model", CLASS_AND_SETTINGS)
+def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, model):
+    cls, settings = CLASS_AND_SETTINGS[model]
     settings = replace(settings, training=replace(settings.training, epochs=4))
     with pytest.raises(Killed):
-        train("killed", settings, DiesAfter(16))
+        train("killed", settings, DiesAfter(16), cls)
     assert not (tmp_path / "killed").exists()
     assert 0 < read_checkpoint(under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
-    resumed, whole = train("killed", settings), train("whole", settings)
+    resumed, whole = (train(name, settings, cls=cls) for name in ("killed", "whole"))
     assert_same(weights(resumed), weights(whole))
     assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
     for a, b in zip(
@@ -275,12 +277,13 @@ def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tm
     assert not (tmp_path / "model").exists()
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, OURS], ids=["paper", "ours"])
-def test_garments_that_are_not_finite_are_named_before_training(train, settings):
+@pytest.mark.parametrize("model", ["paper", "ours"])
+def test_garments_that_are_not_finite_are_named_before_training(train, model):
+    cls, settings = CLASS_AND_SETTINGS[model]
     garments = ToyGarments()
     garments.offsets[5, 3] = np.inf
     with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
-        train("model", settings, garments)
+        train("model", settings, garments, cls)
 
 
 def test_a_conditioning_network_of_another_size_is_refused(train):
@@ -291,7 +294,7 @@ def test_a_conditioning_network_of_another_size_is_refused(train):
 
 def test_ours_finds_the_toys_codes_without_training(train):
     """Radius, slant, hem and shape are few numbers, so few components hold them all."""
-    folder = train("ours", OURS)
+    folder = train("ours", OURS, cls=StaticPpcaVae)
     garments, model = ToyGarments(), load_vae(folder / "best.ckpt")
     batch = as_tensors(garments.batch(garments.rows("test")))
     offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
@@ -300,114 +303,3 @@ def test_ours_finds_the_toys_codes_without_training(train):
     seen = mask > 0.5
     overlap = (seen & batch["mask"]).sum(1) / (seen | batch["mask"]).sum(1)
     assert overlap.mean() > 0.93
-
-
-@pytest.mark.parametrize(("split", "name"), [("train", "train"), ("val", "val")])
-def test_an_empty_split_is_refused(split, name):
-    garments = ToyGarments()
-    garments.split[garments.split == split] = "test"
-    with pytest.raises(InputError, match=f"the {name} split holds no garments"):
-        GarmentData(garments, batch=8, seed=0)
-
-
-@pytest.mark.parametrize("processes", [2, 3, 50])
-def test_processes_share_all_rows_in_as_many_batches_each(processes):
-    rows = np.arange(10, 50)
-    shares = [
-        list(_Batches(rows, size=8, seed=0, processes=processes, rank=rank))
-        for rank in range(processes)
-    ]
-    assert len({len(batches) for batches in shares}) == 1
-    seen = [row for batches in shares for batch in batches for row in batch]
-    assert all(len(batch) for batches in shares for batch in batches)
-    assert set(seen) == set(rows)
-    assert len(seen) == max(len(rows), processes)
-
-
-def test_every_epoch_sees_every_training_row_once_in_another_order():
-    garments = ToyGarments()
-    loader = GarmentData(garments, batch=8, seed=0).loader("train")
-    orders = []
-    for epoch in (0, 1, 0):
-        loader.sampler.set_epoch(epoch)
-        batches = list(loader)
-        assert all((np.diff(b["topology"]) >= 0).all() for b in batches)
-        orders.append([name for b in batches for name in b["names"]])
-    assert sorted(orders[0]) == sorted(garments.names(garments.rows("train")))
-    assert orders[0] != orders[1]
-    assert orders[0] == orders[2]
-
-
-def test_kl_is_that_of_torch_summed_over_the_code_and_zero_for_the_prior():
-    mean, log_variance = torch.randn(2, 5, 8, generator=torch.Generator().manual_seed(0)).double()
-    normal = torch.distributions.Normal
-    expected = torch.distributions.kl_divergence(
-        normal(mean, (log_variance / 2).exp()), normal(0.0, 1.0)
-    )
-    torch.testing.assert_close(kl_nat(mean, log_variance), expected.sum(1), rtol=1e-10, atol=0)
-    assert (kl_nat(torch.zeros(3, 8), torch.zeros(3, 8)) == 0).all()
-
-
-def test_the_printed_schedule_of_the_kl_weight():
-    loss = GcvaeLoss()
-    assert loss.kl_weight(0.0) == loss.kl_weight(0.5) == 1e-4
-    assert loss.kl_weight(0.51) == pytest.approx(1e-4 + 0.005)
-    assert loss.kl_weight(1.0) == 0.25
-
-
-def test_one_cycle_rises_and_falls_to_nothing():
-    rates = [learning_rate(1.0, "one_cycle", share) for share in (0, 0.1, 0.55, 1)]
-    np.testing.assert_allclose(rates, [0.1, 1.0, 0.5, 0.0], atol=1e-12)
-    assert learning_rate(1.0, "constant", 0.9) == 1.0
-
-
-def test_dynamic_variants_tell_their_offsets_and_frames():
-    assert dynamic_conditions("dvae_posed_1") == ("posed", 1)
-    assert dynamic_conditions("dvae_ours") == ("unposed", 4)
-    for variant, changes in DVAE_VARIANTS.items():
-        assert changes["training"]["version"] == dynamic_conditions(variant)[0]
-
-
-@pytest.mark.parametrize("others", [0, 1])
-def test_the_posterior_is_that_of_the_whole_covariance(others):
-    """Against conditioning the joint normal of z and what is known, without its structure."""
-    rng = torch.Generator().manual_seed(others)
-    vertices, latent, channels = 6, 3, 3 + others
-    path = LinearPath(vertices, 2, latent, torch.arange(vertices), channels).double()
-    basis = torch.randn(latent, vertices * channels, generator=rng).double()
-    path.take(LinearFit(path.regression, basis, torch.tensor(0.3).double()))
-    field = torch.randn(vertices, channels, 1, generator=rng).double()
-    mask = torch.tensor([1, 1, 0, 1, 0, 1]).bool()[:, None]
-    mean, log_variance = path.posterior(field, mask, torch.zeros(1, 2).double())
-    known = mask[:, None].repeat(1, channels, 1)
-    known[:, 3:] = True
-    seen = basis[:, known.flatten()]
-    gain = seen @ torch.linalg.inv(seen.T @ seen + 0.3 * torch.eye(seen.shape[1]).double())
-    torch.testing.assert_close(mean[0], gain @ field[known])
-    covariance = torch.eye(latent).double() - gain @ seen.T
-    torch.testing.assert_close(log_variance[0].exp(), covariance.diagonal())
-
-
-def test_variants_change_what_their_rows_of_the_table_say():
-    full = {"network": {"scale": 1}, "loss": {"normals": 70.0}, "training": {"mask": True}}
-    assert laid_over(full, SVAE_VARIANTS["svae"]) == full
-    assert laid_over(full, SVAE_VARIANTS["svae_no_normals"])["loss"]["normals"] == 0
-    assert not laid_over(full, SVAE_VARIANTS["svae_no_mask"])["training"]["mask"]
-    for variant, changes in DVAE_VARIANTS.items():
-        done = laid_over(full, changes)
-        assert done["network"]["scale"] == (1 if variant == "dvae_ours" else 2)
-        assert done["training"]["version"] == dynamic_conditions(variant)[0]
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [(None, "no such file"), (b"not weights", "not readable as a checkpoint"), ({}, "drapeline")],
-)
-def test_what_is_no_checkpoint_of_ours_is_refused(tmp_path, content, message):
-    path = tmp_path / "best.ckpt"
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    elif content is not None:
-        torch.save(content, path)
-    with pytest.raises(InputError, match=rf"best\.ckpt.*{message}"):
-        load_vae(path)

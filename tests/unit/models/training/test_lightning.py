@@ -4,9 +4,10 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import torch
 
-from drapeline.models.training.lightning import begin, fit
+from drapeline.models.training.lightning import begin, fit, learning_rate
 from drapeline.models.training.module import TrainableModule, Training
 from drapeline.storage import read_json
 
@@ -79,13 +80,14 @@ SEVERAL = """
 import sys
 from pathlib import Path
 
-from drapeline.models.gcvae.conditioning_training import (
+from drapeline.models.gcvae.train_conditioning import (
     ConditioningSettings,
     ConditioningTraining,
-    _Rows,
+    ConditionRows,
 )
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.batches import GarmentData, cvar_statistics
+from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.training.batches import TrainingBatches
 from drapeline.rule_log import rule_log
 from gcvae_toys import ToyGarments
 
@@ -95,7 +97,7 @@ if __name__ == "__main__":
     with rule_log(str(folder / "log")):
         fit(
             ConditioningTraining(ConditioningSettings(condition=4), *moments),
-            GarmentData(_Rows(garments), batch=8, seed=0),
+            TrainingBatches(ConditionRows(garments), batch=8, seed=0),
             folder / "out",
             progress=folder / "progress",
             epochs=2,
@@ -110,7 +112,8 @@ if __name__ == "__main__":
 def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
     script = tmp_path / "several.py"
     script.write_text(SEVERAL)
-    toys = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    tests = Path(__file__).parents[3]
+    toys = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tests, tests.parent / "src")))}
     done = subprocess.run(
         [sys.executable, script, tmp_path], capture_output=True, text=True, timeout=1800, env=toys
     )
@@ -125,3 +128,9 @@ def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
     assert "Traceback" not in log
     assert "GPU available" in log  # Lightning's chatter, which is not for the terminal
     assert "GPU available" not in done.stdout + done.stderr
+
+
+def test_one_cycle_rises_and_falls_to_nothing():
+    rates = [learning_rate(1.0, "one_cycle", share) for share in (0, 0.1, 0.55, 1)]
+    np.testing.assert_allclose(rates, [0.1, 1.0, 0.5, 0.0], atol=1e-12)
+    assert learning_rate(1.0, "constant", 0.9) == 1.0

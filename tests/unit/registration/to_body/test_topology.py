@@ -13,6 +13,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import boundary_loops, edge_counts, edges
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.inner_legs import skirt_topology
 from drapeline.registration.to_body.segments import (
     MIDDLE,
@@ -27,6 +28,7 @@ from drapeline.registration.to_body.topology import (
     load_topology,
     save_topology,
     skirt_body,
+    topology_codes,
 )
 
 
@@ -214,3 +216,8 @@ def test_the_real_bodies_legs_are_joined_by_flat_sheets(baked_bodies):
     for height in (-0.3, -0.5, -0.7):
         points, area = section(tube, topology.skirt_faces, height)
         assert area / ConvexHull(points).volume > 0.95
+
+
+def test_skirts_and_dresses_have_the_second_topology():
+    codes = topology_codes(np.arange(len(GARMENTS)))
+    assert [g for g, c in zip(GARMENTS, codes, strict=True) if c] == ["Skirt", "Dress"]

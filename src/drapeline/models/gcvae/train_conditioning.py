@@ -1,4 +1,4 @@
-"""Training of the conditioning autoencoder, alone and before the networks that it conditions."""
+"""Train the conditioning autoencoder, alone and before the networks that it conditions."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -9,8 +9,8 @@ import numpy as np
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
-from drapeline.models.training.batches import Batch, GarmentData, cvar_statistics, refuse_unfinite
+from drapeline.models.gcvae.conditioning import ConditioningAutoencoder, cvar_statistics
+from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import TrainableModule, Training, plain
 from drapeline.seeding import rng_for
@@ -23,7 +23,7 @@ class ConditioningSettings:
     """How the autoencoder is built and trained.
 
     Attributes:
-        condition: size of cvar^z.
+        condition: numbers in cvar^z.
         training: how long and how fast.
     """
 
@@ -32,12 +32,12 @@ class ConditioningSettings:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "ConditioningSettings":
-        """From nested mappings; what is missing from the training is as by default."""
+        """From nested mappings; settings missing from the training have their defaults."""
         return cls(values["condition"], replace(_TRAINING, **values["training"]))
 
 
 class Conditions(Protocol):
-    """Rows with conditions."""
+    """Rows of a dataset with their conditions."""
 
     def rows(self, split: str) -> np.ndarray:
         """Indices of the rows of a split."""
@@ -46,29 +46,30 @@ class Conditions(Protocol):
         """(n, C)."""
 
     def names(self, rows: np.ndarray) -> list[str]:
-        """What the rows are called in messages."""
+        """Names of rows, for messages."""
 
 
-class _Rows:
-    """Conditions as batches without garments."""
+class ConditionRows:
+    """Conditions as rows to train on, without their garments."""
 
     def __init__(self, conditions: Conditions) -> None:
-        self.rows, self.cvar, self.names = conditions.rows, conditions.cvar, conditions.names
-
-    def topology(self, rows: np.ndarray) -> np.ndarray:
-        return np.zeros(len(rows), dtype=np.int64)
+        self.rows, self._conditions = conditions.rows, conditions
 
     def batch(self, rows: np.ndarray) -> Batch:
-        return {"cvar": self.cvar(rows).astype(np.float32), "names": self.names(rows)}
+        """`cvar` (B, C) float32 and `names`."""
+        cvar = self._conditions.cvar(rows).astype(np.float32)
+        return {"cvar": cvar, "names": self._conditions.names(rows)}
 
 
 class ConditioningTraining(TrainableModule):
-    """Gamma with its L1 loss.
+    """The autoencoder Gamma with its L1 loss.
 
     Args:
         settings: sizes and training.
         mean, std: (C,) of the conditions over the training rows.
     """
+
+    checkpoint_type = "conditioning"
 
     def __init__(self, settings: ConditioningSettings, mean: np.ndarray, std: np.ndarray) -> None:
         super().__init__()
@@ -96,8 +97,8 @@ class ConditioningTraining(TrainableModule):
         self.log_means("val", {"loss": loss}, len(batch["cvar"]))
 
     def about(self) -> dict[str, Any]:
-        """Kind and settings; the statistics are among the weights."""
-        return {"kind": "conditioning", "settings": plain(asdict(self.settings))}
+        """Type and settings; the statistics are among the weights."""
+        return {"checkpoint_type": self.checkpoint_type, "settings": plain(asdict(self.settings))}
 
 
 def train_conditioning(
@@ -115,7 +116,7 @@ def train_conditioning(
         folder, progress, threads: see `fit`.
         conditions: of training and validation rows.
         settings: sizes and training.
-        code: digest of the code; a training is taken up again by the same code alone.
+        code: digest of the code; only the same code resumes a training.
 
     Raises:
         InputError: a condition, or later the loss, is not finite; names the samples.
@@ -126,7 +127,7 @@ def train_conditioning(
     mean, std = cvar_statistics(cvar)
     fit(
         ConditioningTraining(settings, mean, std),
-        GarmentData(_Rows(conditions), batch=training.batch, seed=training.seed),
+        TrainingBatches(ConditionRows(conditions), batch=training.batch, seed=training.seed),
         folder,
         progress=progress,
         epochs=training.epochs,
@@ -145,7 +146,12 @@ def train_conditioning(
 def load_conditioning(
     checkpoint: dict[str, Any], into: ConditioningAutoencoder, path: Path
 ) -> None:
-    """Give a network trained conditions.
+    """Copy trained weights into an autoencoder.
+
+    Args:
+        checkpoint: as `train_conditioning` leaves it.
+        into: gets the weights.
+        path: of the checkpoint, for messages.
 
     Raises:
         InputError: the checkpoint is of another network or another size.

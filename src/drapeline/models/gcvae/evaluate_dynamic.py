@@ -1,0 +1,60 @@
+"""Metrics of garments in motion, reconstructed by a trained VAE."""
+
+from collections.abc import Iterable, Mapping
+
+from drapeline.bodies.model import BodyModel
+from drapeline.learning_data.moving import MovingGarment
+from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
+from drapeline.metrics.static import add_kl
+from drapeline.metrics.table import MetricRow
+from drapeline.models.gcvae.codes import encode_garments
+from drapeline.models.gcvae.dynamic_garments import DynamicGarments
+from drapeline.models.gcvae.posed_points import decode_points, resolve_points
+from drapeline.models.gcvae.vae import DynamicVae
+from drapeline.registration.to_body.topology import Topology
+from drapeline.rule_log import progress
+
+RESOLVED_SUFFIX = "_settled"  # of a variant whose garments were pushed out of the body
+
+
+def evaluate_dynamic(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    held_out: Mapping[str, Iterable[MovingGarment]],
+    bodies: Mapping[str, BodyModel],
+    topology: Topology,
+    variant: str,
+) -> list[MetricRow]:
+    """Rows of the table of metrics for a trained dynamic VAE.
+
+    A model that resolves penetration has rows of its garments before and after that.
+
+    Args:
+        garments: every frame that is measured.
+        held_out: split -> the same garments with their simulation and skinning weights.
+        bodies: super-resolved, by gender.
+        topology: of the super-resolved bodies.
+        variant: name of the model in the table.
+    """
+    seed = model.settings.training.seed
+    found = []
+    for split, movings in held_out.items():
+        measured: dict[str, list[Measured]] = {}
+        for moving in progress(movings, label=split):
+            rows = garments.data.rows_of(moving.sample, moving.name)
+            body = bodies[moving.gender]
+            codes = encode_garments(model, garments, rows)
+            points = decode_points(model, garments, rows, moving, body, codes.mean)
+            frames = garments.data.frame[rows]
+            decoded = {variant: points}
+            if model.resolves_penetration:
+                poses = moving.poses[frames]
+                resolved = resolve_points(moving, body, topology, points, poses)
+                decoded[variant + RESOLVED_SUFFIX] = resolved
+            for name, cloth in decoded.items():
+                measures = measure_motion(moving, frames, cloth, body, topology)
+                own = Measured(moving.sample, moving.name, add_kl(measures, codes.kl_nat()))
+                measured.setdefault(name, []).append(own)
+        for name, own in measured.items():
+            found += moving_summary(own, model="dvae", variant=name, split=split, seed=seed)
+    return found

@@ -1,0 +1,94 @@
+"""Decoded garments in motion, as their registered points in given poses."""
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.geometry.collision import resolve_penetration
+from drapeline.geometry.mesh import faces_within
+from drapeline.learning_data.moving import MovingGarment
+from drapeline.models.gcvae.body_template import STATIC_CVAR
+from drapeline.models.gcvae.codes import decode_codes
+from drapeline.models.gcvae.dynamic_garments import DynamicGarments
+from drapeline.models.gcvae.vae import DynamicVae
+from drapeline.registration.to_body.dynamic_offsets import dressed
+from drapeline.registration.to_body.topology import Topology
+
+
+def decode_points(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    rows: np.ndarray,
+    moving: MovingGarment,
+    body: BodyModel,
+    z: np.ndarray,
+    poses: np.ndarray | None = None,
+) -> np.ndarray:
+    """Registered points (n, M, 3) of one garment, decoded and posed; root-relative metres.
+
+    Args:
+        rows: (n,) frames of the garment `moving`; they give the conditions.
+        body: super-resolved, of the wearer's gender.
+        z: (n, Z) wrinkle codes.
+        poses: (n, 4, 72) rad, of the frames and of three before each; those of the rows if None.
+    """
+    if poses is None:
+        poses = garments.data.poses[rows]
+    cvar = garments.cvar(rows)
+    cvar[:, STATIC_CVAR : STATIC_CVAR + 72 * garments.frames] = poses[:, : garments.frames].reshape(
+        len(rows), -1
+    )
+    decoded = decode_codes(model, z, cvar, garments.topology(rows))
+    return dressed(
+        moving.registered,
+        np.stack([offsets for offsets, _ in decoded]),
+        body,
+        moving.shape,
+        poses[:, 0],
+        garments.data.version,
+    )
+
+
+def resolve_points(
+    moving: MovingGarment,
+    body: BodyModel,
+    topology: Topology,
+    points: np.ndarray,
+    poses: np.ndarray,
+) -> np.ndarray:
+    """Even out the points (n, M, 3) of one garment and push them out of its wearer.
+
+    Args:
+        body: super-resolved, of the wearer's gender.
+        topology: of the super-resolved bodies.
+        points: decoded.
+        poses: (n, 72) rad.
+    """
+    registered = moving.registered
+    index = np.cumsum(registered.mask) - 1  # of a covered vertex among the points
+    faces = index[faces_within(topology.faces_of(moving.name), registered.mask)]
+    return resolve_penetration(
+        points, faces, posed_vertices(body, moving.shape, poses)[0], topology.faces
+    )
+
+
+def decode_points_for_display(
+    model: DynamicVae,
+    garments: DynamicGarments,
+    rows: np.ndarray,
+    moving: MovingGarment,
+    body: BodyModel,
+    topology: Topology,
+    z: np.ndarray,
+    poses: np.ndarray | None = None,
+) -> np.ndarray:
+    """Points (n, M, 3) of one garment as pictures show them, out of the body if the model says so.
+
+    Args:
+        topology: of the super-resolved bodies.
+        others: see `decode_points`.
+    """
+    points = decode_points(model, garments, rows, moving, body, z, poses)
+    if not model.resolves_penetration:
+        return points
+    poses = garments.data.poses[rows] if poses is None else poses
+    return resolve_points(moving, body, topology, points, poses[:, 0])

@@ -1,0 +1,1 @@
+"""New garments from a trained static VAE."""

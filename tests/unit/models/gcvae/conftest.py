@@ -1,0 +1,45 @@
+"""Static garments, an untrained network, and types that are told by a code's first number."""
+
+import numpy as np
+import pytest
+
+from drapeline.models.gcvae.codes import Codes, decode_codes
+from drapeline.models.gcvae.sampling import draw
+from drapeline.models.gcvae.sampling.types import fit_types
+from drapeline.models.gcvae.vae import StaticVae
+from drapeline.seeding import rng_for
+from gcvae_files import SETTINGS, TypedGarments, shaken
+from gcvae_toys import DRESS, TROUSERS, half, toy_domain
+
+
+@pytest.fixture(scope="module")
+def garments():
+    return TypedGarments()
+
+
+@pytest.fixture(scope="module")
+def model():
+    return shaken(StaticVae(SETTINGS, toy_domain()))
+
+
+@pytest.fixture(scope="module")
+def types():
+    """Dresses cover the upper half, with codes about 3 in the first number; trousers the rest."""
+    rng = rng_for(0, "codes")
+    garment = np.repeat([DRESS, TROUSERS], 100)
+    mean = rng.normal(size=(200, 5)) * 0.5
+    mean[:, 0] += np.where(garment == DRESS, 3, -3)
+    mask = np.stack([half(garment_index == DRESS) for garment_index in garment])
+    return fit_types(Codes(mean, np.full((200, 5), -6.0)), garment, mask)
+
+
+@pytest.fixture
+def halves(monkeypatch):
+    """A decoder whose mask is the upper half where the code's first number is positive."""
+
+    def decoded(model, z, *rest):
+        for code, (offsets, mask) in zip(z, decode_codes(model, z, *rest), strict=True):
+            mask[:] = half(code[0] > 0)
+            yield offsets, mask
+
+    monkeypatch.setattr(draw, "decode_codes", decoded)

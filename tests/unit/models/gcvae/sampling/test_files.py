@@ -1,0 +1,38 @@
+import csv
+import json
+import struct
+
+import numpy as np
+
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import load_obj
+from drapeline.models.gcvae.sampling.draw import sample_garments
+from drapeline.models.gcvae.sampling.files import load_samples, save_samples
+from gcvae_files import requests
+
+
+def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):
+    bodies = dict.fromkeys(GENDERS, toy_body)
+    sampled = sample_garments(model, types, requests(3), seed=0, settle=False)
+    save_samples(tmp_path / "out", sampled, bodies, model.body_template.faces["body"])
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert names == {f"0000{i}.{e}" for i in (1, 2, 3) for e in ("obj", "glb")} | {
+        "samples.tsv",
+        "codes.npz",
+    }
+    with open(tmp_path / "out/samples.tsv") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    for sample, row in zip(sampled, rows, strict=True):
+        mesh = load_obj(tmp_path / "out" / f"{sample.name}.obj")
+        np.testing.assert_allclose(mesh.vertices, sample.mesh.vertices, atol=1e-6)
+        assert int(row["vertices"]) == len(mesh.vertices)
+    data = (tmp_path / "out/00001.glb").read_bytes()
+    (length,) = struct.unpack("<I", data[12:16])
+    meshes = json.loads(data[20 : 20 + length])["meshes"]
+    assert [m["name"] for m in meshes] == ["Body", sampled[0].garment]
+    loaded = load_samples(tmp_path / "out")
+    for sample, saved in zip(sampled, loaded, strict=True):
+        assert (saved.name, saved.garment) == (sample.name, sample.garment)
+        assert saved.asked == (sample.request.garment != "prior")
+        np.testing.assert_array_equal(saved.cvar, sample.request.cvar)
+        np.testing.assert_allclose(saved.mesh.vertices, sample.mesh.vertices, atol=1e-6)

@@ -1,0 +1,24 @@
+import pytest
+
+from drapeline.models.gcvae.codes import encode_garments
+from drapeline.models.gcvae.evaluate_static import measure_static
+from drapeline.models.training.batches import as_tensors
+
+
+def test_measures_are_those_of_the_network(model, garments):
+    """The metrics of a whole split agree with what Lightning logs in validation, batch by batch."""
+    rows = garments.rows("test")
+    codes = encode_garments(model, garments, rows)
+    measures = measure_static(model, garments, rows, codes)
+    batch = as_tensors(garments.batch(rows))
+    offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
+    true = batch["mask"]
+    error = (offsets.detach() - batch["offsets"]).norm(dim=2)
+    for i, row in enumerate(measures):
+        assert row["surface_error_mm"] == pytest.approx(
+            1000 * error[i][true[i]].mean().item(), rel=1e-4
+        )
+        seen = mask[i] > 0.5
+        both, either = (seen & true[i]).sum(), (seen | true[i]).sum()
+        assert row["mask_iou"] == pytest.approx((both / either).item(), abs=1e-6)
+        assert row["kl_nat"] > 0

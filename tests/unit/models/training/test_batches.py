@@ -1,0 +1,53 @@
+"""Batches of rows: what is in them, in which order, for which process."""
+
+import numpy as np
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.models.training.batches import TrainingBatches, _BatchSampler, refuse_unfinite
+from gcvae_toys import ToyGarments
+
+
+@pytest.mark.parametrize("split", ["train", "val"])
+def test_an_empty_split_is_refused(split):
+    garments = ToyGarments()
+    garments.split[garments.split == split] = "test"
+    with pytest.raises(InputError, match=f"the {split} split holds no garments"):
+        TrainingBatches(garments, batch=8, seed=0)
+
+
+@pytest.mark.parametrize("processes", [2, 3, 50])
+def test_processes_share_all_rows_in_as_many_batches_each(processes):
+    rows = np.arange(10, 50)
+    shares = [
+        list(_BatchSampler(rows, size=8, seed=0, processes=processes, rank=rank))
+        for rank in range(processes)
+    ]
+    assert len({len(batches) for batches in shares}) == 1
+    seen = [row for batches in shares for batch in batches for row in batch]
+    assert all(len(batch) for batches in shares for batch in batches)
+    assert set(seen) == set(rows)
+    assert len(seen) == max(len(rows), processes)
+
+
+def test_every_epoch_sees_every_training_row_once_in_another_order():
+    garments = ToyGarments()
+    loader = TrainingBatches(garments, batch=8, seed=0).loader("train")
+    orders = []
+    for epoch in (0, 1, 0):
+        loader.sampler.set_epoch(epoch)
+        batches = list(loader)
+        for batch in batches:
+            assert batch["names"] == sorted(batch["names"])
+        orders.append([name for b in batches for name in b["names"]])
+    assert sorted(orders[0]) == sorted(garments.names(garments.rows("train")))
+    assert orders[0] != orders[1]
+    assert orders[0] == orders[2]
+
+
+def test_rows_that_are_not_finite_are_named():
+    values = np.ones((3, 2, 2))
+    refuse_unfinite(values, [*"abc"], "offsets")
+    values[1, 0, 1], values[2, 1, 1] = np.nan, np.inf
+    with pytest.raises(InputError, match="^samples b, c: offsets hold NaN or infinity"):
+        refuse_unfinite(values, [*"abc"], "offsets")
