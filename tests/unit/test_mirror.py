@@ -38,7 +38,6 @@ COVERED_BY = {
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",
     "models/gcvae/dynamic_garments": "rules/test_evaluate_dynamic.py",
     "models/gcvae/load": "unit/models/gcvae/test_vae.py",
-    "models/gcvae/ppca_vae": "rules/test_evaluate_dynamic.py",
     "models/gcvae/train": "unit/models/gcvae/test_vae.py",
     "models/training/module": "unit/models/training/test_lightning.py",
     "motions/deepmimic": "unit/motions/test_clips.py",
