@@ -1,7 +1,10 @@
 """The tiny size, really made: bodies, outfits, Blender, dataset, pictures, report."""
 
+import hashlib
 import json
+import os
 import re
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -11,23 +14,56 @@ import pytest
 import yaml
 
 from drapeline.dataset.reader import Cloth3D
+from drapeline.experiment.source_digest import Sources
+from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
-from snakemake_run import ROOT, snakemake
+from snakemake_run import ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
-RESULTS = ROOT / yaml.safe_load((ROOT / CONFIG).read_text())["results"]
+SETTINGS = yaml.safe_load((ROOT / CONFIG).read_text())
+BODIES = [f"{gender}.npz" for gender in GENDERS]
+
+
+def cached_bodies():
+    """Where bodies that rule `bake_body` made stay until its code or parameters change."""
+    code = Sources(ROOT / "src").digest(ROOT / "scripts" / "bake_body.py")
+    text = code + (ROOT / "workflow/rules/bodies.smk").read_text()
+    key = hashlib.sha256(text.encode()).hexdigest()[:12]
+    return Path.home() / ".cache" / "drapeline" / f"rule-{key}"
+
+
+def copy_bodies(source, target):
+    target.mkdir(parents=True, exist_ok=True)
+    for name in BODIES:
+        scratch = target / f"{name}.{os.getpid()}"
+        shutil.copy(source / name, scratch)
+        os.replace(scratch, target / name)
 
 
 @pytest.fixture(scope="module")
-def made():
-    """The tiny experiment, made by the same command that users type."""
-    run = snakemake("all", "--configfile", CONFIG)
+def project(tmp_path_factory):
+    """A copy of the project in which the tiny experiment was made by the command users type."""
+    folder = copy_project(tmp_path_factory.mktemp("tiny"))
+    if all((cached_bodies() / name).is_file() for name in BODIES):
+        copy_bodies(cached_bodies(), folder / "resources/body")
+    run = snakemake(folder, "all", "--configfile", CONFIG)
     assert run.returncode == 0, run.stderr[-4000:]
-    return Cloth3D(RESULTS / "dataset")
+    copy_bodies(folder / "resources/body", cached_bodies())
+    return folder
 
 
-def test_every_sample_is_accounted_for_and_most_are_accepted(made):
-    status = pd.read_csv(RESULTS / "dataset" / "status.tsv", sep="\t", dtype={"sample": str})
+@pytest.fixture(scope="module")
+def results(project):
+    return project / SETTINGS["results"]
+
+
+@pytest.fixture(scope="module")
+def made(results):
+    return Cloth3D(results / "dataset")
+
+
+def test_every_sample_is_accounted_for_and_most_are_accepted(made, results):
+    status = pd.read_csv(results / "dataset" / "status.tsv", sep="\t", dtype={"sample": str})
     assert list(status["sample"]) == ["00001", "00002", "00003"]
     assert set(status["status"]) <= {"accepted", "rejected", "failed"}
     assert (status["status"] == "accepted").sum() >= 2
@@ -35,7 +71,7 @@ def test_every_sample_is_accounted_for_and_most_are_accepted(made):
 
 
 def test_garments_are_quads_of_the_length_asked_for_and_keep_it_when_simulated(made):
-    wanted = yaml.safe_load((ROOT / CONFIG).read_text())["outfits"]["edge_length_m"]
+    wanted = SETTINGS["outfits"]["edge_length_m"]
     for sample in made:
         assert len(sample) == 12
         for name in sample.garments:
@@ -71,11 +107,10 @@ def test_splits_share_no_clip_and_no_body(made):
         assert len(together) == len(set(together))
 
 
-@pytest.mark.usefixtures("made")
-def test_every_array_is_documented():
+def test_every_array_is_documented(results):
     codes = re.findall(r"`([^`]+)`", (ROOT / "docs" / "data-format.md").read_text())
     documented = {word for code in codes for word in re.findall(r"\w+", code)}
-    for path in sorted(RESULTS.rglob("*.np[yz]")):
+    for path in sorted(results.rglob("*.np[yz]")):
         keys = [path.stem]
         if path.suffix == ".npz":
             keys = [name.removesuffix(".npy") for name in zipfile.ZipFile(path).namelist()]
@@ -85,16 +120,14 @@ def test_every_array_is_documented():
             assert name in documented or "landmarks" in parents, f"{path.name}: {key}"
 
 
-@pytest.mark.usefixtures("made")
-def test_a_second_run_has_nothing_to_do():
-    run = snakemake("all", "--dry-run", "--configfile", CONFIG)
+def test_a_second_run_has_nothing_to_do(project):
+    run = snakemake(project, "all", "--dry-run", "--configfile", CONFIG)
     assert "Nothing to be done" in run.stdout + run.stderr
 
 
-@pytest.mark.usefixtures("made")
-def test_the_report_is_one_page_that_needs_no_network(tmp_path):
+def test_the_report_is_one_page_that_needs_no_network(project, tmp_path):
     page = tmp_path / "report.html"
-    run = snakemake("--report", str(page), "--configfile", CONFIG)
+    run = snakemake(project, "--report", str(page), "--configfile", CONFIG)
     assert run.returncode == 0, run.stderr[-2000:]
     text = page.read_text()
     for word in ("00001", "Gallery", "Health", "Dataset", "Time"):
@@ -102,8 +135,7 @@ def test_the_report_is_one_page_that_needs_no_network(tmp_path):
     assert len(text) > 500_000
 
 
-@pytest.mark.usefixtures("made")
-def test_a_bad_clip_fails_alone_in_one_sentence(tmp_path):
+def test_a_bad_clip_fails_alone_in_one_sentence(project, tmp_path):
     with np.load(ROOT / "workflow/resources/motions/walk.npz") as archive:
         arrays = dict(archive)
     np.savez(tmp_path / "good.npz", **arrays)
@@ -120,7 +152,7 @@ def test_a_bad_clip_fails_alone_in_one_sentence(tmp_path):
     }
     config.write_text(yaml.safe_dump(settings))
     wanted = [str(tmp_path / "results" / "bodies" / f"0000{k}.npz") for k in (1, 2)]
-    run = snakemake("--keep-going", "--nolock", *wanted, "--configfile", str(config))
+    run = snakemake(project, "--keep-going", *wanted, "--configfile", str(config))
     assert run.returncode != 0
     assert not Path(wanted[0]).exists()
     assert Path(wanted[1]).exists()
