@@ -1,8 +1,9 @@
-"""The canonical stage: which points are garment, and what shape the garment has at rest.
+"""The canonical stage: which points are the garment's, and what shape the garment has at rest.
 
-T(alpha) = G + C alpha (Garment4D 2.1), where alpha is found from the garment's points in all frames
-of a window (2.3), and trained by equation 4. The point order of a cloud does not matter: points are
-first sorted by a hash of their coordinates, so "the first" ones are a random but repeatable choice.
+T(alpha) = G + C alpha (Garment4D 2.1), where alpha is estimated from the garment's points in all
+frames of a window (2.3) and trained by equation 4. The order of the points in a cloud does not
+matter: they are first sorted by a hash of their coordinates, so that "the first" of them are a
+random but repeatable choice.
 """
 
 import math
@@ -38,19 +39,19 @@ from drapeline.registration.to_template.garment_space import GarmentSpace
 
 # Points per cloud in the released code.
 _POINTS = 6890
-# Cells of the maps of the body that labels are made from, and coefficients.
+# Cell sizes of the maps of the body that labels and coefficients are predicted from.
 _LABEL_CELL_M, _SHAPE_CELL_M = 0.05, 0.025
 _MAP_WIDTH = 64
 
 
 @dataclass(frozen=True)
 class Abstraction:
-    """One set abstraction; the last three have an entry for each of its ball sizes.
+    """Sizes of a set abstraction; the last three have an entry for each ball size.
 
     Attributes:
-        centres: points that are kept.
+        centres: number of points that are kept.
         radii: of the balls, metres.
-        neighbours: most points per ball.
+        neighbours: maximum number of points per ball.
         widths: features after each layer.
     """
 
@@ -72,13 +73,13 @@ class CanonicalSettings:
     Attributes:
         segmentation: abstractions of all points, finest first.
         propagation: features after each layer on the way back, coarsest first.
-        garment_points: most points per cloud that the garment encoder sees.
+        garment_points: maximum number of points per cloud that the garment encoder is given.
         garment: abstractions of the garment's points, finest first.
         overall: features after each layer before the maximum over points and frames.
         head: features after each layer between that maximum and the coefficients.
         body_relative_points: whether points also carry their place on the known body, see
-            `PosedBody.body_relative_points`; labels then use maps of the body made from them, and
-            alpha starts from a regression on such maps. The paper's networks do without.
+            `learning_data.body_relative_points`; labels then also depend on maps of the body, and
+            alpha starts from a regression on such maps. The paper's networks have neither.
     """
 
     segmentation: tuple[Abstraction, ...] = (
@@ -99,9 +100,9 @@ class CanonicalSettings:
     def scaled(self, points: int, width: float) -> "CanonicalSettings":
         """The same network for sparser clouds, and thinner.
 
-        Points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
-        radii grow by f, so that balls hold as many points as before, and the others, whose centres
-        number 1 / f as many, by sqrt(f).
+        The points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
+        radii grow by f, so that balls hold as many points as before, and the others, of whose
+        centres there are 1 / f as many, by sqrt(f).
 
         Args:
             points: per cloud.
@@ -140,8 +141,8 @@ class CanonicalWeights:
 
     Attributes:
         laplacian_form: "paper" or "released", see `laplacian_difference`.
-        balance: points count by their label's share of the training points to the power of minus
-            this: 0 as in the paper, 1 for labels that all count the same.
+        balance: a point's weight is its label's share of the training points to the power of minus
+            `balance`: 0 as in the paper, 1 for labels that all have the same weight.
     """
 
     segmentation: float = 0.05
@@ -154,7 +155,7 @@ class CanonicalWeights:
 
 
 class CanonicalOutput(NamedTuple):
-    """What the stage says about B windows of T clouds with P points.
+    """Output of the stage for B windows of T clouds with P points.
 
     Attributes:
         logits: (B, T, P, L) of the labels `dataset.labels.LABELS`; None without segmentation.
@@ -172,22 +173,22 @@ class CanonicalOutput(NamedTuple):
 def hashed_order(points: torch.Tensor) -> torch.Tensor:
     """Indices (B, P) that sort points (B, P, 3) by a hash of their float32 coordinates.
 
-    The order looks random but belongs to the points, not to the order they come in.
+    The order looks random but depends on the points alone, not on the order they come in.
     """
     bits = (points.detach().float() + 0.0).view(torch.int32).long()  # + 0.0: -0 is 0
     code = bits[..., 0] * 73856093 ^ bits[..., 1] * 19349663 ^ bits[..., 2] * 83492791
-    for shift in (32, 29):  # low bits of round numbers are all zero: let high ones reach them
+    for shift in (32, 29):  # round numbers have zeros as low bits: let high bits reach them
         code = (code ^ (code >> shift)) * -7046029254386353131
     return code.argsort(dim=1)
 
 
-def given_features(settings: CanonicalSettings) -> int:
-    """Features that points come with: where they are, or where on the body they are."""
+def input_features(settings: CanonicalSettings) -> int:
+    """Features per input point: its coordinates, or its place on the body."""
     return 4 if settings.body_relative_points else 3
 
 
 def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
-    """Windows (B, T, P, 3 or 7) as B * T clouds in an order of their own, and that order."""
+    """Windows (B, T, P, 3 or 7) as B * T clouds in `hashed_order`, and that order."""
     rows = points.flatten(0, 1)
     order = hashed_order(rows[..., :3])
     rows = gather_rows(rows, order)
@@ -198,7 +199,7 @@ def as_level(points: torch.Tensor) -> tuple[PointLevel, torch.Tensor]:
 
 
 class Segmentation(nn.Module):
-    """PointNet++ with three levels and back: features and logits of every point.
+    """PointNet++ with three abstractions and propagations: features and logits of every point.
 
     Args:
         settings: sizes.
@@ -208,7 +209,7 @@ class Segmentation(nn.Module):
     def __init__(self, settings: CanonicalSettings, rng: torch.Generator) -> None:
         super().__init__()
         self.centres = [level.centres for level in settings.segmentation]
-        widths = [given_features(settings), *(level.outputs for level in settings.segmentation)]
+        widths = [input_features(settings), *(level.outputs for level in settings.segmentation)]
         self.down = nn.ModuleList(
             SetAbstraction(inputs, level.radii, level.neighbours, level.widths, rng)
             for inputs, level in zip(widths, settings.segmentation, strict=False)
@@ -218,7 +219,7 @@ class Segmentation(nn.Module):
         for fine, layers in zip(reversed(widths), settings.propagation, strict=True):
             self.up.append(FeaturePropagation(coarse, fine, layers, rng))
             coarse = layers[-1]
-        # Tops are told from t-shirts by sleeves that are out of a ball's reach.
+        # What tells tops from t-shirts are sleeves, which are out of a ball's reach.
         self.overview = None
         if settings.body_relative_points:
             self.overview = nn.Sequential(
@@ -299,7 +300,7 @@ class ShapeEncoder(nn.Module):
         self.seen = RunningNorm(width)
         self.head = perceptron((width, *settings.head), rng)
         self.coefficients = linear(settings.head[-1], components, rng)
-        with torch.no_grad():  # begin near the mean garment, or what maps say
+        with torch.no_grad():  # start near the mean garment, or near the initial alpha
             self.coefficients.weight.mul_(0.1)
 
     def forward(
@@ -309,7 +310,7 @@ class ShapeEncoder(nn.Module):
         levels = abstract_levels(level, self.down, self.centres, searches)
         last = levels[-1]
         rows = self.overall(torch.cat([last.points, last.features], dim=-1))
-        # Features are not negative, so a cloud without garment points (all zero) has no say.
+        # Features are not negative, so a cloud without garment points (all zero) has no effect.
         window = max_pool(rows, last.valid).unflatten(0, (-1, frames)).amax(1)
         return self.coefficients(self.head(self.seen(window))), levels
 
@@ -369,9 +370,9 @@ class _ShapeNetwork(nn.Module):
             chosen: (B, T, P) bool, which are the garment's.
 
         Returns:
-            (B, 3, cells): share of the points that are the garment's, 0 where there are none; how
-            far points are in front of the middle or behind it, and how high above the body, NaN
-            where there are none.
+            (B, 3, cells): share of the points that are the garment's, 0 in cells without points;
+            mean distance of the points from the frontal plane, and mean height over the body, NaN
+            in cells without points.
         """
         features = points[..., 3:].flatten(0, 1)
         depth, height = features[..., 1].abs(), features[..., 3]
@@ -383,7 +384,7 @@ class _ShapeNetwork(nn.Module):
 
 
 class CanonicalNetwork(_ShapeNetwork):
-    """Segments every cloud, and estimates alpha from what it takes for the garment.
+    """Segments every cloud, and estimates alpha from the points labelled as the garment's.
 
     Args:
         settings: sizes.
@@ -399,7 +400,7 @@ class CanonicalNetwork(_ShapeNetwork):
         self.label = label
         self.garment_points = settings.garment_points
         self.segmentation = Segmentation(settings, rng)
-        given = given_features(settings) if settings.body_relative_points else 0
+        given = input_features(settings) if settings.body_relative_points else 0
         inputs = self.segmentation.outputs + given
         self.body_relative_points = settings.body_relative_points
         self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
@@ -410,7 +411,7 @@ class CanonicalNetwork(_ShapeNetwork):
         return self.encoder.widths
 
     def chosen(self, labels: torch.Tensor) -> torch.Tensor:
-        """Which points with these labels (...) alpha is made from, (...) bool."""
+        """Which points with these labels (...) alpha is estimated from, (...) bool."""
         return labels == self.label
 
     def forward(
@@ -444,7 +445,7 @@ class CanonicalNetwork(_ShapeNetwork):
 
 
 class PointNetRegressor(_ShapeNetwork):
-    """Baseline PN++ of table 2: alpha from all points, whatever they belong to.
+    """Baseline PN++ of table 2: alpha from all points, whatever their label.
 
     Args:
         settings: sizes; those of the segmentation are not used.
@@ -456,11 +457,11 @@ class PointNetRegressor(_ShapeNetwork):
         self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator
     ) -> None:
         super().__init__(space, settings)
-        inputs = given_features(settings)
+        inputs = input_features(settings)
         self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
 
     def chosen(self, labels: torch.Tensor) -> torch.Tensor:
-        """All of them, (...) bool."""
+        """All points, (...) bool."""
         return torch.ones_like(labels, dtype=torch.bool)
 
     def forward(
@@ -486,9 +487,14 @@ def first_of(level: PointLevel, count: int) -> PointLevel:
 
 
 def balance_labels(share: np.ndarray, balance: float) -> torch.Tensor:
-    """(L,) weights of labels with shares (L,) of the training points; 1 on average over these.
+    """(L,) weights of labels with shares (L,) of the training points; their mean over points is 1.
 
-    Small garments would be the last to be told from others. A label that no point has weighs 0.
+    Otherwise small garments would be the last to be told apart. A label without points has weight
+    0.
+
+    Args:
+        share: of the training points that have each label.
+        balance: see `CanonicalWeights`.
     """
     weights = np.zeros(len(share))
     weights[share > 0] = share[share > 0] ** -balance
@@ -520,8 +526,8 @@ def canonical_loss(
         label_weights: (L,) of points by true label, see `balance_labels`; None for equal ones.
 
     Returns:
-        Each term before it is weighed, and their weighed sum as "total". There is no term
-        "segmentation" if the network has none.
+        Each term before it is weighted, and their weighted sum as "total". There is no term
+        "segmentation" if the network has no segmentation.
     """
     terms = {
         "coefficients": (output.coefficients - coefficients).square().sum(-1).mean(),
@@ -532,9 +538,9 @@ def canonical_loss(
         ),
     }
     if output.logits is not None:
-        cross_entropy = F.cross_entropy(
+        of_points = F.cross_entropy(
             output.logits.flatten(0, 2), labels.flatten(), label_weights, reduction="none"
         )
-        terms["segmentation"] = cross_entropy.mean()
+        terms["segmentation"] = of_points.mean()
     terms["total"] = sum(getattr(weights, name) * term for name, term in terms.items())
     return terms

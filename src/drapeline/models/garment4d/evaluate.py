@@ -1,4 +1,4 @@
-"""How good trained Garment4D networks are: all variants of one garment type, row by row."""
+"""Evaluation of trained Garment4D networks: metrics of all variants of a garment type."""
 
 import time
 from collections import deque
@@ -35,7 +35,7 @@ from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
-_KEPT_BYTES = 1 << 30  # of what canonical networks said about sequences
+_KEPT_BYTES = 1 << 30  # of the outputs of canonical networks for sequences
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class EvaluationSettings:
         neighbours: values of K to skin proposals with (figure 8).
         missing: shares of points in holes (figure 9).
         accuracy: shares of points with the right label (figure 10).
-        noise_pose_rad: deviation of what is added to every angle of the poses given, the same in
-            all frames of a sequence.
-        noise_shape: deviation of what is added to the shapes given.
+        noise_pose_rad: standard deviation of the noise that is added to every angle of the poses,
+            the same in all frames of a sequence.
+        noise_shape: standard deviation of the noise that is added to the shapes.
         seed: of holes, labels, noise and intervals.
     """
 
@@ -103,46 +103,50 @@ class Evaluation:
         return [row for row in rows if row.garment != ALL]
 
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
-        """Note measures of a variant on a sequence."""
+        """Record measures of a variant on a sequence."""
         one = Measured(str(self.data.name[sequence]), self.data.garment_type, measures)
         self._measured.setdefault(variant, []).append(one)
 
-    def canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
-        """M1 of stages by variant and of what needs none, on sequences of all sources.
+    def measure_canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
+        """M1 of stages by variant and of references without a stage, on sequences of all sources.
 
-        Without a stage there are the mean garment; "pca", the garment from its own coefficients,
-        as good as the space can be; and "truth", where registration put the garment as made.
+        The references are the mean garment; "pca", the garment from its true coefficients, which is
+        the best that the space can do; and "truth", the registered garment against the original.
         """
         data = self.data
         for sequence in progress(self.of_split, total=len(self.of_split), label="canonical"):
-            self._canonical("mean_garment", sequence, data.space.mean)
-            self._canonical("pca", sequence, data.space.vertices(data.coefficients[sequence]))
-            self._canonical("truth", sequence, data.canonical[sequence], true=False)
+            self._measure_canonical("mean_garment", sequence, data.space.mean)
+            self._measure_canonical(
+                "pca", sequence, data.space.vertices(data.coefficients[sequence])
+            )
+            self._measure_canonical("truth", sequence, data.canonical[sequence], true=False)
             for variant, stage in stages.items():
                 estimated = self._estimate(stage, sequence)
-                self._canonical(variant, sequence, estimated.canonical)
+                self._measure_canonical(variant, sequence, estimated.canonical)
                 if estimated.labels is not None:
                     true = data.labels[data.rows(sequence)]
                     right = metrics.segmentation_accuracy(estimated.labels, true)
                     self.add(variant, sequence, {"segmentation_accuracy": right})
 
-    def _canonical(
+    def _measure_canonical(
         self, variant: str, sequence: int, garment: np.ndarray, *, true: bool = True
     ) -> None:
-        """All measures of a canonical garment (N, 3); without `true` those that need no truth."""
+        """All measures of a canonical garment (N, 3); if not `true`, those without ground truth."""
         garment = Mesh(garment, self.data.space.faces)
         original = self.data.originals.get(str(self.data.name[sequence]))
         registered = self.data.canonical[sequence] if true else None
         self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
 
-    def posed(self, variant: str, stage: PosedStage) -> Iterator[tuple[int, ReconstructedGarment]]:
-        """Measure a stage; each sequence with its reconstruction, none of which is kept."""
+    def measure_posed(
+        self, variant: str, stage: PosedStage
+    ) -> Iterator[tuple[int, ReconstructedGarment]]:
+        """Measure a stage; yields each sequence with its reconstruction, and keeps none."""
         for sequence in progress(self.moving, total=len(self.moving), label=variant):
             made = self._reconstruct(stage, sequence)
-            self.garment(variant, sequence, made.final, seconds=made.seconds)
+            self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
             yield int(sequence), made
 
-    def ours(
+    def measure_ours(
         self,
         sequence: int,
         made: ReconstructedGarment,
@@ -154,7 +158,7 @@ class Evaluation:
         poses, body = data.poses[data.rows(sequence)], self.sequences.body(sequence)
         refined = self._refine(sequence, made, poses, body, refining, worn_statistics)
         seconds = made.seconds + time.perf_counter() - started
-        self.garment("ours", sequence, refined, seconds=seconds)
+        self.measure_garment("ours", sequence, refined, seconds=seconds)
         return refined
 
     def _refine(
@@ -169,7 +173,7 @@ class Evaluation:
         points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
         return refine(made, points, poses, body, self.data.label, faces, refining, worn_statistics)
 
-    def garment(
+    def measure_garment(
         self,
         variant: str,
         sequence: int,
@@ -178,7 +182,7 @@ class Evaluation:
         seconds: float | None = None,
         true: bool = True,
     ) -> None:
-        """All measures of a posed garment (F, N, 3); without `true` those that need no truth."""
+        """All measures of a posed garment (F, N, 3); if not `true`, those without ground truth."""
         data, body = self.data, self.sequences.body(sequence)
         rows = data.rows(sequence)
 
@@ -196,7 +200,7 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
 
-    def shown(self, sequence: int, made: ReconstructedGarment) -> Reconstruction:
+    def reconstruction(self, sequence: int, made: ReconstructedGarment) -> Reconstruction:
         """A reconstruction with all that figures need."""
         data, rows = self.data, self.data.rows(sequence)
         return build_reconstruction(
@@ -212,7 +216,7 @@ class Evaluation:
             true_canonical=data.canonical[sequence],
         )
 
-    def sweeps(self, stage: PosedStage) -> None:
+    def measure_sweeps(self, stage: PosedStage) -> None:
         """Figures 8, 9 and 10."""
         settings, plain = self.settings, stage.settings.skinning
         for sequence in progress(self.moving, total=len(self.moving), label="sweeps"):
@@ -220,7 +224,7 @@ class Evaluation:
             points, labels = self.data.points[rows], self.data.labels[rows]
             for count in settings.neighbours:
                 made = self._reconstruct(stage, sequence, skinning=replace(plain, neighbours=count))
-                self._errors(f"neighbours_{count}", sequence, made.final, made.seconds)
+                self._measure_errors(f"neighbours_{count}", sequence, made.final, made.seconds)
             for share in settings.missing:
                 rng = rng_for(settings.seed, "missing", name, share)
                 holed = np.stack(
@@ -228,42 +232,42 @@ class Evaluation:
                 )
                 made = self._reconstruct(stage, sequence, points=holed)
                 variant = f"missing_{round(100 * share)}"
-                self._errors(variant, sequence, made.final, made.seconds)
+                self._measure_errors(variant, sequence, made.final, made.seconds)
             for share in settings.accuracy:
                 rng = rng_for(settings.seed, "accuracy", name, share)
                 wrong = corrupt_labels(labels.ravel(), share, self.data.label, rng)
                 made = self._reconstruct(stage, sequence, labels=wrong.reshape(labels.shape))
                 variant = f"accuracy_{round(100 * share)}"
-                self._errors(variant, sequence, made.final, made.seconds)
+                self._measure_errors(variant, sequence, made.final, made.seconds)
 
-    def noisy_bodies(
+    def measure_noisy_bodies(
         self,
         canonical: Mapping[str, CanonicalStage],
         posed: Mapping[str, PosedStage],
         refining: RefineSettings,
         worn_statistics: WornGarmentStatistics | None,
     ) -> None:
-        """Errors with a body that is not quite known, in variants that end in "noisy_body".
+        """Errors with a body that is not exactly known, in variants that end in "noisy_body".
 
-        Canonical stages are measured if their points say where on the body they are; others do not
-        look at it. Of posed stages the full model, which alone has no name before the ending, what
-        comes before and after it, and MGN*.
+        Canonical stages are measured if their points are body-relative, since others do not use the
+        body. Of the posed stages these are the full model (the variant "noisy_body" itself), its
+        proposals and our last step, and MGN*.
         """
         for sequence in progress(self.of_split, total=len(self.of_split), label="noisy bodies"):
             for variant, stage in canonical.items():
                 if stage.body_relative_points:
                     estimated = self._estimate(stage, sequence, noisy=True)
-                    self._canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
+                    self._measure_canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
         for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
             poses, body = self._body(sequence, noisy=True)
             made = self._reconstruct(posed["posed"], sequence, noisy=True)
             ours = self._refine(sequence, made, poses, body, refining, worn_statistics)
-            self._errors("noisy_body", sequence, made.final)
-            self._errors("lbs_noisy_body", sequence, made.proposal)
-            self._errors("ours_noisy_body", sequence, ours)
+            self._measure_errors("noisy_body", sequence, made.final)
+            self._measure_errors("lbs_noisy_body", sequence, made.proposal)
+            self._measure_errors("ours_noisy_body", sequence, ours)
             if "mgn" in posed:
                 made = self._reconstruct(posed["mgn"], sequence, noisy=True)
-                self._errors("mgn_noisy_body", sequence, made.final)
+                self._measure_errors("mgn_noisy_body", sequence, made.final)
 
     def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, PosedBody]:
         """Poses (F, 72) and the body of a sequence as networks are given them."""
@@ -276,10 +280,10 @@ class Evaluation:
         shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
         return poses, self.sequences.bodies.of(int(data.gender[sequence]), shape)
 
-    def _errors(
+    def _measure_errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
     ) -> None:
-        """M2 and M3 alone."""
+        """Measure M2 and M3 alone."""
         true = self.data.garment[self.data.rows(sequence)]
         consecutive = self.data.consecutive(sequence)
         measures = metrics.sequence_measures(garment, true, consecutive=consecutive)
@@ -342,44 +346,45 @@ def evaluate(
     pictures: str | Path,
     vertex_sampled: BodySequences | None = None,
 ) -> list[MetricRow]:
-    """Rows of the table of metrics for all variants of one type, and reconstructions for pictures.
+    """Rows of the table of metrics for all variants of a type, and reconstructions for figures.
 
     Args:
         sequences: of the type.
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        splits: to evaluate; sweeps and noisy bodies are of the test split alone.
+        splits: to evaluate; sweeps and noisy bodies are for the test split alone.
         settings, refining: see there.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `Reconstruction`; replaced as a whole.
-        vertex_sampled: the same sequences with points sampled as in the released code.
+        vertex_sampled: the same sequences with points sampled as in the released code; None to
+            leave them out.
     """
     data, table = sequences.data, []
     worn_statistics = training_worn_statistics(sequences, posed["posed"].settings.skinning)
     with atomic_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(sequences, split, settings)
-            evaluation.canonicals(canonical)
+            evaluation.measure_canonicals(canonical)
             for variant, stage in posed.items():
-                for sequence, made in evaluation.posed(variant, stage):
+                for sequence, made in evaluation.measure_posed(variant, stage):
                     if variant != "posed":
                         continue
                     name, rows = str(data.name[sequence]), data.rows(sequence)
-                    evaluation.garment("lbs", sequence, made.proposal)
-                    ours = evaluation.ours(sequence, made, refining, worn_statistics)
-                    evaluation.garment("truth", sequence, data.garment[rows], true=False)
+                    evaluation.measure_garment("lbs", sequence, made.proposal)
+                    ours = evaluation.measure_ours(sequence, made, refining, worn_statistics)
+                    evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
                     simulated = float(data.source[sequence] == "simulated")
                     evaluation.add("truth", sequence, {"simulated_share": simulated})
                     if split == "test":
-                        shown = evaluation.shown(sequence, made)
+                        shown = evaluation.reconstruction(sequence, made)
                         shown.save(scratch / f"{name}.npz")
                         replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
             if split == "test":
-                evaluation.sweeps(posed["posed"])
-                evaluation.noisy_bodies(canonical, posed, refining, worn_statistics)
+                evaluation.measure_sweeps(posed["posed"])
+                evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
                 if vertex_sampled is not None:
                     released = Evaluation(vertex_sampled, split, settings)
-                    deque(released.posed("vertex_sampled", posed["posed"]), maxlen=0)
+                    deque(released.measure_posed("vertex_sampled", posed["posed"]), maxlen=0)
                     table += released.rows()
             table += evaluation.rows()
     return table

@@ -1,4 +1,4 @@
-"""Terms that the losses of both stages share (Garment4D equations 5, 6 and 8); all are means."""
+"""Terms shared by the losses of both stages (Garment4D equations 5, 6 and 8), all of them means."""
 
 import igl
 import numpy as np
@@ -22,7 +22,7 @@ def interpenetration(
         normals: (B, M, 3) their outward unit normals.
 
     Returns:
-        A scalar; which body vertex is nearest has no gradient.
+        A scalar; the choice of the nearest body vertex has no gradient.
     """
     _, nearest = nearest_neighbours(body.detach(), vertices.detach(), 1)
     nearest = nearest.expand(-1, -1, 3)  # (B, N, 3)
@@ -43,10 +43,10 @@ class _Laplacian(nn.Module):
 
 
 class CotangentLaplacian(_Laplacian):
-    """The cotangent Laplacian of one mesh, as libigl has it, applied to others of its topology.
+    """The cotangent Laplacian of one mesh (libigl's), applied to all meshes of its topology.
 
-    One fixed L keeps the term linear in the vertices it is applied to; the released code rebuilds
-    it from every mesh instead.
+    With one fixed L, Lx is linear in the vertices; the released code rebuilds it from every mesh
+    instead.
 
     Args:
         vertices: (N, 3) the template, metres.
@@ -60,7 +60,7 @@ class CotangentLaplacian(_Laplacian):
 
 
 class UniformLaplacian(_Laplacian):
-    """From each vertex to the mean of its neighbours.
+    """Takes each vertex to its offset to the mean of its neighbours.
 
     Args:
         faces: (F, 3).
@@ -79,13 +79,13 @@ def laplacian_difference(
     true: torch.Tensor,
     form: str = "paper",
 ) -> torch.Tensor:
-    """How much rougher or smoother one garment is than another, mean over vertices (equation 6).
+    """Difference in roughness between two garments, mean over vertices (equation 6).
 
     Args:
         predicted, true: (..., N, 3) metres.
-        form: "paper": of | |Lx|^2 - |Ly|^2 |, in square metres; printed without the outer bars,
-            without which the flattest garment would be best. "released": of | |Lx| - |Ly| |, in
-            metres, as the released code has it for the canonical garment.
+        form: "paper": | |Lx|^2 - |Ly|^2 |, in square metres. The paper prints it without the outer
+            bars, but then the flattest garment would be best. "released": | |Lx| - |Ly| |, in
+            metres, as in the released code for the canonical garment.
     """
     made, wanted = laplacian(predicted), laplacian(true)
     if form == "released":
@@ -96,13 +96,13 @@ def laplacian_difference(
 def roughness(laplacian: UniformLaplacian, vertices: torch.Tensor) -> torch.Tensor:
     """Mean of |Lx| over vertices (..., N, 3), in metres.
 
-    The released code has it instead of equation 6 for posed garments.
+    The released code uses it in place of equation 6 for posed garments.
     """
     return laplacian(vertices).norm(dim=-1).mean()
 
 
 def temporal_difference(vertices: torch.Tensor, form: str = "paper") -> torch.Tensor:
-    """How far vertices move between frames, mean over vertices and steps (equation 8).
+    """Movement of vertices between frames, mean over vertices and steps (equation 8).
 
     Args:
         vertices: (B, T, N, 3) metres; 0 where T is 1.

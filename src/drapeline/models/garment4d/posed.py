@@ -1,8 +1,8 @@
 """The posed stage: displacements that take skinned garments onto the points of every frame.
 
-Around each vertex of the current garment, garment points and body vertices are gathered in balls;
-graph convolutions turn what they tell into a displacement, and the moved garment is where the next
-iteration gathers. Between iterations frames look at one another (Garment4D 2.4).
+Features of the garment points and body vertices in balls around each vertex of the current garment
+are turned into a displacement by graph convolutions, and the next iteration starts from the moved
+garment. Between iterations, frames attend to one another (Garment4D 2.4).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ from drapeline.models.layers.precision import full_precision
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 _PULL_PASSES = 3
-_SHARE = 0.3  # of the way to the points that an untrained iteration goes
+_SHARE = 0.3  # of the way to the points that an untrained iteration covers
 TRANSFORMERS = ("paper", "per_vertex", "none")
 
 
@@ -42,19 +42,20 @@ class PosedSettings:
     Attributes:
         iterations: J.
         hidden: features of the graph convolutions.
-        layers: graph convolutions per iteration, the one that makes the displacement included.
+        layers: graph convolutions per iteration, including the one that outputs the displacement.
         features: per ball size, of either encoder.
         ball_layers: of the perceptron within each ball.
-        pull_neighbours: garment points whose mean each vertex is told the way to, and a learned
-            share of which it goes in each iteration; 0, as in the paper: it learns that too.
-        smooth_passes: how often displacements of a whole sequence are averaged over frames with
-            weights (1, 2, 1) / 4, once all its windows are done; 0 as in the paper. Points are new
+        pull_neighbours: number of nearest garment points. Each vertex is given the offset to their
+            mean as a feature, and covers a learned share of it in each iteration. 0 as in the
+            paper, whose network has to learn that too.
+        smooth_passes: how often the displacements of a whole sequence are averaged over frames with
+            weights (1, 2, 1) / 4 after all its windows; 0 as in the paper. Points are sampled anew
             in every frame, and displacements would follow their noise.
         garment_radii_m, garment_counts: of the balls of garment points, one per level.
         body_radii_m, body_counts: of the balls of body vertices.
-        body_encoder: whether the body is looked at; the ablation of figure 6.
+        body_encoder: whether features of the body are used; the ablation of figure 6.
         transformer: "paper": one attention weight per pair of frames, for all vertices together;
-            "per_vertex": one per pair of frames and vertex; "none": frames stay apart.
+            "per_vertex": one per pair of frames and vertex; "none": no attention.
     """
 
     iterations: int = 3
@@ -81,8 +82,8 @@ class PosedWeights:
         interpenetration: lambda_7, per metre.
         laplacian: lambda_8.
         temporal: lambda_9.
-        laplacian_form: "paper": `laplacian_difference`; "released": `roughness` of the garment
-            alone.
+        laplacian_form: "paper": `laplacian_difference`; "released": `roughness` of the predicted
+            garment alone.
         temporal_form: "paper": squared distances, of all iterations; "released": distances, of
             the last iteration alone.
     """
@@ -98,7 +99,7 @@ class PosedWeights:
 class PosedNetwork(nn.Module):
     """Proposal-guided hierarchical features, iterative graph convolutions, temporal transformer.
 
-    Begins as the identity: untrained it gives the proposal back, but for the pull of points.
+    Starts as the identity: untrained it returns the proposal, apart from the pull of the points.
 
     Args:
         settings: sizes.
@@ -194,21 +195,21 @@ class PosedNetwork(nn.Module):
         return out
 
     def pull(self, level: PointLevel, garment: torch.Tensor) -> torch.Tensor:
-        """Smoothed way (B * T, N, 3) from each vertex to the mean of the points nearest to it."""
+        """Smoothed offsets (B * T, N, 3) from each vertex to the mean of its nearest points."""
         squared, index = nearest_neighbours(
             level.points, garment, self.settings.pull_neighbours, level.valid
         )
-        found = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
-        near = (gather_rows(level.points, index) * found).sum(2)
-        count = found.sum(2)
-        way = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
+        exists = torch.isfinite(squared)[..., None]  # a cloud may have fewer garment points
+        near = (gather_rows(level.points, index) * exists).sum(2)
+        count = exists.sum(2)
+        offset = torch.where(count > 0, near / count.clamp_min(1) - garment, 0.0).transpose(0, 1)
         for _ in range(_PULL_PASSES):
-            way = self.adjacency(way)
-        return way.transpose(0, 1)
+            offset = self.adjacency(offset)
+        return offset.transpose(0, 1)
 
 
 class GraphLayers(nn.Module):
-    """H' = ReLU(D^-1 (A + I) H W + b) several times, and once without the ReLU for three numbers.
+    """H' = ReLU(D^-1 (A + I) H W + b) several times, and once without ReLU for the displacement.
 
     Args:
         inputs: features per vertex.
@@ -230,7 +231,7 @@ class GraphLayers(nn.Module):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """(N, C, inputs) -> features of the second last layer (N, C, hidden), and (N, C, 3)."""
         for layer in self.layers:
-            # Rows of the matrix sum to 1, so the bias may come before it; it is applied to
+            # The rows of the matrix sum to 1, so the bias may be added before it; it is applied to
             # whichever of x and x W is narrower.
             wide = layer.in_features > layer.out_features
             x = adjacency(layer(x)) if wide else layer(adjacency(x))
@@ -241,13 +242,13 @@ class GraphLayers(nn.Module):
 class FrameAttention(nn.Module):
     """V' = softmax(Q K^T / sqrt(scale)) V among the frames of a window (Garment4D 2.4).
 
-    As the paper has it, Q, K and V of a frame are the features of all vertices in one row and the
-    scale is T. The products grow with the number of vertices, so that each frame soon looks at a
-    single one; for each vertex by itself the scale is the number of features, which is usual.
+    In the paper, Q, K and V of a frame are the features of all vertices in one row, and the scale
+    is T. The products then grow with the number of vertices, so that each frame soon attends to a
+    single one. With one attention per vertex the scale is the number of features, as is usual.
 
     Args:
         width: features per vertex.
-        per_vertex: one attention for each vertex, rather than for all.
+        per_vertex: whether each vertex has an attention of its own.
         rng: source of the initial weights.
     """
 
@@ -272,7 +273,7 @@ class FrameAttention(nn.Module):
 
 @full_precision
 def attend(query: torch.Tensor, key: torch.Tensor, value: torch.Tensor, scale: int) -> torch.Tensor:
-    """softmax(Q K^T / sqrt(scale)) V of (..., T, C) each; in 16 bits long products overflow."""
+    """softmax(Q K^T / sqrt(scale)) V of (..., T, C) each; long products overflow in 16 bits."""
     return torch.softmax(query @ key.mT / scale**0.5, dim=-1) @ value
 
 
@@ -328,7 +329,7 @@ class MgnSettings:
     """Sizes of the MGN* baseline; numbers of the released code.
 
     Attributes:
-        widths: of the layers, the first one is that of a cloud's feature.
+        widths: of the layers; the first is that of a cloud's feature.
         scale_m: displacement per unit of output, metres.
     """
 
@@ -339,13 +340,13 @@ class MgnSettings:
 class MgnNetwork(nn.Module):
     """Multi-Garment Net on point clouds: one feature per frame gives all displacements at once.
 
-    The displaced canonical garment of every frame is skinned with weights of the nearest body
-    vertex (K = 1), as in SMPL+D. Begins as skinning alone.
+    The displaced canonical garment of every frame is skinned with the weights of the nearest body
+    vertex (K = 1), as in SMPL+D. Untrained, it is skinning alone.
 
     Args:
         settings: sizes.
         vertex_count: N.
-        level_channels: features per point of each level; the last is looked at.
+        level_channels: features per point of each level, of which the last is used.
         rng: source of the initial weights.
     """
 

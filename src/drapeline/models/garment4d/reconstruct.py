@@ -1,4 +1,4 @@
-"""Whole sequences through trained Garment4D networks, on the device that these are on.
+"""Whole sequences through trained Garment4D networks, on the device of the networks.
 
 Coordinates are metres relative to the root joint, Z up. F frames, P points, N vertices.
 """
@@ -37,11 +37,11 @@ class ReconstructedGarment(NamedTuple):
     """A garment through a sequence, stage by stage; metres, root frame.
 
     Attributes:
-        labels: (F, P) uint8 of the points, or None from a network that does not tell.
+        labels: (F, P) uint8 of the points, or None from a network without segmentation.
         canonical: (N, 3) T(alpha').
         proposal: (F, N, 3) interpolated skinning of it.
         final: (F, N, 3) with the displacements.
-        seconds: for everything.
+        seconds: that all of it took.
     """
 
     labels: np.ndarray | None
@@ -52,13 +52,13 @@ class ReconstructedGarment(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What a canonical network says about a sequence.
+    """Output of a canonical network for a sequence.
 
     Attributes:
-        labels: (F, P) uint8 of the points, or None from a network that does not tell.
+        labels: (F, P) uint8 of the points, or None from a network without segmentation.
         canonical: (N, 3) metres, T of the mean alpha' of all windows.
-        outputs: of one batch of windows after the other.
-        seconds: for everything.
+        outputs: of the batches of windows, in order.
+        seconds: that all of it took.
     """
 
     labels: np.ndarray | None
@@ -96,11 +96,11 @@ def estimate(
     windows = _Windows(len(points), frames or stage.settings.training.frames, stride)
     if stage.body_relative_points:
         points = body_relative_points(body.model, body.shape, poses, points)
-    outputs = list(_outputs(stage, windows, points, labels))
+    outputs = list(_estimate_windows(stage, windows, points, labels))
     alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
     canonical = stage.network.vertices(alpha[None])[0].cpu().numpy()
-    found = _labels(outputs, windows)
-    return Estimate(found, canonical, outputs, time.perf_counter() - started)
+    own_labels = _mean_labels(outputs, windows)
+    return Estimate(own_labels, canonical, outputs, time.perf_counter() - started)
 
 
 @torch.inference_mode()
@@ -116,7 +116,7 @@ def reconstruct(
     consecutive: bool = True,
     estimated: Estimate | None = None,
 ) -> ReconstructedGarment:
-    """Both stages on a whole sequence; a frame in several windows is their mean.
+    """Both stages on a whole sequence; a frame in several windows gets the mean of them.
 
     Args:
         stage: trained; it holds the canonical network.
@@ -127,8 +127,8 @@ def reconstruct(
             to end with the sequence.
         skinning: of the proposals, where not as in training.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
-        consecutive: whether no frames are missing between these; others are not smoothed.
-        estimated: what its canonical network said about all this, where that is known.
+        consecutive: whether these are all frames of the motion; others are not smoothed.
+        estimated: output of its canonical network for all this, if it is known already.
 
     Raises:
         InputError: the sequence is shorter than a window, or the stride longer than one.
@@ -219,7 +219,7 @@ class _Mean:
         return self._sum / self._held.reshape(-1, *[1] * (self._sum.ndim - 1))
 
 
-def _outputs(
+def _estimate_windows(
     stage: CanonicalStage, windows: _Windows, points: np.ndarray, labels: np.ndarray | None
 ) -> Iterator:
     for starts in windows.parts():
@@ -231,7 +231,7 @@ def _outputs(
             yield stage.network(cloud, torch.from_numpy(given).to(stage.device))
 
 
-def _labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
+def _mean_labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
     if outputs[0].logits is None:
         return None
     mean = windows.mean(outputs[0].logits.shape[2:])
@@ -250,7 +250,7 @@ def refine(
     settings: RefineSettings,
     worn_statistics: WornGarmentStatistics | None = None,
 ) -> np.ndarray:
-    """Our variant: a reconstruction fitted to the points that the network takes for the garment.
+    """Our variant: a reconstruction fitted to the points that the network labels as the garment.
 
     Args:
         made: of both stages.
@@ -290,7 +290,7 @@ def build_reconstruction(
     true: np.ndarray | None = None,
     true_canonical: np.ndarray | None = None,
 ) -> Reconstruction:
-    """A reconstruction with all that figures need; the floor is below the lowest vertex.
+    """A reconstruction with all that figures need; the floor is at the lowest vertex.
 
     Args:
         made: with labels.

@@ -1,8 +1,8 @@
-"""Our last step after the posed network: garments of a whole sequence, fitted to its points.
+"""Our last step after the posed network: the garments of a whole sequence, fitted to its points.
 
-The network's garments come in windows and need not touch the points. Cloth hardly stretches and
-moves smoothly, so with the lengths of the canonical garment's edges and all frames at once there is
-a system of equations to solve for the vertices: linear, and the same one in every round.
+The network's garments come from windows and need not touch the points. Cloth hardly stretches and
+moves smoothly, so the edge lengths of the canonical garment and all frames together give a system
+of equations for the vertices, which is linear and the same in every round.
 """
 
 from collections.abc import Iterable
@@ -17,14 +17,14 @@ from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.sparse import symmetric_factor
 
-_APART_M = 4.0  # between frames, where they are searched together
-_ROW = 16  # frames per row of such a layout
+_APART_M = 4.0  # between frames that are laid out side by side for one search
+_ROW = 16  # frames per row of that layout
 _SMALL_M = 1e-9
-_MOMENTUM = 0.9  # share of the last round's step that the next one begins with
+_MOMENTUM = 0.9  # share of the last round's step that the next one starts with
 _REACH_M = 0.06  # a point this far from the garment pulls half as hard as a close one
-_DEEP_M = 0.05  # what is nearest to vertices further inside is likely another limb
+_DEEP_M = 0.05  # the surface nearest to vertices further inside is likely another limb's
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
-_USUAL_ERROR_M = 0.08  # of proposals, where nothing is known of them
+_USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ class RefineSettings:
     """Weights of the terms, per vertex, relative to the pull of the points.
 
     Attributes:
-        rounds: how often points find their places on the garment anew.
+        rounds: how often the points are assigned to places on the garment.
         stretch: of the edges' lengths.
         bend: of the distances across edges.
         smooth: of accelerations, between frames.
-        keep_m: a vertex that starts with this error is drawn back as hard as points pull it.
+        keep_m: a vertex that starts with this error is held back as hard as points pull it.
         gap_m: least distance from the body.
     """
 
@@ -52,7 +52,8 @@ class WornGarmentStatistics(NamedTuple):
     """How the worn garments of training differ from their proposals; see `measure_worn_garments`.
 
     Attributes:
-        shares: (K,) lengths of the springs of `Cloth` when worn, by those in the canonical garment.
+        shares: (K,) lengths of the springs of `Cloth` when worn, over those in the canonical
+            garment.
         error_m: (N,) root mean square error of the proposals, metres.
         follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
     """
@@ -76,10 +77,10 @@ def fit_to_points(
 ) -> np.ndarray:
     """Garments near the points, with the canonical garment's lengths, smooth in time.
 
-    Each round pulls every vertex by the mean offset of the points whose nearest places on the
-    garment it is a corner of, and out of the body; then the sum of squares of pulls, changes of
-    length, accelerations and changes from the start is least for what one linear system gives.
-    Its matrix is constant, so it is factorised once, for each frequency in time by itself.
+    Each round pulls every vertex towards the points whose nearest places on the garment it is a
+    corner of, and out of the body. It then minimises the sum of squares of the remaining pulls, the
+    changes of length, the accelerations and the changes from the start, which is a linear system.
+    Its matrix is constant, so it is factorised once, separately for each frequency in time.
 
     Args:
         vertices: (F, N, 3) garments of all frames of a sequence, root frame, metres.
@@ -126,14 +127,14 @@ def measure_worn_garments(
     canonicals: Iterable[np.ndarray],
     faces: np.ndarray,
 ) -> WornGarmentStatistics:
-    """Means over training sequences, as if one more had the mean at all vertices and springs.
+    """Means over training sequences and one more that has the mean at all vertices and springs.
 
     Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
-    the body where others hang.
+    the body while others hang.
 
     Args:
-        garments: (F, N, 3) worn garments of each sequence, truly simulated, metres.
-        proposals: (F, N, 3) the same sequences by skinning alone.
+        garments: (F, N, 3) worn garments of each sequence, simulated, metres.
+        proposals: (F, N, 3) the same garments by skinning alone.
         canonicals: (N, 3) of the same sequences.
         faces: (E, 3).
     """
@@ -184,7 +185,7 @@ class Cloth:
         self.stiffness = (self._transposed @ self._difference).tocsc()
 
     def lengths(self, garment: np.ndarray) -> np.ndarray:
-        """(F, N, 3) sums of each vertex's weighted springs, turned as they are but at rest."""
+        """(F, N, 3) weighted sums of each vertex's springs, at rest length in their direction."""
         frames, count, _ = garment.shape
         rows = garment.transpose(1, 0, 2).reshape(count, -1)
         spring = (self._difference @ rows).reshape(-1, frames, 3)
@@ -220,8 +221,8 @@ def pairs_across(faces: np.ndarray) -> np.ndarray:
 class SpaceTime:
     """(K + diag(d) + smooth D^T D) x = b, for all frames at once.
 
-    D^T D, the squared second differences in time, is diagonal in its own vectors, so the system
-    falls apart into one of N rows for each of them.
+    D takes second differences in time. In the basis of the eigenvectors of D^T D the system falls
+    apart into one system of N rows for each of them.
 
     Args:
         stiffness: K, (N, N).
@@ -288,7 +289,7 @@ def point_pull(
         (weight.ravel(), corners.ravel(), np.arange(0, weight.size + 1, 3)),
         shape=(len(cloud), frames * count),
     )
-    # A vertex with less than the usual share of points follows its neighbours more.
+    # A vertex with less than its usual share of points follows its neighbours more.
     usual = np.repeat(chosen.sum(1) / count, count)
     total = np.maximum(np.bincount(corners.ravel(), weight.ravel(), frames * count), usual)
     return (gather.T @ offset / np.maximum(total, _SMALL_M)[:, None]).reshape(garment.shape)
@@ -313,15 +314,15 @@ def body_push(
     nearest: np.ndarray,
     gap_m: float,
 ) -> np.ndarray:
-    """Offsets that take vertices to `gap_m` above the body, (F, N, 3) metres.
+    """Offsets that move vertices to `gap_m` above the body, (F, N, 3) metres.
 
     Vertices deep inside are left to the points.
 
     Args:
         garment: (F, N, 3).
         body, normals: (F, M, 3).
-        nearest: (F, N) the body vertex whose tangent plane counts.
-        gap_m: wanted, metres.
+        nearest: (F, N) the body vertex whose tangent plane is used.
+        gap_m: least height over it, metres.
     """
     place = np.take_along_axis(body, nearest[..., None], axis=1)
     normal = np.take_along_axis(normals, nearest[..., None], axis=1)

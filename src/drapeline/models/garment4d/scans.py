@@ -1,4 +1,4 @@
-"""A garment from a user's scans: all stages on one sequence, and what there is to say of it.
+"""A garment from a user's scans: all stages on one sequence, and its metrics.
 
 F frames, N vertices of the garment.
 """
@@ -28,20 +28,20 @@ from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rule_log import LOGGER
 
 SPLIT = "scans"
-# In simulated clouds of every type at least every sixth point is the garment's, while a network
-# takes single points for one that is not there.
+# In simulated clouds of every type at least every sixth point is the garment's, while networks
+# label single points as a garment that is not there.
 _LEAST_SHARE = 0.02
 _SHOWN = 48  # frames of the sequence that pictures are made of, at most
 
 
 class ScannedGarment(NamedTuple):
-    """What the networks make of scans; metres, root frame.
+    """A garment reconstructed from scans; metres, root frame.
 
     Attributes:
         canonical: (N, 3).
         final: (F, N, 3) of our last step.
         rows: of the table of metrics.
-        shown: some frames with all stages, for pictures.
+        shown: some frames with all stages, for figures.
     """
 
     canonical: np.ndarray
@@ -68,11 +68,11 @@ def reconstruct_scans(
         sequences: that it was trained on.
         refining: of our last step.
         name: of the scans, for errors and pictures.
-        points: of each cloud that the networks see.
-        seed: draws them.
+        points: number per cloud that the networks are given.
+        seed: of their choice.
 
     Raises:
-        InputError: there are fewer frames than a window has, or next to no point is of the garment.
+        InputError: there are fewer frames than in a window, or hardly any of the garment's points.
     """
     motion, faces, garment = scans.body, stage.space.faces, sequences.data.garment_type
     clouds = scans.points(points, seed=seed)
@@ -99,15 +99,15 @@ def reconstruct_scans(
 
 
 def check_labels(name: str, chosen: np.ndarray, garment: str) -> None:
-    """Refuse scans in which the network finds no such garment; it would give a mean one.
+    """Refuse scans in which the network finds no such garment: it would return the mean garment.
 
     Args:
         name: of the scans.
-        chosen: (F, P) bool, which points it takes for the garment's.
+        chosen: (F, P) bool, the points that it labels as the garment's.
         garment: its type.
 
     Raises:
-        InputError: over all frames they are fewer than two in a hundred.
+        InputError: over all frames they are less than two per cent.
     """
     if chosen.mean() < _LEAST_SHARE:
         raise InputError(
@@ -133,7 +133,7 @@ def _measure(
     final: np.ndarray,
     seed: int,
 ) -> list[MetricRow]:
-    """Table 5 of the proposals, of the posed stage and of our last step, against whole scans."""
+    """Table 5 for the proposals, the posed stage and our last step, against the whole scans."""
 
     def body_vertices(frame: int) -> np.ndarray:
         return posed_vertices(body.model, body.shape, scans.body.poses[frame][None])[0][0]

@@ -308,7 +308,7 @@ def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
     data.split[(data.source == "simulated") & (data.split == "val")] = "train"
     evaluation = Evaluation(sequences, "val", EvaluationSettings())
     assert "no simulated Skirt in the val split" in caplog.text
-    list(evaluation.posed("posed", identity))
+    list(evaluation.measure_posed("posed", identity))
     names = {row.metric for row in evaluation.rows()}
     assert "vertex_error_mm" in names
     assert "acceleration_error_m_s2" not in names
@@ -319,8 +319,8 @@ def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequenc
     fill_regression(relative.network.regression)
     evaluation = Evaluation(sequences, "test", EvaluationSettings())
     stages = {"canonical": relative, "pointnet": identity.canonical}
-    evaluation.canonicals(stages)
-    evaluation.noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
+    evaluation.measure_canonicals(stages)
+    evaluation.measure_noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
     rows = evaluation.rows()
     assert not [row for row in rows if row.variant == "pointnet_noisy_body"]
     plain, noisy = (
@@ -344,9 +344,9 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, ide
     evaluation = Evaluation(sequences, "test", EvaluationSettings())
     sequences = len(evaluation.moving)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
-        list(evaluation.posed("posed", stage))
+        list(evaluation.measure_posed("posed", stage))
         assert len(asked) == expected * sequences
-    evaluation.noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
+    evaluation.measure_noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
     assert len(asked) == 3 * sequences
 
 
