@@ -29,8 +29,6 @@ COVERED_BY = {
     "learning_data/moving": "unit/metrics/test_dynamic.py",
     "learning_data/vertex_moments": "unit/learning_data/test_static.py",
     "metrics/predictions": "unit/report/models/test_gcvae_figures.py",
-    "models/garment4d/evaluate": "unit/models/garment4d/test_reconstruct.py",
-    "models/garment4d/stage": "unit/models/garment4d/test_train.py",
     "models/gcvae/train_conditioning": "unit/models/gcvae/test_vae.py",
     "models/gcvae/settings": "unit/models/gcvae/test_vae.py",
     "models/gcvae/static_template": "rules/test_train_svae.py",

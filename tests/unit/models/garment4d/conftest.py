@@ -1,11 +1,12 @@
 """Toy skirts, and networks trained on them for a few seconds, which no test may change."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from drapeline.bodies.model import BodyModel
-from drapeline.learning_data.sequences import GarmentSequence
+from drapeline.learning_data.sequences import GarmentSequence, SequenceData
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
@@ -57,3 +58,34 @@ def trained_posed(folder: Path, opened: BodySequences, trained_canonical: Path) 
     """On `trained_canonical`."""
     canonical = load_stage(trained_canonical, CanonicalStage)
     return run_training(folder, "posed", PosedStage(PosedStage.parse(POSED), canonical), opened)
+
+
+@pytest.fixture
+def data(sequences: BodySequences) -> SequenceData:
+    """Those sequences without their bodies."""
+    return sequences.data
+
+
+@pytest.fixture
+def canonical(sequences: BodySequences) -> CanonicalStage:
+    """Untrained, as the paper has it."""
+    return build_canonical(sequences, PLAIN).eval()
+
+
+@pytest.fixture
+def identity(canonical: CanonicalStage) -> PosedStage:
+    """Untrained: displacements are zero."""
+    return PosedStage(PosedStage.parse(POSED), canonical).eval()
+
+
+@pytest.fixture
+def given(sequences: BodySequences) -> dict[str, Any]:
+    """Arguments of `reconstruct` for the held-out sequence: seven frames, windows of three."""
+    data = sequences.data
+    sequence = int(data.of_split("test")[0])
+    rows = data.rows(sequence)
+    return {
+        "points": data.points[rows],
+        "poses": data.poses[rows],
+        "body": sequences.body(sequence),
+    }

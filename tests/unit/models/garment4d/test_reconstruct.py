@@ -1,6 +1,5 @@
 """Whole toy sequences through networks whose answer is known."""
 
-import copy
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +10,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.metrics.reconstructions import load_reconstruction
-from drapeline.metrics.table import find_value, read_metrics, write_metrics
-from drapeline.models.garment4d import evaluate as evaluation_module
 from drapeline.models.garment4d.dressed import propose_garment
-from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
-from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,
@@ -26,32 +20,9 @@ from drapeline.models.garment4d.reconstruct import (
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.seeding import rng_for
-from garment4d_stages import build_canonical
 from garment4d_toys import (
-    CANONICAL,
-    PLAIN,
-    POSED,
-    fill_regression,
-    open_toy_data,
-    save_toy_data,
     toy_bodies,
 )
-
-
-@pytest.fixture
-def data(sequences):
-    return sequences.data
-
-
-@pytest.fixture
-def canonical(sequences):
-    return build_canonical(sequences, PLAIN).eval()
-
-
-@pytest.fixture
-def identity(canonical):
-    """Untrained: displacements are zero."""
-    return PosedStage(PosedStage.parse(POSED), canonical).eval()
 
 
 @pytest.fixture
@@ -62,18 +33,6 @@ def shaken(identity):
             noise = 0.02 * rng.standard_normal(parameter.shape)
             parameter.add_(torch.from_numpy(noise.astype(np.float32)))
     return identity
-
-
-@pytest.fixture
-def given(data, sequences):
-    """The arguments of the longest held-out sequence: seven frames, windows of three."""
-    sequence = int(data.of_split("test")[0])
-    rows = data.rows(sequence)
-    return {
-        "points": data.points[rows],
-        "poses": data.poses[rows],
-        "body": sequences.body(sequence),
-    }
 
 
 def test_without_displacements_the_result_is_the_skinned_canonical_garment(identity, given):
@@ -242,123 +201,3 @@ def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, g
     found = refine(made, **given, label=data.label, faces=data.space.faces, settings=settings)
     before, after = (np.linalg.norm(x - true, axis=-1).mean() for x in (proposal, found))
     assert after < 0.85 * before
-
-
-@pytest.fixture
-def rows(sequences, canonical, identity, tmp_path):
-    settings = EvaluationSettings(
-        neighbours=(1, 16), missing=(0.3,), accuracy=(1.0, 0.5), noise_shape=2.0
-    )
-    found = evaluate(
-        sequences,
-        {"canonical": canonical},
-        {"posed": identity},
-        ("val", "test"),
-        settings,
-        RefineSettings(rounds=4),
-        pictures=tmp_path / "pictures",
-        vertex_sampled=sequences,
-    )
-    write_metrics(tmp_path / "metrics.tsv", found)
-    return read_metrics(tmp_path / "metrics.tsv")
-
-
-def test_every_variant_is_measured_against_the_truth(rows, data, identity, given, tmp_path):
-    def value(variant, metric, split="test"):
-        return find_value(rows, variant, split, "Skirt", metric).value
-
-    assert {row.garment for row in rows} == {"Skirt"}
-    sequence = int(data.of_split("test")[0])
-    true = data.garment[data.rows(sequence)]
-    mean = 1000 * np.linalg.norm(data.canonical[sequence] - data.space.mean, axis=-1).mean()
-    assert value("mean_garment", "canonical_error_mm") == pytest.approx(mean, rel=1e-4)
-    made = reconstruct(identity, **given)
-    error = 1000 * np.linalg.norm(made.final - true, axis=-1).mean()
-    assert value("posed", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
-    assert value("lbs", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
-    assert value("neighbours_16", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
-    assert value("vertex_sampled", "vertex_error_mm") == pytest.approx(error, rel=1e-4)
-    assert value("neighbours_1", "vertex_error_mm") != pytest.approx(error, rel=1e-4)
-    assert value("noisy_body", "vertex_error_mm") > error
-    # Displacements are zero, so that skinning alone is the full model.
-    noisy = [value(f"{v}noisy_body", "vertex_error_mm") for v in ("", "lbs_", "ours_")]
-    assert noisy[0] == noisy[1] != noisy[2]
-    labels = {variant for _, variant, *_ in rows}
-    assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
-    # The truth is told apart from the body only; toy points are its own vertices.
-    assert find_value(rows, "truth", "test", "Skirt", "vertex_error_mm") is None
-    assert find_value(rows, "truth", "test", "Skirt", "canonical_error_mm") is None
-    # Toy garments vary in width and length alone, and registration changes nothing of them.
-    assert value("truth", "canonical_to_original_mm") == pytest.approx(0, abs=1e-3)
-    assert value("pca", "canonical_error_mm") < 0.1 * value("canonical", "canonical_error_mm")
-    assert value("truth", "simulated_share") == 1
-    assert value("truth", "to_cloud_mm") < value("posed", "to_cloud_mm")
-    # Simulated sequences alone are measured in motion, all of them at rest.
-    assert find_value(rows, "posed", "val", "Skirt", "vertex_error_mm").n == 1
-    assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 2
-    assert not [row for row in rows if row.split == "val" and row.variant == "noisy_body"]
-
-
-def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
-    identity, toy_body, tmp_path, caplog
-):
-    save_toy_data(tmp_path / "data", toy_body)
-    sequences = open_toy_data(tmp_path / "data", toy_body, 30)
-    data = sequences.data
-    data.split[(data.source == "simulated") & (data.split == "val")] = "train"
-    evaluation = Evaluation(sequences, "val", EvaluationSettings())
-    assert "no simulated Skirt in the val split" in caplog.text
-    list(evaluation.measure_posed("posed", identity))
-    names = {row.metric for row in evaluation.rows()}
-    assert "vertex_error_mm" in names
-    assert "acceleration_error_m_s2" not in names
-
-
-def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
-    relative = build_canonical(sequences, CANONICAL).eval()
-    fill_regression(relative.network.regression)
-    evaluation = Evaluation(sequences, "test", EvaluationSettings())
-    stages = {"canonical": relative, "pointnet": identity.canonical}
-    evaluation.measure_canonicals(stages)
-    evaluation.measure_noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
-    rows = evaluation.rows()
-    assert not [row for row in rows if row.variant == "pointnet_noisy_body"]
-    plain, noisy = (
-        find_value(rows, variant, "test", "Skirt", "canonical_error_mm").value
-        for variant in ("canonical", "canonical_noisy_body")
-    )
-    assert plain != noisy
-
-
-def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, identity, monkeypatch):
-    asked = []
-
-    def counted(*args, **options):
-        asked.append(options)
-        return estimate(*args, **options)
-
-    monkeypatch.setattr(evaluation_module, "estimate", counted)
-    other = copy.deepcopy(identity)
-    with torch.no_grad():
-        next(other.canonical.network.parameters()).mul_(2)
-    evaluation = Evaluation(sequences, "test", EvaluationSettings())
-    sequences = len(evaluation.moving)
-    for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
-        list(evaluation.measure_posed("posed", stage))
-        assert len(asked) == expected * sequences
-    evaluation.measure_noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
-    assert len(asked) == 3 * sequences
-
-
-def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):
-    name = str(data.name[data.of_split("test")[0]])
-    files = sorted(path.name for path in (tmp_path / "pictures").iterdir())
-    assert files == [f"{name}.npz", f"{name}_ours.npz"]
-    shown, ours = (load_reconstruction(tmp_path / "pictures" / file) for file in files)
-    made = reconstruct(identity, **given)
-    for key in ("canonical", "proposal", "final"):
-        np.testing.assert_allclose(getattr(shown, key), getattr(made, key), atol=1e-6)
-    assert shown.garment == "Skirt"
-    assert ours.final.shape == shown.true.shape
-    assert np.abs(ours.final - shown.final).max() > 1e-3
-    assert (shown.body[..., 2].min(axis=1) + shown.root_height == 0).all()
