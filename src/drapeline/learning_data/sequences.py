@@ -171,11 +171,11 @@ def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:
             raise InputError(f"{output}: two sequences are named {one.name}, expected one")
         names.add(one.name)
         for key in ("points", "canonical"):
-            found, wanted = (getattr(x, key).shape[-2] for x in (one, first))
-            if found != wanted:
+            rows, expected = (getattr(x, key).shape[-2] for x in (one, first))
+            if rows != expected:
                 raise InputError(
-                    f"{output}: sequence {one.name} has {key} of {found} rows, expected"
-                    f" {wanted} as in sequence {first.name}"
+                    f"{output}: sequence {one.name} has {key} of {rows} rows, expected"
+                    f" {expected} as in sequence {first.name}"
                 )
 
 
@@ -274,14 +274,14 @@ class SequenceData:
         Raises:
             InputError: see `window_starts`.
         """
-        found = [
+        windows = [
             (sequence, start)
             for sequence in self.of_split(split, sources)
             for start in window_starts(
                 int(self.count[sequence]), frames, stride, str(self.name[sequence])
             )
         ]
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+        return np.array(windows, dtype=np.int64).reshape(-1, 2)
 
     def label_share(self, split: str) -> np.ndarray:
         """(L,) of the points of a split that have each of `LABELS`."""

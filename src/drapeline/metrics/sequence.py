@@ -1,8 +1,8 @@
-"""How good reconstructed garment sequences are (Garment4D 3.1), one sequence at a time.
+"""Metrics of reconstructed garment sequences (Garment4D 3.1), one sequence at a time.
 
-Every error is a mean over all vertices of all frames of a whole sequence: never over batches,
-nor over windows that repeat frames. Vertices are those of a garment template, in metres, in any
-frame that prediction and truth share.
+Every error is a mean over all vertices of all frames of a whole sequence, never over batches or
+windows that repeat frames. Vertices are those of a garment template, in metres, in any frame of
+reference that prediction and truth share.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,12 +34,12 @@ class MovingBody(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What was measured of one sequence.
+    """Measures of one sequence.
 
     Attributes:
-        sequence: its name; sequences of one name are resampled together.
+        sequence: its name; sequences with the same name are resampled together.
         garment: its type.
-        measures: metric -> value; NaN where a metric has no meaning.
+        measures: metric -> value; NaN where a metric is not defined.
     """
 
     sequence: str
@@ -78,17 +78,17 @@ def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray, *, fps: flo
 def to_cloud_mm(vertices: Sequence[np.ndarray], points: Sequence[np.ndarray]) -> float:
     """One-way Chamfer distance (table 5): mean distance of vertices to the nearest point.
 
-    It does not see what a garment lacks, nor what a cloud lacks.
+    Parts that the garment lacks do not change it.
 
     Args:
         vertices: (N, 3) per frame.
         points: (P, 3) of the whole cloud per frame; P may differ between frames.
     """
-    found = [
+    distances = [
         KDTree(cloud).query(garment)[0].mean()
         for garment, cloud in zip(vertices, points, strict=True)
     ]
-    return float(1000 * np.mean(found))
+    return float(1000 * np.mean(distances))
 
 
 def segmentation_accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
@@ -100,11 +100,11 @@ def inside_means(
     garment: np.ndarray, body: MovingBody, *, every: int = CONTACT_EVERY
 ) -> dict[str, float]:
     """`inside_measures` of every so many frames of a garment (F, N, 3), averaged over them."""
-    found = [
+    measures = [
         inside_measures(np.asarray(garment[frame]), body.vertices(frame), body.faces)
         for frame in range(0, len(garment), every)
     ]
-    return {name: float(np.mean([one[name] for one in found])) for name in found[0]}
+    return {name: float(np.mean([one[name] for one in measures])) for name in measures[0]}
 
 
 def sequence_measures(
@@ -115,45 +115,45 @@ def sequence_measures(
     points: Sequence[np.ndarray] | None = None,
     consecutive: bool = True,
 ) -> dict[str, float]:
-    """Everything that can be said of a sequence with what is given.
+    """All measures of a posed garment that the arguments allow.
 
     Args:
         garment: (F, N, 3) posed vertices, metres; the truth itself to measure it.
         true: (F, N, 3), or None for scans, which have no ground truth.
-        body: that the garment is on, for what is inside of it.
+        body: that wears the garment, to measure what is inside it.
         points: (P, 3) per frame, for the one-way distance.
-        consecutive: whether these are all frames of a motion at `FPS`; accelerations over longer
-            steps are other numbers, so M3 is left out.
+        consecutive: whether these are all frames of a motion at `FPS`; if not, M3 is left out,
+            since accelerations over longer steps cannot be compared with others.
     """
-    found = {}
+    measures = {}
     if true is not None:
-        found["vertex_error_mm"] = vertex_error_mm(garment, true)
+        measures["vertex_error_mm"] = vertex_error_mm(garment, true)
         if consecutive:
-            found["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
+            measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
     if points is not None:
-        found["to_cloud_mm"] = to_cloud_mm(garment, points)
+        measures["to_cloud_mm"] = to_cloud_mm(garment, points)
     if body is not None:
-        found |= inside_means(garment, body)
-    return found
+        measures |= inside_means(garment, body)
+    return measures
 
 
 def canonical_measures(
     predicted: Mesh, true: np.ndarray | None = None, original: Mesh | None = None
 ) -> dict[str, float]:
-    """Everything about the canonical garment of one sequence.
+    """All measures of a canonical garment that the arguments allow.
 
     Args:
         predicted: in template topology, N vertices; the truth itself to measure registration.
         true: (N, 3), the registered garment.
-        original: the garment as simulated, triangles: registration leaves some of it out, so
-            that M1 alone would not see its errors.
+        original: the garment before registration, triangles. Registration loses parts of it, and
+            M1 alone would not show errors there.
     """
-    found = {}
+    measures = {}
     if true is not None:
-        found["canonical_error_mm"] = vertex_error_mm(predicted.vertices, true)
+        measures["canonical_error_mm"] = vertex_error_mm(predicted.vertices, true)
     if original is not None:
-        found["canonical_to_original_mm"] = area_distance_mm(predicted, original)
-    return found
+        measures["canonical_to_original_mm"] = area_distance_mm(predicted, original)
+    return measures
 
 
 def sequence_summary(
@@ -161,13 +161,13 @@ def sequence_summary(
 ) -> list[MetricRow]:
     """Rows of the table of metrics: means over sequences, with intervals from resampling them.
 
-    Each sequence counts alike, however long it is.
+    Each sequence has the same weight, however long it is.
 
     Args:
-        measured: of one variant on one split.
+        measured: sequences of a split by one variant.
         variant: name in the table.
         split: of the sequences.
-        seed: of the training; draws the intervals too.
+        seed: recorded in the rows; also draws the intervals.
     """
     return summary_rows(
         rng_for(seed, "intervals", MODEL, variant, split),

@@ -97,7 +97,7 @@ class CanonicalSettings:
     head: tuple[int, ...] = (128, 64)
     body_relative_points: bool = False
 
-    def scaled(self, points: int, width: float) -> "CanonicalSettings":
+    def scale(self, points: int, width: float) -> "CanonicalSettings":
         """The same network for sparser clouds, and thinner.
 
         The points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
@@ -410,7 +410,7 @@ class CanonicalNetwork(_ShapeNetwork):
         """Features per point of the levels, finest first."""
         return self.encoder.widths
 
-    def chosen(self, labels: torch.Tensor) -> torch.Tensor:
+    def choose(self, labels: torch.Tensor) -> torch.Tensor:
         """Which points with these labels (...) alpha is estimated from, (...) bool."""
         return labels == self.label
 
@@ -434,7 +434,7 @@ class CanonicalNetwork(_ShapeNetwork):
             level, points.shape[1], searches.within("segmentation")
         )
         logits = gather_rows(logits, order.argsort(dim=1)).unflatten(0, points.shape[:2])
-        chosen = self.chosen(logits.argmax(-1) if labels is None else labels)
+        chosen = self.choose(logits.argmax(-1) if labels is None else labels)
         if self.body_relative_points:
             features = torch.cat([features, level.features], dim=-1)
         valid = chosen.flatten(0, 1).gather(1, order)
@@ -460,7 +460,7 @@ class PointNetRegressor(_ShapeNetwork):
         inputs = input_features(settings)
         self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
 
-    def chosen(self, labels: torch.Tensor) -> torch.Tensor:
+    def choose(self, labels: torch.Tensor) -> torch.Tensor:
         """All points, (...) bool."""
         return torch.ones_like(labels, dtype=torch.bool)
 

@@ -46,7 +46,7 @@ class CanonicalStage(Stage):
 
     @classmethod
     def parse_network(cls, values: Mapping[str, Any]) -> CanonicalSettings:
-        """Sizes; given `points` and `width`, those left out are `CanonicalSettings.scaled`."""
+        """Sizes; given `points` and `width`, those left out are `CanonicalSettings.scale`."""
         scale = {key: values[key] for key in ("points", "width") if key in values}
         given = {key: value for key, value in values.items() if value is not None}
         sizes = parse_settings(
@@ -54,7 +54,7 @@ class CanonicalStage(Stage):
         )
         if not scale:
             return sizes
-        scaled = sizes.scaled(**scale)
+        scaled = sizes.scale(**scale)
         return replace(scaled, garment_points=given.get("garment_points", scaled.garment_points))
 
     def build(self) -> torch.nn.Module:
@@ -78,7 +78,7 @@ class CanonicalStage(Stage):
         rows = windows.rows("train")
         for part in np.array_split(rows, -(-len(rows) // _BATCH)):
             batch = as_tensors(windows.batch(part))
-            points, chosen = batch["points"], network.chosen(batch["labels"])
+            points, chosen = batch["points"], network.choose(batch["labels"])
             for step in _THINNED:
                 names += sequence_names(batch)
                 complete += [step == 1] * len(part)

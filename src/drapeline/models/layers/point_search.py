@@ -1,9 +1,9 @@
-"""Choices among the points of a cloud: farthest points, balls, nearest neighbours.
+"""Searches among the points of a cloud: farthest points, balls, nearest neighbours.
 
-All of them give indices and none of them has a gradient. They run on the device of their tensors
-and use its memory as it is, and their results are those of a plain search over all points. A
-cloud may be padded: points that are not `valid` are never chosen, except in a cloud without any
-valid point, whose indices mean nothing.
+All of them return indices, and none has a gradient. They run on the device of their tensors without
+copying them, and their results are those of a plain search over all points. A cloud may be padded:
+points that are not `valid` are never chosen, except in a cloud without any valid point, whose
+indices mean nothing.
 """
 
 import torch
@@ -111,9 +111,9 @@ def farthest_points(
 ) -> torch.Tensor:
     """Points of each cloud that lie far from one another, in the order of choice.
 
-    The first is the cloud's first (valid) point, each further one is farthest from those before;
-    of several the one with the lowest index. So the first points of the answer are the answer for
-    a smaller count. When all places are taken the first point is repeated.
+    The first is the cloud's first (valid) point. Each further one is farthest from those before,
+    the one with the lowest index if there are several, so the first points of the result are the
+    result for a smaller count. When no other points are left, the first one is repeated.
 
     Args:
         points: (B, P, 3).
@@ -141,8 +141,8 @@ def ball_neighbours(
 ) -> torch.Tensor:
     """Points within a radius of each centre, those with the lowest indices first.
 
-    A list that is short repeats its first point; if no point is within the radius, the nearest one
-    is taken.
+    A short list is filled up with its first point; if no point is within the radius, it is the
+    nearest one.
 
     Args:
         points: (B, P, 3).
@@ -164,7 +164,7 @@ def ball_neighbours(
 def nearest_neighbours(
     points: torch.Tensor, queries: torch.Tensor, k: int, valid: torch.Tensor | None = None
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """The k points nearest to each query, nearest first, of several those with the lowest index.
+    """The k points nearest to each query, nearest first, then those with the lowest index.
 
     Args:
         points: (B, P, 3).

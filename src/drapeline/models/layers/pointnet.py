@@ -1,8 +1,8 @@
 """Layers of PointNet++ (Qi et al. 2017): features of points from the points around them.
 
-Nothing here normalises over a batch, so a batch gives what its clouds give one by one: features
-are normalised point by point, after the maximum over a neighbourhood, where rows are few, and what
-is pooled from a whole window by what training has shown so far.
+Nothing here normalises over a batch, so a batch gives what its clouds give one by one. Features are
+normalised point by point after the maximum over a neighbourhood, where rows are few; features
+pooled from a whole window are normalised by running statistics of the training.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ class Neighbourhoods(nn.Module):
         inputs: features per point.
         widths: of the layers of h.
         radius: r, metres.
-        count: most points per ball, see `points.ball_neighbours`.
+        count: maximum number of points per ball, see `ball_neighbours`.
         rng: source of the initial weights.
     """
 
@@ -85,12 +85,12 @@ class Neighbourhoods(nn.Module):
 
 @full_precision
 def project(points: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
-    """(B, n, 3) -> (B, n, C), exact enough that points of one ball can be told apart."""
+    """(B, n, 3) -> (B, n, C), exact enough to tell the points of one ball apart."""
     return F.linear(points, weight)
 
 
 class SetAbstraction(nn.Module):
-    """Neighbourhoods of several sizes around some of the points, side by side.
+    """Features of neighbourhoods of several sizes around some of the points.
 
     Args:
         inputs: features per point.
@@ -130,8 +130,8 @@ class SetAbstraction(nn.Module):
 class FeaturePropagation(nn.Module):
     """Features of a coarse level at the points of a fine one, joined with those of the fine one.
 
-    The three nearest coarse points count by their inverse squared distances. The interpolation is
-    linear, so the first layer comes before it, where points are fewer.
+    The three nearest coarse points are weighted by their inverse squared distances. The
+    interpolation is linear, so the first layer is applied before it, where points are fewer.
 
     Args:
         coarse, fine: features per point of the two levels.
@@ -175,10 +175,10 @@ def perceptron(widths: Sequence[int], rng: torch.Generator) -> nn.Sequential:
 
 
 class RunningNorm(nn.Module):
-    """Features less their mean over what training has shown so far, by their deviation.
+    """Features standardised by their running mean and deviation in training.
 
-    Most of what is pooled from a whole cloud is the same for all garments; a layer after it has to
-    see the rest. Only training with gradients adds to the statistics.
+    Most of a feature pooled from a whole cloud is the same for all garments; standardised, the
+    differences are left for the next layer. Statistics change in training with gradients alone.
     """
 
     def __init__(self, features: int) -> None:

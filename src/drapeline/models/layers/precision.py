@@ -1,4 +1,4 @@
-"""Mixed precision: what has to run in full."""
+"""Functions that must not run in mixed precision."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -8,9 +8,9 @@ import torch
 
 
 def full_precision(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a function of tensors leave autocast, and give it 32 bits for 16.
+    """Run a function of tensors outside autocast, with 16-bit arguments widened to 32 bits.
 
-    For geometry: rounded to bfloat16, a place one metre away is off by up to 4 mm.
+    For geometry: rounded to bfloat16, coordinates around one metre are off by up to 4 mm.
     """
 
     @wraps(function)

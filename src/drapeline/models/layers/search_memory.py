@@ -1,7 +1,7 @@
 """Searches among points, made anew or answered from memory.
 
-The clouds of a training window come again in every epoch, and so do the searches of a network's
-layers among them, which take as long as all other steps of its forward pass together.
+The clouds of a training window come again in every epoch, and with them the searches of a network's
+layers, which take a large part of its forward pass.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -52,8 +52,8 @@ class SearchMemory:
         """Searches for one forward pass over the clouds of these windows.
 
         Args:
-            windows: one after the other, with as many clouds each. Whenever a window comes its
-                clouds must be the same, and so must what the network searches for in them.
+            windows: in the order of the clouds, each with the same number of them. The clouds of
+                a window, and what the network searches for in them, must be the same in every pass.
         """
         return _RememberedSearches(self._answers, windows, "", set())
 

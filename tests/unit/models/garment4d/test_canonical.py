@@ -330,8 +330,8 @@ def test_weights_come_from_the_generator_alone(space):
 
 def test_scaled_settings_keep_the_number_of_points_per_ball():
     paper = CanonicalSettings()
-    assert paper.scaled(6890, 1.0) == paper
-    small = paper.scaled(6890 // 4, 0.5)
+    assert paper.scale(6890, 1.0) == paper
+    small = paper.scale(6890 // 4, 0.5)
     assert [level.centres for level in small.segmentation] == [512, 128, 32]
     assert small.garment_points == pytest.approx(1722 / 4, abs=1)
     assert small.segmentation[0].radii == pytest.approx((0.1, 0.2), rel=1e-3)
