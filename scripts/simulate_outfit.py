@@ -1,26 +1,29 @@
-"""Rule `simulate_outfit`: drape one outfit on one moving body in Blender, and judge the result."""
+"""Rule `simulate_outfit`: simulate one outfit on one moving body, and judge the result."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
-from drapeline.blender.threads import seen_cores
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.outfits.outfit import load_outfit
 from drapeline.rule_log import rule_log
+from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
-from drapeline.simulation.settings import SimulationSettings
+from drapeline.simulation.simulate import DressedBody, simulate_outfit
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    with seen_cores(snakemake.threads):
-        from drapeline.blender.simulate import simulate_outfit
+    solver = import_module(snakemake.params.solver).cloth_solver(snakemake.threads)
     status = simulate_outfit(
         snakemake.output[0],
-        body=load_body(snakemake.input.body),
-        body_record=load_body_sequence(snakemake.input.animation),
-        outfit=load_outfit(snakemake.input.outfit, snakemake.input.parameters),
+        DressedBody(
+            load_body(snakemake.input.body),
+            load_body_sequence(snakemake.input.animation),
+            load_outfit(snakemake.input.outfit, snakemake.input.parameters),
+        ),
+        solver,
         settings=SimulationSettings(**snakemake.params.settings),
         bounds=HealthBounds(**snakemake.params.bounds),
     )

@@ -8,8 +8,8 @@ import yaml
 
 from drapeline.experiment.config import checked_settings
 from drapeline.outfits.garment_types import OUTFIT_TYPES
+from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
-from drapeline.simulation.settings import SimulationSettings
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())

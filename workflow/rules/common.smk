@@ -92,9 +92,9 @@ wildcard_constraints:
 SOURCES = Sources(SOURCE, memory=".snakemake/drapeline_sources.json")
 
 
-def source_hash(script):
-    """Digest of a rule's script and of the library code that it imports."""
-    return SOURCES.digest(ROOT / "scripts" / f"{script}.py")
+def source_hash(script, *modules):
+    """Digest of a rule's script, of modules it is told of, and of the library code they import."""
+    return SOURCES.digest(ROOT / "scripts" / f"{script}.py", *modules)
 
 
 def plan(key):

@@ -1,3 +1,10 @@
+# Each solver's module, which has `cloth_solver(threads)`, and the environment that it runs in.
+CLOTH_SOLVERS = {
+    "blender": ("drapeline.blender.solver", "../../envs/blender.yaml"),
+}
+SOLVER_MODULE, SOLVER_ENVIRONMENT = CLOTH_SOLVERS[config["simulation"]["solver"]]
+
+
 rule simulate_outfit:
     input:
         body=sample_body,
@@ -12,14 +19,15 @@ rule simulate_outfit:
         f"{BENCHMARKS}/simulate_outfit/{{sample}}.tsv"
     priority: SAMPLES_FIRST
     conda:
-        "../../envs/blender.yaml"
+        SOLVER_ENVIRONMENT
     threads: 1
     resources:
         mem_mb=3000,
         runtime=240,
     params:
+        solver=SOLVER_MODULE,
         settings=lookup(dpath="simulation/settings", within=config),
         bounds=lookup(dpath="simulation/bounds", within=config),
-        code=source_hash("simulate_outfit"),
+        code=source_hash("simulate_outfit", SOLVER_MODULE),
     script:
         "../../scripts/simulate_outfit.py"

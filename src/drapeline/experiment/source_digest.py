@@ -42,13 +42,14 @@ class Sources:
         self._data = cache(self._find_data)
         self._module_file = cache(self._find_module)
 
-    def digest(self, script: str | Path) -> str:
+    def digest(self, script: str | Path, *named: str) -> str:
         """Digest of a script and of every file of the package that it uses.
 
         Comments, layout and docstrings do not count.
 
         Args:
             script: a Python file that imports from the package.
+            named: dotted names of modules that it imports without naming them in its text.
 
         Returns:
             Twelve hexadecimal digits.
@@ -57,21 +58,25 @@ class Sources:
             FileNotFoundError: an import of the package names no module.
         """
         digest = hashlib.sha256(self._code(Path(script)).digest.encode())
-        for path in sorted(self.imported_files(script)):
+        for path in sorted(self.imported_files(script, *named)):
             digest.update(path.name.encode())
             text = path.suffix == ".py"
             digest.update(self._code(path).digest.encode() if text else path.read_bytes())
         return digest.hexdigest()[:12]
 
-    def imported_files(self, script: str | Path) -> set[Path]:
+    def imported_files(self, script: str | Path, *named: str) -> set[Path]:
         """Files of the package that a script uses.
 
         They are the modules it imports, directly or through others, and the data files (YAML, HTML)
         beside or below such a module that the module names: by their own name or by that of a
         folder that holds them.
+
+        Args:
+            script: a Python file that imports from the package.
+            named: dotted names of modules that it imports without naming them in its text.
         """
-        modules: set[Path] = set()
-        waiting = [Path(script)]
+        modules = {self._existing_file(module) for module in named}
+        waiting = [Path(script), *modules]
         while waiting:
             for module in self._imports(waiting.pop()):
                 if module not in modules:
@@ -100,10 +105,7 @@ class Sources:
             # `from drapeline.outfits import cuts` may name a module rather than a function.
             names = [f"{module}.{name}" for name in inner]
             for name in [n for n in names if self._module_file(n)] or [module]:
-                file = self._module_file(name)
-                if file is None:
-                    raise FileNotFoundError(f"{name}: no such module under {self._folder}")
-                found.append(file)
+                found.append(self._existing_file(name))
         return found
 
     def _find_data(self, module: Path) -> list[Path]:
@@ -114,6 +116,12 @@ class Sources:
             if path.is_relative_to(module.parent)
             and not set(names).isdisjoint(path.relative_to(module.parent).parts)
         ]
+
+    def _existing_file(self, module: str) -> Path:
+        file = self._module_file(module)
+        if file is None:
+            raise FileNotFoundError(f"{module}: no such module under {self._folder}")
+        return file
 
     def _find_module(self, name: str) -> Path | None:
         base = self._folder.joinpath(*name.split("."))

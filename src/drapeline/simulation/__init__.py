@@ -1,1 +1,1 @@
-"""Cloth simulation settings and the health of its results; no Blender here."""
+"""Cloth on a moving body: attempts, transitions, collider and health, over any cloth solver."""

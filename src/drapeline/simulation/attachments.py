@@ -6,6 +6,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import edges
+from drapeline.simulation.collider import MovingBody
 
 _PATCH = 64  # body vertices that carry one vertex of a waistband
 _MOST_GATHERED = 0.45
@@ -32,7 +33,33 @@ class Carrier:
         return (self._arm @ ((u * flip) @ vt) + centre)[:, 0]
 
 
-def gathering(
+class Pins:
+    """Vertices of a garment that are held where the body carries them, such as a waistband's.
+
+    Attributes:
+        vertices: (P,) int, numbers of the garment's vertices.
+        weights: (P,) 0-1, how firmly each is held.
+    """
+
+    def __init__(self, weights: np.ndarray, garment: np.ndarray, body: MovingBody) -> None:
+        """Hold the vertices of a garment (V, 3) in frame 0 whose weight (V,) is not zero."""
+        self.vertices = np.flatnonzero(weights)
+        self.weights = weights[self.vertices]
+        self._body = body
+        self._carrier = (
+            Carrier(garment[self.vertices].astype(np.float64), body.frame(0))
+            if len(self.vertices)
+            else None
+        )
+
+    def positions(self, frame: int) -> np.ndarray:
+        """Where they are held in a frame, world (P, 3) metres."""
+        if self._carrier is None:
+            return np.zeros((0, 3))
+        return self._carrier(self._body.frame(frame))
+
+
+def elastic_shrinkage(
     vertices: np.ndarray,
     faces: np.ndarray,
     elastic: np.ndarray,

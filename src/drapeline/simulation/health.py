@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import edges, triangulate, vertex_normals
+from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
 
 _SELF_EVERY = 10  # frames between counts of self-intersections
@@ -19,7 +20,7 @@ _NEAR_M = 0.04
 
 @dataclass(frozen=True)
 class HealthBounds:
-    """What an accepted sample must hold; means are over frames, of the worst garment.
+    """What an accepted sample must keep to; means are over frames, of the worst garment.
 
     Attributes:
         inside_share_mean, inside_share_max: share of garment vertices inside the body.
@@ -55,6 +56,15 @@ class HealthGarment:
     rest_lengths_m: np.ndarray
 
 
+def watch(garment: Garment) -> HealthGarment:
+    """A garment with its lengths at rest, but for those of elastics, which are there to give."""
+    pairs = edges(garment.faces)
+    ends = garment.vertices[pairs]
+    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    lengths[(garment.elastic[pairs] > 0).any(axis=1)] = np.nan
+    return HealthGarment(garment.name, garment.faces, lengths)
+
+
 class HealthMonitor:
     """Measures frame after frame; keeps numbers only, and the last two frames."""
 
@@ -84,11 +94,11 @@ class HealthMonitor:
             Measure -> one value per garment.
         """
         if not self._carried:
-            self._carried = [_followed(cloth, body) for cloth in cloths]
+            self._carried = [_choose_followed(cloth, body) for cloth in cloths]
         index = len(self._rows)
         row: dict[str, list[float]] = {}
         # One search for all garments: building its tree over the body is half of its time.
-        distance, inside = signed_parts(np.concatenate(cloths), body, self._faces)
+        distance, inside = locate_points(np.concatenate(cloths), body, self._faces)
         ends = np.cumsum([len(cloth) for cloth in cloths])
         for g, cloth in enumerate(cloths):
             own = slice(ends[g] - len(cloth), ends[g])
@@ -129,7 +139,7 @@ class HealthMonitor:
         }
 
 
-def _followed(cloth: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, Carrier]:
+def _choose_followed(cloth: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, Carrier]:
     """Some vertices that lie close to the body, and what moves them along with it."""
     distance, _ = KDTree(body).query(cloth)
     near = np.flatnonzero(distance < _NEAR_M)
@@ -137,12 +147,12 @@ def _followed(cloth: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, Carrier]
     return chosen, Carrier(cloth[chosen].astype(np.float64), body)
 
 
-def signed_parts(
+def locate_points(
     points: np.ndarray, body: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance (P,) of points to a body's surface, and whether each is inside, by winding number.
 
-    Winding numbers bear the holes that removed hands and open mouths leave.
+    Winding numbers are right even where removed hands and open mouths leave holes.
 
     Args:
         points: (P, 3).
@@ -251,7 +261,7 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
     }
 
 
-def surely_out_of_bounds(
+def inevitable_violations(
     arrays: Mapping[str, np.ndarray], bounds: HealthBounds, frames: int
 ) -> list[str]:
     """What will be out of bounds at the end, even if every frame to come is without fault.
@@ -272,10 +282,10 @@ def surely_out_of_bounds(
         "slip_m": float(best["slip_m"].max()),
         "layer_share_mean": float(best["layer_share"].mean(axis=0).max()),
     }
-    return out_of_bounds(measures, bounds)
+    return violations(measures, bounds)
 
 
-def out_of_bounds(measures: Mapping[str, float], bounds: HealthBounds) -> list[str]:
+def violations(measures: Mapping[str, float], bounds: HealthBounds) -> list[str]:
     """One phrase per measure that is outside its bound, with both values."""
     found = []
     for name in bounds.__dataclass_fields__:

@@ -24,7 +24,7 @@ def transition_poses(first: np.ndarray, second: np.ndarray, count: int) -> np.nd
         count: frames; the rest pose is the frame before, `first` the frame after.
     """
     steps = np.arange(1, count + 1)
-    share = _smooth(steps / (count + 1))
+    share = _smoothstep(steps / (count + 1))
     lead = _lead(count + 1 - steps)
     rest, start, follow = (
         Rotation.from_rotvec(np.array(pose).reshape(24, 3)) for pose in (REST_POSE, first, second)
@@ -43,7 +43,7 @@ def transition_path(first: np.ndarray, second: np.ndarray, count: int) -> np.nda
     return first - _lead(count + 1 - np.arange(1, count + 1))[:, None] * (second - first)
 
 
-def _smooth(u: np.ndarray) -> np.ndarray:
+def _smoothstep(u: np.ndarray) -> np.ndarray:
     return u * u * (3 - 2 * u)
 
 
@@ -77,13 +77,13 @@ def body_frames(
         for shape in (garment_shape, record.shape)
     ]
     for step in range(shape_frames + 1):
-        share = float(_smooth(np.float64(step / shape_frames)))
+        share = float(_smoothstep(np.float64(step / shape_frames)))
         yield ((1 - share) * rest[0] + share * rest[1] + base).astype(np.float32)
     poses = transition_poses(record.poses[0], record.poses[follow], pose_frames)
     moving = posed_vertices(body, record.shape, poses, path)[0]
     # Self-collision corrections of the first frame come in gradually.
     fixed = record.fix_frame == 0
-    share = _smooth(np.arange(1, pose_frames + 1) / (pose_frames + 1))
+    share = _smoothstep(np.arange(1, pose_frames + 1) / (pose_frames + 1))
     moving[:, record.fix_vertex[fixed]] += (
         share[:, None, None] * record.fix_delta[fixed][None]
     ).astype(np.float32)

@@ -84,6 +84,19 @@ def test_a_change_of_the_script_counts(tree):
     assert Sources(source).digest(script) != before
 
 
+def test_modules_that_a_script_is_told_of_count_with_what_they_import(tree):
+    script, source, package = tree
+    (package / "d.py").write_text("from drapeline import e\n")
+    (package / "e.py").write_text("z = 1\n")
+    found = Sources(source).imported_files(script, "drapeline.d")
+    assert found - Sources(source).imported_files(script) == {package / "d.py", package / "e.py"}
+    before = Sources(source).digest(script, "drapeline.d")
+    (package / "e.py").write_text("z = 2\n")
+    assert Sources(source).digest(script, "drapeline.d") != before
+    with pytest.raises(FileNotFoundError, match="drapeline.f"):
+        Sources(source).digest(script, "drapeline.f")
+
+
 def test_a_module_that_is_not_there_is_an_error(tree):
     script, source, _ = tree
     script.write_text("import drapeline.nothing\n")

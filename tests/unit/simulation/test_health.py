@@ -12,11 +12,11 @@ from drapeline.simulation.health import (
     beneath_share,
     contact_measures,
     crossing_edge_share,
-    out_of_bounds,
-    signed_parts,
+    inevitable_violations,
+    locate_points,
     stretch,
     summary,
-    surely_out_of_bounds,
+    violations,
 )
 
 
@@ -28,7 +28,7 @@ def ball():
 
 def test_a_shell_outside_a_ball_keeps_its_gap(ball):
     vertices, faces = ball
-    found = contact_measures(*signed_parts(1.02 * vertices, vertices, faces))
+    found = contact_measures(*locate_points(1.02 * vertices, vertices, faces))
     assert found["inside_share"] == 0
     assert found["gap_p50_m"] == pytest.approx(0.02, abs=1e-3)
     assert found["depth_max_m"] == 0
@@ -36,7 +36,7 @@ def test_a_shell_outside_a_ball_keeps_its_gap(ball):
 
 def test_a_shell_inside_a_ball_is_all_inside_at_its_depth(ball):
     vertices, faces = ball
-    found = contact_measures(*signed_parts(0.97 * vertices, vertices, faces))
+    found = contact_measures(*locate_points(0.97 * vertices, vertices, faces))
     assert found["inside_share"] == 1
     assert found["depth_mean_m"] == pytest.approx(0.03, abs=2e-3)
 
@@ -45,7 +45,7 @@ def test_half_a_shell_inside(ball):
     vertices, faces = ball
     scale = np.where(vertices[:, :1] > 0, 1.1, 0.9)
     expected = (vertices[:, 0] <= 0).mean()
-    found = contact_measures(*signed_parts(scale * vertices, vertices, faces))
+    found = contact_measures(*locate_points(scale * vertices, vertices, faces))
     assert found["inside_share"] == expected
 
 
@@ -130,16 +130,16 @@ def test_slipping_cloth_is_measured(ball):
 def test_only_what_is_out_of_bounds_is_named(ball):
     vertices, _ = ball
     good = summary(watch(ball, [1.02 * vertices] * 3))
-    assert out_of_bounds(good, HealthBounds()) == []
+    assert violations(good, HealthBounds()) == []
     bad = summary(watch(ball, [0.98 * vertices] * 3))
-    (reason, *others) = out_of_bounds(bad, HealthBounds())
+    (reason, *others) = violations(bad, HealthBounds())
     assert reason == "inside_share_mean 1, expected at most 0.01"
     assert [o.split()[0] for o in others] == ["inside_share_max"]
 
 
-def test_a_value_that_is_not_a_number_is_out_of_bounds(ball):
+def test_a_value_that_is_not_a_number_is_violations(ball):
     measures = summary(watch(ball, [1.02 * ball[0]] * 3)) | {"slip_m": float("nan")}
-    assert len(out_of_bounds(measures, HealthBounds())) == 1
+    assert len(violations(measures, HealthBounds())) == 1
 
 
 def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
@@ -151,7 +151,7 @@ def test_what_cannot_come_right_is_told_early_and_agrees_with_the_end():
         inside_share_mean=0.3, inside_share_max=2, depth_m=0.5, slip_m=2, layer_share_mean=2
     )
     told = [
-        bool(surely_out_of_bounds({k: v[:n] for k, v in values.items()}, bounds, frames))
+        bool(inevitable_violations({k: v[:n] for k, v in values.items()}, bounds, frames))
         for n in range(1, frames + 1)
     ]
     assert not told[0]

@@ -1,0 +1,221 @@
+import json
+import re
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from cloth_toys import FRAMES, Follower, dress, skirt
+from drapeline.bodies.sequence import body_sequence_vertices, collision_faces
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.point_cache import PointCache
+from drapeline.outfits.fabrics import FABRICS
+from drapeline.outfits.user_garment import mean_edge_m
+from drapeline.simulation.attempts import SimulationSettings
+from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.simulate import simulate_outfit
+from drapeline.simulation.solver import ClothSolver
+
+LOOSE = HealthBounds(stretch_low=0, stretch_high=9, depth_m=1)
+SHORT = SimulationSettings(steps_min=6, steps_max=6, shape_frames=2, pose_frames=3, attempts=2)
+LEAD = 2 + 1 + 3
+LAST = LEAD + FRAMES - 1
+
+
+@pytest.fixture
+def dressed(toy_body):
+    return dress(toy_body)
+
+
+@pytest.fixture
+def simulate(tmp_path, dressed):
+    def run(solver: ClothSolver, bounds=LOOSE, dressed=dressed, **settings):
+        folder = tmp_path / "results" / "00001"
+        return simulate_outfit(
+            folder, dressed, solver, settings=replace(SHORT, **settings), bounds=bounds
+        ), folder
+
+    return run
+
+
+def contents(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def sink(frame, vertices, followed, attempt):
+    """Cloth that ends up in the middle of the body."""
+    return vertices if frame < LEAD else vertices + 2 * (followed - vertices)
+
+
+def test_an_accepted_sample_has_the_frames_of_the_sequence_alone(simulate, dressed):
+    status, folder = simulate(Follower())
+    assert (status["status"], status["reason"]) == ("accepted", "")
+    assert json.loads((folder / "status.json").read_text()) == status
+    assert contents(folder) == ["Skirt.f32", "health.npz", "status.json"]
+    with PointCache(folder / "Skirt.f32", len(skirt().vertices)) as cache:
+        frames = cache.frames()
+    # Relative to the root, the cloth has made the same way as the body's waist.
+    bodies = np.stack([*body_sequence_vertices(dressed.body, dressed.motion)])
+    assert len(frames) == FRAMES
+    way = np.linalg.norm(frames[-1] - frames[0], axis=1).max()
+    assert 0 < way < np.linalg.norm(bodies[-1] - bodies[0], axis=1).max()
+    assert np.abs(frames[:, :36].mean(axis=1) - skirt().vertices[:36].mean(axis=0)).max() < 0.02
+    with np.load(folder / "health.npz") as health:
+        assert health["inside_share"].shape == (FRAMES, 1)
+
+
+def test_the_status_says_what_made_the_sample(simulate):
+    status, _ = simulate(Follower())
+    assert status["solver"] == {"name": "follower", "settings": {"neighbours": 1}}
+    assert status["versions"] == {"follower": "1", "numpy": np.__version__}
+    assert status["fabrics"] == {"Skirt": asdict(FABRICS["cotton"])}
+    (attempt,) = status["attempts"]
+    assert attempt["steps"] == 6
+    assert attempt["measures"]["inside_share_max"] < 0.05
+    assert status["frames_per_second"] == attempt["frames_per_second"] > 0
+
+
+def test_cloth_that_sinks_into_the_body_is_tried_finer_and_rejected(simulate):
+    status, folder = simulate(Follower(sink), collider_share=0.5)
+    assert status["status"] == "rejected"
+    assert "inside_share" in status["reason"]
+    first, second = status["attempts"]
+    assert second["steps"] > first["steps"]
+    assert second["pose_frames"] > first["pose_frames"]
+    assert (first["collider_share"], second["collider_share"]) == (0.5, 1)
+    assert contents(folder) == ["status.json"]
+
+
+def test_a_finer_attempt_may_be_accepted(simulate):
+    def sink_if_coarse(frame, vertices, followed, attempt):
+        coarse = attempt.steps == 6
+        return sink(frame, vertices, followed, attempt) if coarse else vertices
+
+    status, folder = simulate(Follower(sink_if_coarse))
+    assert status["status"] == "accepted"
+    assert [attempt["status"] for attempt in status["attempts"]] == ["rejected", "accepted"]
+    assert contents(folder) == ["Skirt.f32", "health.npz", "status.json"]
+    with PointCache(folder / "Skirt.f32", len(skirt().vertices)) as cache:
+        assert len(cache) == FRAMES
+
+
+def test_an_attempt_that_cannot_come_back_into_bounds_ends_at_once(simulate):
+    seen = []
+
+    def sink_and_tell(frame, vertices, followed, attempt):
+        seen.append(frame)
+        return sink(frame, vertices, followed, attempt)
+
+    status, _ = simulate(Follower(sink_and_tell), replace(LOOSE, inside_share_max=0.1), attempts=1)
+    assert re.fullmatch(
+        r"inside_share_\w+ .*; inside_share_max .* at most 0.1 \(by frame 0\)", status["reason"]
+    )
+    assert "measures" not in status["attempts"][0]
+    assert max(seen) == LEAD
+
+
+def test_a_measure_out_of_bounds_at_the_end_is_named(simulate):
+    status, folder = simulate(Follower(), replace(LOOSE, stretch_low=1.5), attempts=1)
+    assert status["status"] == "rejected"
+    assert re.fullmatch(r"stretch_low \S+, expected at least 1.5", status["reason"])
+    assert status["attempts"][0]["measures"]["stretch_low"] < 1.5
+    assert contents(folder) == ["status.json"]
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (LAST, "a vertex is not finite 5 frames into the sequence"),
+        (LEAD - 2, "a vertex is not finite -2 frames into the sequence"),
+    ],
+)
+def test_cloth_that_is_not_finite_is_a_failure(simulate, frame, reason):
+    def explode(index, vertices, followed, attempt):
+        return np.full_like(vertices, np.nan) if index == frame else vertices
+
+    status, folder = simulate(Follower(explode), attempts=1)
+    assert (status["status"], status["reason"]) == ("failed", reason)
+    assert contents(folder) == ["status.json"]
+
+
+def test_a_breakdown_is_a_result_with_its_reason(simulate):
+    def break_down(frame, vertices, followed, attempt):
+        if frame == LAST:
+            raise RuntimeError("no memory for cloth")
+        return vertices
+
+    status, folder = simulate(Follower(break_down))
+    assert (status["status"], status["reason"]) == ("failed", "no memory for cloth")
+    assert len(status["attempts"]) == 2
+    assert contents(folder) == ["status.json"]
+
+
+def test_a_solver_that_ends_early_or_loses_vertices_is_not_believed(simulate):
+    class Early(Follower):
+        def simulate(self, garments, body, attempt, scratch):
+            frames = super().simulate(garments, body, attempt, scratch)
+            yield from (next(frames) for _ in range(len(body) - 1))
+
+    status, folder = simulate(Early(), attempts=1)
+    expected = "follower ended 5 frames into the sequence, expected 6"
+    assert (status["status"], status["reason"]) == ("failed", expected)
+    status, _ = simulate(Follower(lambda frame, vertices, *_: vertices[1:]), attempts=1)
+    assert status["status"] == "failed"
+    assert "expected (N, 288, 3)" in status["reason"]
+    assert contents(folder) == ["status.json"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, InputError])
+def test_an_end_from_outside_leaves_nothing(simulate, tmp_path, error):
+    def stop(frame, vertices, followed, attempt):
+        if frame == LAST:
+            raise error("the disk is full")
+        return vertices
+
+    with pytest.raises(error):
+        simulate(Follower(stop))
+    assert not list((tmp_path / "results").iterdir())
+
+
+def test_a_body_that_was_rejected_is_not_simulated(simulate, dressed):
+    bad = replace(dressed.motion, outcome="rejected", reason="arms cross the trunk")
+    status, folder = simulate(Follower(), dressed=replace(dressed, motion=bad))
+    assert (status["status"], status["reason"]) == ("rejected", "arms cross the trunk")
+    assert (status["attempts"], status["frames_per_second"]) == ([], 0)
+    assert contents(folder) == ["status.json"]
+
+
+def test_what_a_solver_is_given(simulate, dressed):
+    seen = []
+
+    class Watcher(Follower):
+        def simulate(self, garments, body, attempt, scratch):
+            first, last = body.frame(0), body.frame(len(body) - 1)
+            (garment,) = garments
+            held = [garment.pins.positions(k) for k in (0, len(body) - 1)]
+            seen.append((garment, body, attempt, first, last, held, list(scratch.iterdir())))
+            yield from super().simulate(garments, body, attempt, scratch)
+
+    simulate(Watcher(), collider_share=0.5)
+    ((garment, body, attempt, first, last, held, files),) = seen
+    assert len(body) == attempt.lead_frames + FRAMES == LEAD + FRAMES
+    assert attempt.gap_m == SHORT.gap_m
+    assert files == []
+    # In frame 0 the garment is at rest; the body ends up in the sequence's last frame.
+    moved = garment.vertices - skirt().vertices
+    np.testing.assert_allclose(moved, np.tile(moved[0], (len(moved), 1)), atol=1e-6)
+    assert garment.edge_length_m == mean_edge_m(Mesh(skirt().vertices, skirt().faces))
+    bodies = [*body_sequence_vertices(dressed.body, dressed.motion, world=True)]
+    assert {tuple(v) for v in last.tolist()} <= {tuple(v) for v in bodies[-1].tolist()}
+    # Hands, head and feet are out of reach, and half of the rest is left out.
+    share = len(body.faces) / len(collision_faces(dressed.body, dressed.motion))
+    assert 0.35 < share < 0.45
+    assert body.faces.max() == len(first) - 1 == len(body.segments) - 1
+    # The waistband starts where the garment is, and goes where the body goes.
+    np.testing.assert_array_equal(garment.pins.vertices, np.arange(36))
+    np.testing.assert_allclose(held[0], garment.vertices[:36], atol=1e-6)
+    near = first[:, 2] > garment.vertices[:36, 2].mean() - 0.05
+    near &= first[:, 2] < garment.vertices[:36, 2].mean() + 0.05
+    way = (last - first)[near].mean(axis=0)
+    np.testing.assert_allclose((held[1] - held[0]).mean(axis=0), way, atol=0.03)
