@@ -90,7 +90,7 @@ class Follower:
         attempt: Attempt,
         scratch: Path,
     ) -> Iterator[list[np.ndarray]]:
-        """See `ClothSolver`."""
+        """As `ClothSolver` says."""
         first = body.frame(0)
         nearest = [KDTree(first).query(garment.vertices)[1] for garment in garments]
         for index, now in enumerate(body):
@@ -98,3 +98,8 @@ class Follower:
                 self.change(index, garment.vertices + now[near] - first[near], now[near], attempt)
                 for garment, near in zip(garments, nearest, strict=True)
             ]
+
+
+def cloth_solver(threads: int) -> Follower:
+    """As each solver's module has it."""
+    return Follower()

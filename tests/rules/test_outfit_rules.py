@@ -1,4 +1,4 @@
-"""The rules that make outfits, and the simulation of a body that cannot be simulated."""
+"""The rules that make outfits and simulate them."""
 
 import json
 
@@ -82,13 +82,7 @@ def test_an_unusable_garment_of_the_user_ends_in_one_sentence_and_no_files(
     assert not (stages / "outfit.json").exists()
 
 
-def test_a_rejected_body_is_a_rejected_sample_with_its_reason(run_rule, stages, toy_body):
-    make(run_rule, stages)
-    poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
-    poses[:, 3 * 1 + 2], poses[:, 3 * 2 + 2] = -0.6, 0.6  # legs crossed through one another
-    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
-    assert record.outcome == "rejected"
-    save_body_sequence(stages / "animation.npz", record)
+def simulate(run_rule, stages, **params):
     run_rule(
         "simulate_outfit",
         input={
@@ -98,9 +92,34 @@ def test_a_rejected_body_is_a_rejected_sample_with_its_reason(run_rule, stages, 
             "parameters": stages / "outfit.json",
         },
         output=[stages / "simulation"],
-        params={"settings": {}, "bounds": {}},
+        params={"solver": "cloth_toys", "settings": {}, "bounds": {}} | params,
     )
-    status = json.loads((stages / "simulation" / "status.json").read_text())
+    return json.loads((stages / "simulation" / "status.json").read_text())
+
+
+def test_the_solver_settings_and_bounds_are_those_of_the_rule(run_rule, stages):
+    make(run_rule, stages)
+    settings = {"steps_min": 7, "steps_max": 7, "attempts": 1, "collider_share": 0.5}
+    bounds = {"stretch_low": 0, "stretch_high": 9, "layer_share_mean": 1}
+    status = simulate(run_rule, stages, settings=settings, bounds=bounds)
+    assert status["status"] == "accepted", status["reason"]
+    assert status["solver"]["name"] == "follower"
+    assert [attempt["steps"] for attempt in status["attempts"]] == [7]
+    names = {"Skirt.f32", "Top.f32", "health.npz", "status.json"}
+    assert {path.name for path in (stages / "simulation").iterdir()} == names
+    refused = simulate(run_rule, stages, settings=settings, bounds=bounds | {"slip_m": -1})
+    assert refused["status"] == "rejected"
+    assert "slip_m" in refused["reason"]
+
+
+def test_a_rejected_body_is_a_rejected_sample_with_its_reason(run_rule, stages, toy_body):
+    make(run_rule, stages)
+    poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
+    poses[:, 3 * 1 + 2], poses[:, 3 * 2 + 2] = -0.6, 0.6  # legs crossed through one another
+    record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
+    assert record.outcome == "rejected"
+    save_body_sequence(stages / "animation.npz", record)
+    status = simulate(run_rule, stages)
     assert status["status"] == "rejected"
     assert "body" in status["reason"]
     assert [p.name for p in (stages / "simulation").iterdir()] == ["status.json"]

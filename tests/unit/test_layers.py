@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from cloth_solvers import cloth_solvers
 from imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
@@ -41,6 +42,10 @@ MAY_IMPORT = {
         ],
     }.items()
 }
+# Each cloth solver has a room of its own, which simulation knows nothing of.
+SOLVER_ROOMS = {module.split(".")[1] for module, _ in cloth_solvers().values()}
+for room in SOLVER_ROOMS - set(MAY_IMPORT):
+    MAY_IMPORT[room] = {room, "simulation"} | MAY_IMPORT["simulation"]
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -130,12 +135,13 @@ def _reachable(arrows, room):
 def test_the_documented_rooms_are_the_folders():
     rooms, arrows = _described_rooms()
     folders = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").is_file()}
-    assert sorted(rooms) == sorted(folders)
+    assert len(rooms) == len(set(rooms))
+    assert folders - SOLVER_ROOMS <= set(rooms) <= folders
     assert set(arrows) <= folders
     assert set().union(*arrows.values()) <= folders
 
 
-@pytest.mark.parametrize("room", [room for room in MAY_IMPORT if room not in CORE])
+@pytest.mark.parametrize("room", _described_rooms()[0])
 def test_the_documented_arrows_show_every_import(room):
     _, arrows = _described_rooms()
     reachable = _reachable(arrows, room)

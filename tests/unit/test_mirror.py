@@ -55,6 +55,7 @@ COVERED_BY = {
     "report/dataset/records": "unit/report/dataset/test_statistics.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
     "report/registration/registration_table": "rules/test_make_static_outfits.py",
+    "simulation/solver": "unit/simulation/test_simulate.py",
 }
 
 # Modules that no test file imports: to be tested or removed.

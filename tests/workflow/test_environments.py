@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from cloth_solvers import cloth_solvers
 from drapeline.experiment.source_digest import Sources
 from imported_modules import imported_modules
 
@@ -50,13 +51,15 @@ DISTRIBUTIONS = {
 
 
 def script_environments():
-    """Script of every rule and the environment that its rule names."""
+    """Script and environment of every rule, and a module that the script is told of."""
+    for module, path in cloth_solvers().values():
+        yield "simulate_outfit", Path(path).stem, module
     for file in sorted((ROOT / "workflow/rules").glob("*.smk")):
         for rule in re.split(r"^(?:checkpoint|rule) ", file.read_text(), flags=re.MULTILINE)[1:]:
             script = re.search(r'"../../scripts/(\w+)\.py"', rule)
             environment = re.search(r'"../../envs/(\w+)\.yaml"', rule)
-            if script:
-                yield script.group(1), environment and environment.group(1)
+            if script and script.group(1) != "simulate_outfit":
+                yield script.group(1), environment and environment.group(1), None
 
 
 def third_party(path):
@@ -67,11 +70,14 @@ def third_party(path):
             yield DISTRIBUTIONS.get(top, top)
 
 
-@pytest.mark.parametrize(("script", "environment"), sorted(set(script_environments())))
-def test_a_rules_environment_holds_what_its_script_imports(script, environment):
+@pytest.mark.parametrize(
+    ("script", "environment", "module"), sorted(set(script_environments()), key=str)
+)
+def test_a_rules_environment_holds_what_its_script_imports(script, environment, module):
     file = ROOT / f"scripts/{script}.py"
     dependencies = yaml.safe_load((ROOT / f"envs/{environment}.yaml").read_text())["dependencies"]
     pins = {pin.lower().split("==")[0] for pin in dependencies[-1]["pip"]}
-    files = [file, *(f for f in SOURCES.imported_files(file) if f.suffix == ".py")]
+    imported = SOURCES.imported_files(file, *([module] if module else []))
+    files = [file, *(f for f in imported if f.suffix == ".py")]
     needed = {name for path in files for name in third_party(path)}
     assert needed <= pins, f"envs/{environment}.yaml lacks {', '.join(sorted(needed - pins))}"
