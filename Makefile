@@ -1,5 +1,6 @@
 # make run    set up, build the default dataset and its report
-# make test   set up, run every test
+# make test   set up, run every test; `make test-portable` those that other processors could decide
+#             otherwise, as several processors would run them
 # make lint   formatters and linters, as CI runs them
 # Anything after that is plain Snakemake: .venv/bin/snakemake --cores all [target]
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -9,7 +10,7 @@ PROFILE ?= local
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
-.PHONY: run report test lint format lock clean
+.PHONY: run report test test-portable lint format lock clean
 
 run: .venv/ready
 	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE)
@@ -21,6 +22,9 @@ report: .venv/ready
 
 test: .venv/ready
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+
+test-portable: .venv/ready
+	$(BIN)/python tests/run_portable.py
 
 lint: .venv/ready
 	$(BIN)/ruff check .

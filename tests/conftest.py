@@ -1,20 +1,52 @@
 """Fixtures that every test may use."""
 
 import hashlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from filelock import FileLock
 
 from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.frames import GENDERS
+from portability import THREADS, portable_tests
 from toys import toy_body as build_toy_body
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Start with the longest files, or they would end long after the others."""
+    """Mark portable tests; start with the longest files, or they would end long after others."""
+    for item in items:
+        if item.originalname in portable_tests(item.path):
+            item.add_marker(pytest.mark.portable)
     longest = {"test_end_to_end.py": 0, "test_workflow.py": 1}
     items.sort(key=lambda item: longest.get(item.path.name, len(longest)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Refuse trainings in tests without the marker, and in the fixtures that they ask for."""
+    if "torch" not in sys.modules or item.get_closest_marker("portable"):
+        return (yield)
+    from torch.optim.optimizer import register_optimizer_step_pre_hook
+
+    watch = register_optimizer_step_pre_hook(_refuse_training)
+    try:
+        return (yield)
+    finally:
+        watch.remove()
+
+
+def _refuse_training(*_: Any) -> None:
+    pytest.fail("a test that trains lacks the marker `portable`, see tests/portability.py")
+
+
+@pytest.fixture(autouse=True)
+def _same_threads_for_every_test() -> None:
+    """Give torch its number of threads back."""
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(THREADS)
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from drapeline.models.garment4d.stage import Stage
 from drapeline.models.garment4d.train import train_stage
 from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import Batch, as_tensors
+from portability import THREADS
 
 
 def build_canonical(
@@ -31,7 +32,7 @@ def run_training(
         code="c",
         progress=folder / ".progress" / name,
         trainer={"accelerator": "cpu", "precision": precision},
-        threads=1,
+        threads=THREADS,
     )
     return folder / name
 

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from portability import THREADS
+
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
@@ -38,7 +40,7 @@ class Named(list):
 def run_rule(tmp_path):
     """run_rule("make_outfit", input=..., output=..., params=..., wildcards=...)"""
 
-    def run(rule, *, input=(), output=(), params=None, wildcards=None, threads=1):
+    def run(rule, *, input=(), output=(), params=None, wildcards=None, threads=THREADS):
         def files(given):
             return Named(**given) if isinstance(given, dict) else Named(*given)
 

@@ -19,6 +19,7 @@ from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint
 from gcvae_toys import ToyGarments, toy_domain
+from portability import THREADS
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
@@ -43,7 +44,7 @@ CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 1
 
 def train_condition(folder, garments, settings):
     progress = folder.with_name(f"{folder.name}_progress")
-    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=1)
+    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=THREADS)
     return folder
 
 
@@ -66,7 +67,7 @@ def train(tmp_path, conditioning):
             code="c",
             progress=tmp_path / ".progress" / name,
             trainer={"accelerator": "cpu", **options},
-            threads=1,
+            threads=THREADS,
         )
         return tmp_path / name
 

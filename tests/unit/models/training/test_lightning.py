@@ -10,6 +10,7 @@ import torch
 from drapeline.models.training.lightning import begin, fit, learning_rate
 from drapeline.models.training.module import TrainableModule, Training
 from drapeline.storage import read_json
+from portability import THREADS
 
 
 class Line(TrainableModule):
@@ -50,7 +51,7 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
         monitor="val_x",
         settings={},
         trainer={"accelerator": "cpu"},
-        threads=1,
+        threads=THREADS,
     )
     assert line.position is None  # no longer in training
     best, last = (

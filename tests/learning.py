@@ -1,0 +1,107 @@
+"""What a training does on any processor: it follows true gradients and learns one batch by heart.
+
+How far a stochastic training gets is no such fact: it differs from processor to processor.
+"""
+
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from typing import Any, TypeVar
+
+import torch
+from torch import nn
+
+from drapeline.models.training.module import TrainableModule
+
+_STEP = 1e-6
+_DROP = 1e-3
+M = TypeVar("M", bound=nn.Module)
+
+
+def doubles(batch: Mapping[str, Any]) -> dict[str, Any]:
+    """A batch with its decimal numbers in 64 bits."""
+    return {
+        key: value.double() if torch.is_tensor(value) and value.is_floating_point() else value
+        for key, value in batch.items()
+    }
+
+
+def trained_weights(module: nn.Module) -> dict[str, nn.Parameter]:
+    """Those that a training changes, by name."""
+    return {name: x for name, x in module.named_parameters() if x.requires_grad}
+
+
+def assert_true_gradients(module: M, loss: Callable[[M], torch.Tensor]) -> None:
+    """Fail unless the gradient is what central differences say, for every tensor of weights.
+
+    The direction is half the gradient's own, half random: along the former nothing drowns in what
+    other weights do, and the latter finds what is missing from the gradient.
+
+    Args:
+        module: in 64 bits; it is left as it was.
+        loss: of a module, with the same noise in every call.
+    """
+    _, slopes = _loss_and_slopes(module, loss)
+    rng = torch.Generator().manual_seed(0)
+    for name, slope in slopes.items():
+        size = slope.norm()
+        assert size > 0, f"{name}: no gradient"
+        direction = torch.randn(slope.shape, generator=rng, dtype=slope.dtype)
+        direction = slope / size + direction / direction.norm()
+        up, down = (
+            _loss_at(module, loss, {name: sign * _STEP * direction}) for sign in (1.0, -1.0)
+        )
+        expected = (slope * direction).sum()
+        error = abs((up - down) / (2 * _STEP) - expected) / size
+        assert error < 1e-3, name
+
+
+def assert_a_step_lowers(module: M, loss: Callable[[M], torch.Tensor]) -> None:
+    """Fail unless a small step against the gradient lowers the loss by what the gradient promises.
+
+    Args:
+        module, loss: see `assert_true_gradients`.
+    """
+    before, slopes = _loss_and_slopes(module, loss)
+    steepness = sum(slope.square().sum() for slope in slopes.values())
+    length = _DROP * before / steepness
+    after = _loss_at(module, loss, {name: -length * slope for name, slope in slopes.items()})
+    share = (before - after) / (_DROP * before)
+    assert share > 0.5
+
+
+def _loss_and_slopes(
+    module: M, loss: Callable[[M], torch.Tensor]
+) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
+    twin = deepcopy(module)  # running statistics change with every gradient, and only then
+    value, weights = loss(twin), trained_weights(twin)
+    slopes = torch.autograd.grad(value, list(weights.values()))
+    return value.detach(), dict(zip(weights, slopes, strict=True))
+
+
+@torch.no_grad()
+def _loss_at(
+    module: M, loss: Callable[[M], torch.Tensor], moves: Mapping[str, torch.Tensor]
+) -> torch.Tensor:
+    before = {name: module.get_parameter(name).clone() for name in moves}
+    for name, move in moves.items():
+        module.get_parameter(name).add_(move)
+    value = loss(module)
+    for name, weight in before.items():
+        module.get_parameter(name).copy_(weight)
+    return value
+
+
+def errors_on_one_batch(
+    module: TrainableModule, batch: Mapping[str, Any], name: str, *, steps: int
+) -> list[float]:
+    """What is logged as `train_{name}` in each of several steps with one and the same batch."""
+    optimiser, errors = module.optimizer(), []
+    for _ in range(steps):
+        loss = module.training_step(dict(batch))
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        (logged,) = module.logged
+        module.logged.clear()
+        errors.append(float(logged.values[f"train_{name}"]))
+    return errors
