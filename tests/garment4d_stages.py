@@ -21,7 +21,7 @@ def build_canonical(
     return cls(cls.parse(values), sequences.data.space, sequences.data.label)
 
 
-def run_training(
+def train_toys(
     folder: Path, name: str, stage: Stage, sequences: BodySequences, *, precision: str = "32-true"
 ) -> Path:
     """Train a stage; the folder `name` that it leaves."""

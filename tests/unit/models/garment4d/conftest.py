@@ -11,7 +11,7 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.windows import BodySequences
-from garment4d_stages import build_canonical, run_training
+from garment4d_stages import build_canonical, train_toys
 from garment4d_toys import CANONICAL, PLAIN, POSED, open_toy_data, save_toy_data
 
 
@@ -44,20 +44,20 @@ def opened(folder: Path, toy_skirts: list[GarmentSequence], toy_body: BodyModel)
 @pytest.fixture(scope="session")
 def trained_canonical(folder: Path, opened: BodySequences) -> Path:
     """As the paper has it."""
-    return run_training(folder, "canonical", build_canonical(opened, PLAIN), opened)
+    return train_toys(folder, "canonical", build_canonical(opened, PLAIN), opened)
 
 
 @pytest.fixture(scope="session")
 def trained_body_relative(folder: Path, opened: BodySequences) -> Path:
     """A canonical stage whose points say where on the body they are."""
-    return run_training(folder, "body_relative", build_canonical(opened, CANONICAL), opened)
+    return train_toys(folder, "body_relative", build_canonical(opened, CANONICAL), opened)
 
 
 @pytest.fixture(scope="session")
 def trained_posed(folder: Path, opened: BodySequences, trained_canonical: Path) -> Path:
     """On `trained_canonical`."""
     canonical = load_stage(trained_canonical, CanonicalStage)
-    return run_training(folder, "posed", PosedStage(PosedStage.parse(POSED), canonical), opened)
+    return train_toys(folder, "posed", PosedStage(PosedStage.parse(POSED), canonical), opened)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from drapeline.models.garment4d.canonical import balance_labels
 from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.training.batches import as_tensors
-from garment4d_stages import batch_of, build_canonical, column, run_training, stage_windows
+from garment4d_stages import batch_of, build_canonical, column, stage_windows, train_toys
 from garment4d_toys import CANONICAL, PLAIN
 
 
@@ -26,7 +26,7 @@ def test_searches_of_earlier_epochs_change_nothing(
     tmp_path, trained_canonical, sequences, monkeypatch
 ):
     monkeypatch.setattr("drapeline.models.garment4d.canonical_stage._KEPT_BYTES", 0)
-    searched = run_training(tmp_path, "searched", build_canonical(sequences, PLAIN), sequences)
+    searched = train_toys(tmp_path, "searched", build_canonical(sequences, PLAIN), sequences)
     for name in ("train_total", "val_total"):
         np.testing.assert_allclose(
             column(searched, name), column(trained_canonical, name), rtol=1e-5
@@ -51,7 +51,7 @@ def test_weights_of_labels_come_from_the_data_and_are_loaded_again(tmp_path, seq
     data = sequences.data
     data.labels = np.where(np.arange(data.labels.shape[1]) % 3, data.labels, 0)
     values = {**CANONICAL, "training": {**CANONICAL["training"], "epochs": 1}}
-    out = run_training(tmp_path, "uneven", build_canonical(sequences, values), sequences)
+    out = train_toys(tmp_path, "uneven", build_canonical(sequences, values), sequences)
     uneven = load_stage(out, CanonicalStage)
     expected = balance_labels(data.label_share("train"), 0.5)
     assert len(expected[expected > 0].unique()) > 1

@@ -12,7 +12,7 @@ from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.stage import Stage
 from drapeline.models.training.checkpoints import read_checkpoint
-from garment4d_stages import build_canonical, column, run_training
+from garment4d_stages import build_canonical, column, train_toys
 from garment4d_toys import CANONICAL, PLAIN, POSED, open_toy_data
 
 
@@ -34,7 +34,7 @@ def test_mixed_precision_trains_to_about_the_same_error(
             network = {"widths": [32, 32, 64]} if name == "mgn" else POSED["network"]
             values = shortened({**POSED, "network": network}, 2)
             stage = cls(cls.parse(values), load_stage(trained_body_relative, CanonicalStage))
-        out = run_training(tmp_path, precision, stage, sequences, precision=precision)
+        out = train_toys(tmp_path, precision, stage, sequences, precision=precision)
         errors.append(column(out, f"val_{stage.ERROR}"))
     np.testing.assert_allclose(errors[1], errors[0], rtol=0.15)
     assert errors[1] != errors[0]
@@ -42,12 +42,12 @@ def test_mixed_precision_trains_to_about_the_same_error(
 
 def test_baselines_are_trained_and_loaded(tmp_path, sequences, trained_canonical):
     stage = build_canonical(sequences, shortened(CANONICAL, 1), PointNetStage)
-    out = run_training(tmp_path, "pointnet", stage, sequences)
+    out = train_toys(tmp_path, "pointnet", stage, sequences)
     stage = load_stage(out, CanonicalStage, PointNetStage)
     assert stage.checkpoint_type == "garment4d_pointnet"
     values = shortened({"network": {"widths": [8, 16]}}, 1)
     stage = MgnStage(MgnStage.parse(values), load_stage(trained_canonical, CanonicalStage))
-    out = run_training(tmp_path, "mgn", stage, sequences)
+    out = train_toys(tmp_path, "mgn", stage, sequences)
     stage = load_stage(out, MgnStage)
     assert stage.settings.skinning.neighbours == 1
     dressed = stage.training_sequences(sequences)
@@ -63,7 +63,7 @@ def test_two_trainings_end_with_the_same_weights(tmp_path, folder, opened, toy_b
     for name in ("first", "second"):
         sequences = open_toy_data(folder / "data", toy_body, 30)
         stage = build_canonical(sequences, shortened(values, 2))
-        out = run_training(tmp_path, name, stage, sequences)
+        out = train_toys(tmp_path, name, stage, sequences)
         ends.append(read_checkpoint(out / "last.ckpt")["state_dict"])
     for key, value in ends[0].items():
         torch.testing.assert_close(value, ends[1][key], msg=key)
@@ -84,7 +84,7 @@ def kill_training(monkeypatch, *args):
 
     with monkeypatch.context() as patched, pytest.raises(Killed):
         patched.setattr(Stage, "training_step", stop)
-        run_training(*args)
+        train_toys(*args)
 
 
 def first_epoch(monkeypatch, *args):
@@ -97,7 +97,7 @@ def first_epoch(monkeypatch, *args):
 
     with monkeypatch.context() as patched:
         patched.setattr(Stage, "training_step", noted)
-        run_training(*args)
+        train_toys(*args)
     return epochs[0]
 
 
@@ -145,5 +145,5 @@ def test_a_loss_that_is_not_finite_names_the_windows(tmp_path, sequences):
     stage = build_canonical(sequences, CANONICAL)
     sequences.data.canonical = np.full_like(sequences.data.canonical, np.nan)
     with pytest.raises(InputError, match=r"loss is nan \(.*for samples 0000.*/1\d.*expected a fin"):
-        run_training(tmp_path, "nan", stage, sequences)
+        train_toys(tmp_path, "nan", stage, sequences)
     assert not (tmp_path / "nan").exists()
