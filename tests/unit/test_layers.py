@@ -34,8 +34,8 @@ MAY_IMPORT = {
         ],
         "rendering": ["geometry"],
         "report": [
-            *["rendering", "metrics", "learning_data", "registration", "dataset", "simulation"],
-            *["outfits", "motions", "bodies", "geometry"],
+            *["rendering", "metrics", "learning_data", "registration", "dataset", "outfits"],
+            *["motions", "bodies", "geometry"],
         ],
         "blender": [
             *["simulation", "rendering", "dataset", "outfits", "motions", "bodies", "geometry"],

@@ -40,7 +40,7 @@ class Attempt:
     """Settings of one attempt.
 
     Attributes:
-        steps: steps per frame, as a measure of quality: 14 to 20 of Blender's give good cloth,
+        steps: steps per frame, as a measure of quality: CLOTH3D took 14 to 20 of Blender,
             and a solver of smaller steps takes more of its own in proportion.
         gap_m: distance that cloth keeps from the body, from other garments and from itself.
         collider_share: of the body's triangles to collide with.
