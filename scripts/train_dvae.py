@@ -1,4 +1,4 @@
-"""Rule `train_dvae`: the VAE of garments in motion, in one of its variants."""
+"""Rule `train_dvae`: the paper's VAE of garments in motion, in one of its variants."""
 
 from typing import TYPE_CHECKING
 
@@ -6,7 +6,6 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.dynamic_template import dynamic_body_template
-from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae
 from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae
@@ -33,9 +32,9 @@ with rule_log(snakemake.log[0]):
     settings = VaeSettings.of(override_settings(params.settings, DVAE_VARIANTS[variant]))
     train_vae(
         snakemake.output[0],
-        (DynamicPpcaVae if variant == "dvae_ours" else DynamicVae)(settings, template),
+        DynamicVae(settings, template),
         garments,
-        conditioning=given.get("conditioning"),
+        conditioning=given.conditioning,
         code=params.code,
         progress=params.progress,
         trainer=params.trainer,

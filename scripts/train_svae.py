@@ -1,11 +1,10 @@
-"""Rule `train_svae`: the VAE of garments in rest pose, in one of its variants."""
+"""Rule `train_svae`: the paper's VAE of garments in rest pose, in one of its variants."""
 
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.ppca_vae import StaticPpcaVae
 from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.models.gcvae.train import train_vae
@@ -32,9 +31,9 @@ with rule_log(snakemake.log[0]):
     settings = VaeSettings.of(override_settings(params.settings, SVAE_VARIANTS[variant]))
     train_vae(
         snakemake.output[0],
-        (StaticPpcaVae if variant == "svae_ours" else StaticVae)(settings, template),
+        StaticVae(settings, template),
         garments,
-        conditioning=given.get("conditioning"),
+        conditioning=given.conditioning,
         code=params.code,
         progress=params.progress,
         trainer=params.trainer,

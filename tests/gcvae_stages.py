@@ -59,23 +59,12 @@ def _shard(body: BodyModel) -> dict[str, np.ndarray]:
 
 
 def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = "svae") -> Path:
-    """Run `train_conditioning` and `train_svae`; returns the folder of the model."""
+    """Run the rules that train a static variant; returns the folder of the model."""
+    ours = variant == "svae_ours"
+    conditioning = {} if ours else {"conditioning": train_conditioning(run_rule, files, folder)}
     run_rule(
-        "train_conditioning",
-        input={"data": files["data"]},
-        output=[folder / "conditioning"],
-        params={
-            "frames": 0,
-            "settings": {"condition": 4, "training": {"epochs": 2}},
-            "code": "c",
-            "progress": str(folder / ".progress" / "conditioning"),
-        },
-        wildcards={"conditions": "static"},
-    )
-    conditioned = {**files, "conditioning": folder / "conditioning"}
-    run_rule(
-        "train_svae",
-        input=files if variant == "svae_ours" else conditioned,
+        "train_svae_ours" if ours else "train_svae",
+        input={**files, **conditioning},
         output=[folder / variant],
         params={
             "settings": SETTINGS,
@@ -86,3 +75,18 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
         wildcards={"svae": variant},
     )
     return folder / variant
+
+
+def train_conditioning(run_rule, files: dict[str, Path], folder: Path) -> Path:
+    """Run `train_svae_conditioning`; returns its folder."""
+    run_rule(
+        "train_svae_conditioning",
+        input={"data": files["data"]},
+        output=[folder / "conditioning"],
+        params={
+            "settings": {"condition": 4, "training": {"epochs": 2}},
+            "code": "c",
+            "progress": str(folder / ".progress" / "conditioning"),
+        },
+    )
+    return folder / "conditioning"

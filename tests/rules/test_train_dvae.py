@@ -124,28 +124,24 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
 ):
     static = train_static(run_rule, stages, tmp_path)
     data = collected(version)
-    run_rule(
-        "train_conditioning",
-        input={"data": data, "svae": static},
-        output=[tmp_path / "conditioning_dynamic"],
-        params={
-            "frames": frames,
-            "settings": {"condition": 4, "training": {"epochs": 2}},
-            "code": "c",
-            "progress": str(tmp_path / ".progress" / "c"),
-        },
-        wildcards={"conditions": f"{version}_{frames}"},
-    )
     ours = variant == "dvae_ours"
-    conditioning = {} if ours else {"conditioning": tmp_path / "conditioning_dynamic"}
+    given = {**stages, "data": data, "svae": static}
+    if not ours:
+        given["conditioning"] = tmp_path / "conditioning_dynamic"
+        run_rule(
+            "train_dvae_conditioning",
+            input={"data": data, "svae": static},
+            output=[given["conditioning"]],
+            params={
+                "settings": {"condition": 4, "training": {"epochs": 2}},
+                "code": "c",
+                "progress": str(tmp_path / ".progress" / "c"),
+            },
+            wildcards={"version": version, "frames": str(frames)},
+        )
     run_rule(
-        "train_dvae",
-        input={
-            **stages,
-            "data": data,
-            "svae": static,
-            **conditioning,
-        },
+        "train_dvae_ours" if ours else "train_dvae",
+        input=given,
         output=[tmp_path / "dvae"],
         params={
             "settings": SETTINGS,
@@ -159,8 +155,8 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
     garments = load_dynamic_garments(data, static, frames)
     batch = as_tensors(garments.batch(garments.rows("test")))
     assert batch["cvar"].shape == (8, 13 + 72 * frames + 6)
-    assert model.resolves_penetration == (variant == "dvae_ours")
-    scale = 1 if variant == "dvae_ours" else 2
+    assert model.resolves_penetration == ours
+    scale = 1 if ours else 2
     assert model.settings.network.level_widths == [6, *[scale * 8] * 5]
     with torch.inference_mode():
         offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])

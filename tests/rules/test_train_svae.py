@@ -36,8 +36,10 @@ def test_a_variant_is_trained_and_decodes_held_out_garments(
     assert torch.isfinite(offsets).all()
     assert (mask is None) == (variant == "svae_no_mask")
     epochs = settings["training"]["epochs"]
+    rule = "train_svae_ours" if variant == "svae_ours" else "train_svae"
+    log = tmp_path / "log" / f"{rule}.log"
     assert len((folder / "history.tsv").read_text().splitlines()) == 1 + epochs
-    assert f"epoch {epochs} of {epochs}" in (tmp_path / "log" / "train_svae.log").read_text()
+    assert f"epoch {epochs} of {epochs}" in log.read_text()
 
 
 def test_a_training_that_cannot_go_on_says_so_in_one_sentence(run_rule, stages, tmp_path):

@@ -1,15 +1,15 @@
 include: "gcvae_common.smk"
 
 
-rule train_conditioning:
+rule train_svae_conditioning:
     input:
-        unpack(conditions_input),
+        data=static_data("train", "val"),
     output:
-        directory(f"{RESULTS}/gcvae/conditioning/{{conditions}}"),
+        directory(f"{RESULTS}/gcvae/conditioning/static"),
     log:
-        f"{LOGS}/train_conditioning/{{conditions}}.log",
+        f"{LOGS}/train_svae_conditioning.log",
     benchmark:
-        f"{BENCHMARKS}/train_conditioning/{{conditions}}.tsv"
+        f"{BENCHMARKS}/train_svae_conditioning.tsv"
     conda:
         "../../envs/train.yaml"
     threads: 1
@@ -17,27 +17,28 @@ rule train_conditioning:
         mem_mb=3000,
         runtime=30,
     params:
-        frames=condition_frames,
-        settings=conditioning_settings,
+        settings=conditioning_settings("svae"),
         progress=in_progress("conditioning"),
-        code=source_hash("train_conditioning"),
+        code=source_hash("train_svae_conditioning"),
     script:
-        "../../scripts/train_conditioning.py"
+        "../../scripts/train_svae_conditioning.py"
 
 
 rule train_svae:
     input:
-        unpack(svae_inputs),
         **SUPER_BODIES,
-        data=f"{RESULTS}/static/data",
+        data=static_data("train", "val"),
         topology=TOPOLOGY,
         hierarchy=svae_hierarchy,
+        conditioning=f"{RESULTS}/gcvae/conditioning/static",
     output:
         directory(f"{RESULTS}/gcvae/{{svae}}"),
     log:
         f"{LOGS}/train_svae/{{svae}}.log",
     benchmark:
         f"{BENCHMARKS}/train_svae/{{svae}}.tsv"
+    wildcard_constraints:
+        svae="|".join(SVAE_VARIANTS),
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
@@ -53,20 +54,77 @@ rule train_svae:
         "../../scripts/train_svae.py"
 
 
+rule train_svae_ours:
+    input:
+        **SUPER_BODIES,
+        data=static_data("train", "val"),
+        topology=TOPOLOGY,
+        hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+    output:
+        directory(f"{RESULTS}/gcvae/svae_ours"),
+    log:
+        f"{LOGS}/train_svae_ours.log",
+    benchmark:
+        f"{BENCHMARKS}/train_svae_ours.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: NETWORK_THREADS
+    resources:
+        mem_mb=12000,
+        runtime=1440,
+    params:
+        settings=override_settings(
+            vae_settings("svae"), config["gcvae"]["svae_ours"]
+        ),
+        trainer=lookup(dpath="gcvae/trainer", within=config),
+        progress=in_progress("svae"),
+        code=source_hash("train_svae_ours"),
+    script:
+        "../../scripts/train_svae_ours.py"
+
+
+rule train_dvae_conditioning:
+    input:
+        data=conditioning_frames,
+        svae=static_model(),
+    output:
+        directory(f"{RESULTS}/gcvae/conditioning/{{version}}_{{frames}}"),
+    log:
+        f"{LOGS}/train_dvae_conditioning/{{version}}_{{frames}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_dvae_conditioning/{{version}}_{{frames}}.tsv"
+    wildcard_constraints:
+        frames="[14]",
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        settings=conditioning_settings("dvae"),
+        progress=in_progress("conditioning"),
+        code=source_hash("train_dvae_conditioning"),
+    script:
+        "../../scripts/train_dvae_conditioning.py"
+
+
 rule train_dvae:
     input:
-        unpack(dvae_inputs),
         **SUPER_BODIES,
-        data=dvae_data,
         svae=static_model(),
         topology=TOPOLOGY,
         hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+        data=dvae_frames,
+        conditioning=dvae_conditioning,
     output:
         directory(f"{RESULTS}/gcvae/{{dvae}}"),
     log:
         f"{LOGS}/train_dvae/{{dvae}}.log",
     benchmark:
         f"{BENCHMARKS}/train_dvae/{{dvae}}.tsv"
+    wildcard_constraints:
+        dvae="|".join(DVAE_VARIANTS),
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
@@ -80,6 +138,36 @@ rule train_dvae:
         code=source_hash("train_dvae"),
     script:
         "../../scripts/train_dvae.py"
+
+
+rule train_dvae_ours:
+    input:
+        **SUPER_BODIES,
+        svae=static_model(),
+        topology=TOPOLOGY,
+        hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+        data=dvae_ours_frames,
+    output:
+        directory(f"{RESULTS}/gcvae/dvae_ours"),
+    log:
+        f"{LOGS}/train_dvae_ours.log",
+    benchmark:
+        f"{BENCHMARKS}/train_dvae_ours.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: NETWORK_THREADS
+    resources:
+        mem_mb=12000,
+        runtime=1440,
+    params:
+        settings=override_settings(
+            vae_settings("dvae"), config["gcvae"]["dvae_ours"]
+        ),
+        trainer=lookup(dpath="gcvae/trainer", within=config),
+        progress=in_progress("dvae"),
+        code=source_hash("train_dvae_ours"),
+    script:
+        "../../scripts/train_dvae_ours.py"
 
 
 rule evaluate_baselines:

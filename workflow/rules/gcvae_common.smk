@@ -19,14 +19,14 @@ METRIC_TABLES["metrics"] += [
     *["dvae_unposed_4", "dvae_ours"],
 ]
 METRIC_TABLES["metrics_gcvae_ablations"] = [
-    *[*GCVAE_BASELINES, *SVAE_VARIANTS, *DVAE_VARIANTS],
+    *[*GCVAE_BASELINES, *SVAE_VARIANTS, "svae_ours"],
+    *[*DVAE_VARIANTS, "dvae_ours"],
 ]
 
 
 wildcard_constraints:
-    svae="|".join(SVAE_VARIANTS),
-    dvae="|".join(DVAE_VARIANTS),
-    conditions="static|(posed|unposed)_[14]",
+    svae="|".join([*SVAE_VARIANTS, "svae_ours"]),
+    dvae="|".join([*DVAE_VARIANTS, "dvae_ours"]),
 
 
 def static_model():
@@ -34,26 +34,41 @@ def static_model():
     return f"{RESULTS}/gcvae/{config['gcvae']['dvae']['static_model']}"
 
 
-def conditions_input(wildcards):
-    """Rows that hold the conditions; those of the DVAE contain the static code.
-
-    All trainings of garment VAEs begin here, so it is here that splits are checked.
-    """
-    if wildcards.conditions == "static":
-        return {"data": static_data("train", "val")(wildcards)}
+def training_frames(version):
+    """Garments in motion, some of which are planned for training and for validation."""
     planned = [plan.split for plan in SAMPLES.values()]
     require_splits(planned, ["train", "val"], group="samples", shares=config["samples"])
-    version = wildcards.conditions.split("_")[0]
-    return {"data": f"{RESULTS}/dynamic/{version}", "svae": static_model()}
+    return f"{RESULTS}/dynamic/{version}"
 
 
-def condition_frames(wildcards):
-    """How many poses are among the conditions."""
-    return int(wildcards.conditions.rpartition("_")[2].replace("static", "0"))
+def conditioning_frames(wildcards):
+    """Input function: `training_frames` of one version of the offsets."""
+    return training_frames(wildcards.version)
 
 
-def conditioning_settings(wildcards):
-    model = "svae" if wildcards.conditions == "static" else "dvae"
+def dvae_frames(wildcards):
+    """Input function: `training_frames` of a variant's version of the offsets."""
+    return training_frames(dynamic_conditions(wildcards.dvae)[0])
+
+
+def dvae_ours_frames(wildcards):
+    """Input function: `training_frames` of our own dynamic model."""
+    return training_frames(dynamic_conditions("dvae_ours")[0])
+
+
+def dvae_data(wildcards):
+    """Input function: frames of a variant's version of the offsets."""
+    return f"{RESULTS}/dynamic/{dynamic_conditions(wildcards.dvae)[0]}"
+
+
+def dvae_conditioning(wildcards):
+    """Input function: the conditioning network of a variant."""
+    version, frames = dynamic_conditions(wildcards.dvae)
+    return f"{RESULTS}/gcvae/conditioning/{version}_{frames}"
+
+
+def conditioning_settings(model):
+    """Settings of the autoencoder of the svae's or the dvae's conditions."""
     return {
         "condition": config["gcvae"][model]["network"]["condition"],
         "training": {**config["gcvae"]["conditioning"], "seed": config["seed"]},
@@ -61,43 +76,16 @@ def conditioning_settings(wildcards):
 
 
 def vae_settings(model):
-    """Params function: settings of the svae or the dvae by group, the paper's or our own."""
-
-    def settings(wildcards):
-        paper = {
-            "network": config["gcvae"][model]["network"],
-            "loss": config["gcvae"]["loss"],
-            "training": {**config["gcvae"][model]["training"], "seed": config["seed"]},
-        }
-        ours = f"{model}_ours"
-        own = wildcards[model] == ours
-        return override_settings(paper, config["gcvae"][ours]) if own else paper
-
-    return settings
+    """Settings of the paper's svae or dvae, by group."""
+    return {
+        "network": config["gcvae"][model]["network"],
+        "loss": config["gcvae"]["loss"],
+        "training": {**config["gcvae"][model]["training"], "seed": config["seed"]},
+    }
 
 
 def svae_hierarchy(wildcards):
     return f"{RESULTS}/registration/hierarchy_{pooling_of(wildcards.svae)}.npz"
-
-
-def svae_inputs(wildcards):
-    """Input function: the conditioning network of the paper's static variants."""
-    if wildcards.svae == "svae_ours":
-        return {}
-    return {"conditioning": f"{RESULTS}/gcvae/conditioning/static"}
-
-
-def dvae_data(wildcards):
-    """Input function: frames of a dynamic variant's version of the offsets."""
-    return f"{RESULTS}/dynamic/{dynamic_conditions(wildcards.dvae)[0]}"
-
-
-def dvae_inputs(wildcards):
-    """Input function: the conditioning network of the paper's dynamic variants."""
-    if wildcards.dvae == "dvae_ours":
-        return {}
-    version, frames = dynamic_conditions(wildcards.dvae)
-    return {"conditioning": f"{RESULTS}/gcvae/conditioning/{version}_{frames}"}
 
 
 def shown_svae():

@@ -1,4 +1,4 @@
-"""The models of the ablation tables: what each changes in the full model."""
+"""The models of the ablation tables: what each changes in the paper's full model."""
 
 from typing import Any
 
@@ -10,7 +10,6 @@ SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "svae_no_mask": {"loss": {"offsets_within": "all"}, "training": {"mask": False}},
     "svae_no_cvar": {"loss": {"condition": 0.0}},
     "svae_uniform_pooling": {},
-    "svae_ours": {"loss": {"mask_form": "bce", "offsets_form": "distance"}},
 }
 DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     f"dvae_{version}_{frames}": {
@@ -19,7 +18,9 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     }
     for version in ("posed", "unposed")
     for frames in (1, 4)
-} | {
+}
+OUR_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "svae_ours": {"loss": {"mask_form": "bce", "offsets_form": "distance"}},
     "dvae_ours": {
         "loss": {"offsets_form": "distance"},
         "training": {"version": "unposed", "mask": False},

@@ -1,0 +1,42 @@
+"""Rule `train_dvae_ours`: our own VAE of garments in motion."""
+
+from typing import TYPE_CHECKING
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
+from drapeline.models.gcvae.dynamic_template import dynamic_body_template
+from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae
+from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.gcvae.train import train_vae
+from drapeline.models.gcvae.variants import OUR_VARIANTS, dynamic_conditions
+from drapeline.models.training.settings import override_settings
+from drapeline.registration.to_body.hierarchy import load_hierarchy
+from drapeline.registration.to_body.topology import load_topology
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params = snakemake.input, snakemake.params
+    variant = "dvae_ours"
+    _, frames = dynamic_conditions(variant)
+    garments = load_dynamic_garments(given.data, given.svae, frames)
+    template = dynamic_body_template(
+        garments,
+        load_topology(given.topology),
+        load_hierarchy(given.hierarchy),
+        {gender: load_body(given[gender]) for gender in GENDERS},
+    )
+    settings = VaeSettings.of(override_settings(params.settings, OUR_VARIANTS[variant]))
+    train_vae(
+        snakemake.output[0],
+        DynamicPpcaVae(settings, template),
+        garments,
+        conditioning=None,
+        code=params.code,
+        progress=params.progress,
+        trainer=params.trainer,
+        threads=snakemake.threads,
+    )
