@@ -1,5 +1,6 @@
 """Garments in motion: what trivial predictions must reach on data made for them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -113,6 +114,23 @@ def test_mean_wrinkles_are_those_of_the_type_freed_from_pose(toy_body):
             wrinkles[mask], np.tile([expected, 0, 0], (mask.sum(), 1)), atol=1e-5
         )
         assert (wrinkles[~mask] == 0).all()
+
+
+def test_mean_wrinkles_are_means_over_the_garments_that_cover_a_vertex(toy_body):
+    whole, short = (
+        moving_garment(toy_body, "train", "Tshirt", wrinkle=WRINKLE_M, seed=seed) for seed in (0, 1)
+    )
+    kept = np.arange(len(short.registered.vertex)) % 2 == 0
+    mask = np.zeros_like(short.registered.mask)
+    mask[short.registered.vertex[kept]] = True
+    parts = {
+        name: getattr(short.registered, name)[kept]
+        for name in ("vertex", "corner", "bary", "weights")
+    }
+    short = replace(short, registered=replace(short.registered, mask=mask, **parts))
+    mean = mean_wrinkles([whole, short], dict.fromkeys(GENDERS, toy_body), step=2)
+    wrinkles = mean[GARMENTS.index("Tshirt")][whole.registered.mask]
+    np.testing.assert_allclose(wrinkles, np.tile([WRINKLE_M, 0, 0], (len(wrinkles), 1)), atol=1e-5)
 
 
 def test_baselines_reach_what_their_data_allows(toy_body, topology):

@@ -8,11 +8,11 @@ import pytest
 from drapeline.bodies.rest_body import rest_body
 from drapeline.metrics.static import (
     Truth,
+    add_kl,
     measure_predictions,
     measure_truth,
     static_baseline_summary,
     static_summary,
-    with_kl,
 )
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value
 from drapeline.seeding import rng_for
@@ -73,10 +73,10 @@ def test_the_truth_itself_is_outside_of_the_body_and_skin_is_not(truth):
 
 
 def test_kl_stands_beside_its_garment():
-    rows = with_kl([{"mask_iou": 0.5}, {"mask_iou": 1.0}], np.array([3.0, 4.0]))
+    rows = add_kl([{"mask_iou": 0.5}, {"mask_iou": 1.0}], np.array([3.0, 4.0]))
     assert rows == [{"mask_iou": 0.5, "kl_nat": 3.0}, {"mask_iou": 1.0, "kl_nat": 4.0}]
     with pytest.raises(ValueError, match="zip"):
-        with_kl([{"mask_iou": 0.5}], np.array([3.0, 4.0]))
+        add_kl([{"mask_iou": 0.5}], np.array([3.0, 4.0]))
 
 
 def width(rows):

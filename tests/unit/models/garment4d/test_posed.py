@@ -116,6 +116,18 @@ def test_a_cloud_without_garment_points_pulls_nowhere():
     assert torch.equal(way, torch.zeros_like(way))
 
 
+def test_every_iteration_gathers_around_the_garment_that_the_one_before_it_left():
+    net, arguments = network(), inputs()
+    gathered = {ball: [] for ball in (*net.body, *net.garment)}
+    for ball, centres in gathered.items():
+        ball.register_forward_pre_hook(lambda _, given, c=centres: c.append(given[1]))
+    with torch.no_grad():
+        out = net(*arguments)
+    for centres in gathered.values():
+        for garment, expected in zip(centres, [arguments[0], *out[:-1]], strict=True):
+            assert torch.equal(garment, expected.flatten(0, 1))
+
+
 @pytest.mark.parametrize("transformer", ["paper", "per_vertex", "none"])
 @pytest.mark.parametrize("body_encoder", [True, False])
 def test_a_batch_gives_what_its_items_give_one_by_one(transformer, body_encoder):

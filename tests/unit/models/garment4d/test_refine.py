@@ -241,6 +241,15 @@ def test_point_pull_is_a_weighted_mean_of_offsets():
         assert np.abs(wanted).mean() > 3e-4
 
 
+def test_a_point_at_the_reach_pulls_half_as_hard_as_a_close_one():
+    """Two points over one corner, as far from it as the reach and twice as far."""
+    triangle = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    points = np.array([[[0, 0, 0.02], [0, 0, 0.04]]])
+    made = point_pull(triangle, points, np.ones((1, 2), bool), np.array([[0, 1, 2]]), 0.02)
+    expected = (0.02 / 2 + 0.04 / 5) / (1 / 2 + 1 / 5)
+    np.testing.assert_allclose(made, [[[0, 0, expected], [0, 0, 0], [0, 0, 0]]], atol=1e-6)
+
+
 def test_frames_without_points_follow_the_others():
     true, rng = moving_tube(), rng_for(0, "gap")
     points = on_surface(true, 400, rng)
