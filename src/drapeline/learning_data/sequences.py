@@ -100,36 +100,12 @@ def collect_sequences(
     """
     output = Path(output)
     _check(output, sequences)
-    counts = np.array([len(one.poses) for one in sequences])
-    total, first = int(counts.sum()), sequences[0]
     canonical = np.stack([one.canonical for one in sequences]).astype(np.float32)
     trained = np.array([one.split == "train" for one in sequences])
     space = fit_space(canonical[trained], components, faces)
-    layouts = [
-        ("points", np.float32, first.points.shape[1:]),
-        ("labels", np.uint8, first.labels.shape[1:]),
-        ("garment", np.float32, first.canonical.shape),
-        # Five jobs read these; computing them takes longer than an epoch of training.
-        *([("body_relative_points", np.float32, (first.points.shape[1], 4))] if bodies else []),
-    ]
+    counts = np.array([len(one.poses) for one in sequences])
     with atomic_folder(output) as scratch:
-        arrays = {
-            name: create_array(scratch / f"{name}.npy", dtype, (total, *shape))
-            for name, dtype, shape in layouts
-        }
-        starts = np.cumsum(counts) - counts
-        for one, start in progress(
-            zip(sequences, starts, strict=True), total=len(sequences), label="sequences"
-        ):
-            posed = one.garment()
-            _refuse_unfinite(output, one, posed)
-            values = {"points": one.points, "labels": one.labels, "garment": posed}
-            if bodies:
-                values["body_relative_points"] = _body_relative_points(one, bodies)
-            for name, value in values.items():
-                arrays[name][start : start + len(one.poses)] = value
-        for array in arrays.values():
-            array.flush()
+        _write_clouds_and_garments(scratch, sequences, bodies, output)
         save_npz(
             scratch / "frames.npz",
             poses=np.concatenate([one.poses for one in sequences]).astype(np.float32),
@@ -138,7 +114,7 @@ def collect_sequences(
         )
         save_npz(
             scratch / "sequences.npz",
-            start=starts,
+            start=np.cumsum(counts) - counts,
             count=counts,
             canonical=canonical,
             coefficients=space.coefficients(canonical),
@@ -159,7 +135,40 @@ def collect_sequences(
         )
         space.save(scratch / "space.npz")
         write_json(scratch / "about.json", {"garment": garment})
-    return total
+    return int(counts.sum())
+
+
+def _write_clouds_and_garments(
+    folder: Path,
+    sequences: Sequence[GarmentSequence],
+    bodies: Mapping[str, BodyModel] | None,
+    output: Path,
+) -> None:
+    """Write the arrays with a row per frame, one sequence at a time; `output` is for errors."""
+    first, total = sequences[0], sum(len(one.poses) for one in sequences)
+    layouts = [
+        ("points", np.float32, first.points.shape[1:]),
+        ("labels", np.uint8, first.labels.shape[1:]),
+        ("garment", np.float32, first.canonical.shape),
+        # Five jobs read these; computing them takes longer than an epoch of training.
+        *([("body_relative_points", np.float32, (first.points.shape[1], 4))] if bodies else []),
+    ]
+    arrays = {
+        name: create_array(folder / f"{name}.npy", dtype, (total, *shape))
+        for name, dtype, shape in layouts
+    }
+    start = 0
+    for one in progress(sequences, total=len(sequences), label="sequences"):
+        garment, end = one.garment(), start + len(one.poses)
+        _refuse_unfinite(output, one, garment)
+        values = {"points": one.points, "labels": one.labels, "garment": garment}
+        if bodies:
+            values["body_relative_points"] = _body_relative_points(one, bodies)
+        for name, value in values.items():
+            arrays[name][start:end] = value
+        start = end
+    for array in arrays.values():
+        array.flush()
 
 
 def _check(output: Path, sequences: Sequence[GarmentSequence]) -> None:

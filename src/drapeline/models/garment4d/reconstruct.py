@@ -93,7 +93,7 @@ def estimate(
         InputError: the sequence is shorter than a window, or the stride longer than one.
     """
     started = time.perf_counter()
-    windows = _Windows(len(points), frames or stage.settings.training.frames, stride)
+    windows = _SequenceWindows(len(points), frames or stage.settings.training.frames, stride)
     if stage.body_relative_points:
         points = body_relative_points(body.model, body.shape, poses, points)
     outputs = list(_estimate_windows(stage, windows, points, labels))
@@ -145,7 +145,7 @@ def reconstruct(
             labels=labels,
         )
     started = time.perf_counter()
-    windows = _Windows(len(points), frames_of_window, stride)
+    windows = _SequenceWindows(len(points), frames_of_window, stride)
     canonical = estimated.canonical
     weights = skinning_weights(body, canonical, faces, skinning or stage.settings.skinning)
     transforms = body.transforms(poses)
@@ -158,7 +158,7 @@ def reconstruct(
         "transforms": transforms,
     }
     mean = windows.mean(canonical.shape)
-    for chosen, output in zip(windows.parts(), estimated.outputs, strict=True):
+    for chosen, output in zip(windows.batches(), estimated.outputs, strict=True):
         batch = {key: torch.from_numpy(windows.of(chosen, x)) for key, x in frames.items()}
         for key, value in (("worn", canonical), ("weights", weights)):
             batch[key] = torch.from_numpy(value).expand(len(chosen), *value.shape)
@@ -178,16 +178,16 @@ def smooth_over_frames(values: np.ndarray, passes: int) -> np.ndarray:
     return values
 
 
-class _Windows:
-    """Windows that cover a sequence."""
+class _SequenceWindows:
+    """Windows that cover a sequence, a few at a time."""
 
     def __init__(self, count: int, frames: int, stride: int | None = None) -> None:
         self.count, self.frames = count, frames
         starts = window_starts(count, frames, stride or frames, "to reconstruct")
         self.starts = np.array(starts)
 
-    def parts(self) -> Iterator[np.ndarray]:
-        """First frames of the windows of one batch after the other."""
+    def batches(self) -> Iterator[np.ndarray]:
+        """First frames of the windows, batch by batch."""
         for first in range(0, len(self.starts), _BATCH):
             yield self.starts[first : first + _BATCH]
 
@@ -204,7 +204,7 @@ class _Windows:
 class _Mean:
     """Mean over all windows that hold a frame."""
 
-    def __init__(self, windows: _Windows, shape: Sequence[int]) -> None:
+    def __init__(self, windows: _SequenceWindows, shape: Sequence[int]) -> None:
         self._frames = windows.frames
         self._sum = np.zeros((windows.count, *shape), dtype=np.float32)
         self._held = np.zeros(windows.count, dtype=np.float32)
@@ -220,9 +220,9 @@ class _Mean:
 
 
 def _estimate_windows(
-    stage: CanonicalStage, windows: _Windows, points: np.ndarray, labels: np.ndarray | None
+    stage: CanonicalStage, windows: _SequenceWindows, points: np.ndarray, labels: np.ndarray | None
 ) -> Iterator:
-    for starts in windows.parts():
+    for starts in windows.batches():
         cloud = torch.from_numpy(windows.of(starts, points)).to(stage.device)
         if labels is None:
             yield stage.network(cloud)
@@ -231,11 +231,11 @@ def _estimate_windows(
             yield stage.network(cloud, torch.from_numpy(given).to(stage.device))
 
 
-def _mean_labels(outputs: Sequence, windows: _Windows) -> np.ndarray | None:
+def _mean_labels(outputs: Sequence, windows: _SequenceWindows) -> np.ndarray | None:
     if outputs[0].logits is None:
         return None
     mean = windows.mean(outputs[0].logits.shape[2:])
-    for starts, output in zip(windows.parts(), outputs, strict=True):
+    for starts, output in zip(windows.batches(), outputs, strict=True):
         mean.add(starts, output.logits.cpu().numpy())
     return mean().argmax(axis=-1).astype(np.uint8)
 
