@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES
 from drapeline.motions.floor import SOLES_BY_SIDE, floor_report, sole_rests, touch_points
-from drapeline.motions.foot_lock import lock_feet
+from drapeline.motions.foot_lock import MAX_SHIFT_M, lock_feet
 from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.looping import loop_to
 from drapeline.motions.motion import Cycle, Motion
@@ -40,6 +40,20 @@ def test_resting_feet_stop_sliding():
     assert np.ptp(soles, axis=0).max() < 1e-6
     np.testing.assert_allclose(soles[..., 2], 0, atol=1e-6)
     np.testing.assert_array_equal(locked.trans, motion.trans)
+
+
+def test_no_foot_is_moved_further_than_ten_centimetres():
+    """Feet that creep by half a metre in ten seconds: stopping them would take a quarter of one."""
+    motion = crouching(frames=300)
+    trans = motion.trans.copy()
+    trans[:, 0] = np.linspace(0, 0.5, 300)
+    motion = replace(motion, trans=trans)
+    ankles = [JOINT_NAMES.index(f"{side}_ankle") for side in ("left", "right")]
+    before, after = (
+        reference_joints(m.poses, m.trans)[0][:, ankles] for m in (motion, lock_feet(motion))
+    )
+    moved = np.linalg.norm(after - before, axis=-1)
+    assert 0.09 < moved.max() < MAX_SHIFT_M + 1e-6
 
 
 def test_bones_and_the_direction_of_feet_are_kept():

@@ -179,6 +179,19 @@ def test_a_chest_turn_is_spread_over_the_spine():
     np.testing.assert_allclose(local[[INDEX["neck"], INDEX["head"]]], 0, atol=1e-6)
 
 
+def test_a_bow_is_spread_over_the_spine_in_whichever_direction_the_body_faces():
+    heading = Rotation.from_euler("Y", 70, degrees=True).as_matrix()
+    rotations = np.tile(heading, (1, 24, 1, 1))
+    bow = Rotation.from_euler("X", 60, degrees=True).as_matrix()
+    for name in ("spine3", "neck", "head", *(n for n in JOINT_NAMES if "shoulder" in n)):
+        rotations[0, INDEX[name]] = heading @ bow
+    joints = {n: n for n in SAME_NAMES.joints if n not in ("spine1", "spine2", "neck")}
+    poses, _ = retarget(take_of(rotations, rest_offsets()), JointMap("test", joints))
+    local = np.degrees(poses[0].reshape(24, 3))
+    for name in ("spine1", "spine2", "spine3"):
+        np.testing.assert_allclose(local[INDEX[name]], [20, 0, 0], atol=1e-6)
+
+
 def test_feet_turn_ahead_and_keep_their_pitch():
     offsets = rest_offsets()
     for side, sign in (("left", 1.0), ("right", -1.0)):  # toes out by 30 degrees, ankles high

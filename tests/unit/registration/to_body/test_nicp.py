@@ -60,6 +60,17 @@ def test_a_sleeve_between_two_limbs_goes_to_the_one_it_faces():
     assert np.hypot(laid[:, 0], laid[:, 1]).max() < 0.06
 
 
+def test_closest_points_are_those_that_face_the_same_way():
+    """Limbs a centimetre apart; each point is nearer to the one that faces it."""
+    first, faces = cylinder(0.05)
+    limbs = np.concatenate([first, first + [0.11, 0, 0]])
+    surface = Surface(limbs, np.concatenate([faces, faces + len(first)]), SETTINGS.turn_m)
+    points = np.array([[0.058, 0, 0], [0.052, 0, 0]])
+    goal, inside = surface.closest(points, np.array([[1.0, 0, 0], [-1, 0, 0]]))
+    np.testing.assert_allclose(goal, [[0.05, 0, 0], [0.06, 0, 0]], atol=0.001)
+    assert inside.all()
+
+
 def test_what_lies_on_the_body_already_stays(body):
     garment, triangles = cylinder(0.15, -0.3, 0.3, rows=25)
     laid = laid_on(garment, triangles, Surface(*body, SETTINGS.turn_m), SETTINGS)

@@ -60,6 +60,19 @@ def test_a_missing_half_is_lost_area_one_way_only():
     assert found["rebuilt_to_garment_max_mm"] == pytest.approx(0, abs=1e-3)
 
 
+def test_faces_count_by_their_area():
+    """Ever wider columns, of which the last ones are lost."""
+    vertices, faces = sheet()
+    vertices[:, 0] = 5 * vertices[:, 0] ** 2
+    match = identity(len(vertices), np.arange(121) % 11 < 8)
+    found = {m.metric: m.value for m in round_trip(vertices, faces, vertices, faces, match)}
+    rebuilt = faces[match.mask[faces].all(axis=1)]
+    distance, _, area = surface_distance(vertices, faces, vertices, rebuilt)
+    by_area = 1000 * (distance * area).sum() / area.sum()
+    assert by_area > 1.3 * 1000 * distance.mean()
+    assert found["garment_to_rebuilt_mean_mm"] == pytest.approx(by_area)
+
+
 def test_holes_and_islands_of_the_rebuilt_mesh_are_counted():
     vertices, faces = sheet()
     mask = np.ones(len(vertices), dtype=bool)
