@@ -2,9 +2,10 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.bodies.animation import first_free_sequence
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sampling import sample_shape
-from drapeline.bodies.sequence import first_free_sequence, save_body_sequence
+from drapeline.bodies.sequence import ClipLabels, save_body_sequence
 from drapeline.frames import GENDERS
 from drapeline.motions.motion import load_motion
 from drapeline.rule_log import rule_log
@@ -27,11 +28,9 @@ with rule_log(snakemake.log[0]) as log:
         removable=wanted.removable,
         shape_range=wanted.shape_range,
         gap_m=wanted.segment_gap_m,
-        sequence=wanted.sub_sequence,
-        action=motion.action,
-        subject=motion.subject,
-        source=motion.source,
-        start_frame=wanted.start,
+        labels=ClipLabels(
+            wanted.sub_sequence, motion.action, motion.subject, motion.source, wanted.start
+        ),
     )
     save_body_sequence(snakemake.output[0], record)
-    log.info("%s: self-collision %s", record.sequence, record.outcome)
+    log.info("%s: self-collision %s", record.labels.sequence, record.outcome)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.outfits.distributions import OutfitRanges
-from drapeline.outfits.outfit import sample_outfit
+from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import load_templates
 from drapeline.rule_log import rule_log
 from drapeline.seeding import rng_for

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial import KDTree
 
+from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import BodyModel
-from drapeline.bodies.sequence import make_body_sequence
 from drapeline.frames import REST_POSE
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.simulation.attempts import Attempt

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import GENDERS, REST_POSE
@@ -16,7 +16,6 @@ from drapeline.learning_data.sequences import GarmentSequence, SequenceData, col
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.body_maps import MapRegression
 from drapeline.models.garment4d.windows import BodySequences
-from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.seeding import rng_for
 from tiny_sample import tube
 
@@ -42,7 +41,7 @@ def toy_sequence(
     poses = REST_POSE + steps
     rest = rest_body(body, shape)
     weights = interpolated_weights(canonical, skirt_faces(), rest, body.weights, 16, 5)
-    posed = moved(canonical, rest_to_pose(body, shape, poses), weights)
+    posed = skin_points(canonical, rest_to_pose(body, shape, poses), weights)
     sway = 0.02 * np.sin(0.5 * np.arange(frames) + number)
     posed[..., 0] += sway[:, None] * (canonical[:, 2] - 0.05) / bottom
     posed = posed.astype(np.float32)

@@ -1,11 +1,14 @@
-"""Motion files of known content, written by other means than the readers' own."""
+"""Motions and motion files of known content, written by other means than the readers' own."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES, PARENTS
+from drapeline.motions.deepmimic import FRAME_SIZE
+from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS
 
 SMPL_TO_CMU_BVH = {
@@ -85,3 +88,31 @@ def _joint_lines(joint, names, parents, offsets, order, sequence, pad) -> list[s
     if len(children) == 0:
         lines += [f"{pad}\tEnd Site", f"{pad}\t{{", f"{pad}\t\tOFFSET 0 0.1 0", f"{pad}\t}}"]
     return [*lines, f"{pad}}}"]
+
+
+DEEPMIMIC_HINGES = {"right_knee": 20, "left_knee": 34, "right_elbow": 29, "left_elbow": 43}
+
+
+def deepmimic_frame(duration=1 / 60, x=0.0, **hinges):
+    """A standing frame of a humanoid3d clip: hanging arms, root 0.85 m up."""
+    row = np.zeros(FRAME_SIZE)
+    row[0:4] = duration, x, 0.85, 0.0
+    row[[4, 8, 12, 16, 21, 25, 30, 35, 39]] = 1.0  # quaternions, w first
+    for name, angle in hinges.items():
+        row[DEEPMIMIC_HINGES[name]] = angle
+    return row.tolist()
+
+
+def write_deepmimic(path, frames, loop="none"):
+    """Write a humanoid3d clip; returns its path."""
+    path.write_text(json.dumps({"Loop": loop, "Frames": frames}))
+    return path
+
+
+def standing_motion(frames=40, height=0.9, speed_m=0.0, **changes):
+    """A motion that stands upright, its root at a height, and slides backwards."""
+    poses = np.tile(np.concatenate([[np.pi / 2], np.zeros(71)]), (frames, 1))
+    trans = np.zeros((frames, 3))
+    trans[:, 1] = -speed_m * np.arange(frames)
+    trans[:, 2] = height
+    return Motion(poses, trans, 30.0, "", "", "a", "a", **changes)

@@ -1,4 +1,4 @@
-"""Toy skirts and a template for them."""
+"""Toy skirts and templates for them."""
 
 import numpy as np
 
@@ -9,16 +9,28 @@ from tiny_sample import tube
 NAMES = ("waist", "hem")
 
 
-def toy_skirt(radius, low, around=20, rows=9):
-    """Vertices and triangles of a tube from height 0 down to `low`."""
-    mesh = tube(radius, low, 0.0, around=around, rows=rows)
+def toy_skirt(radius=0.2, low=-0.5, high=0.0, around=20, rows=9):
+    """Vertices and triangles of an oval tube about Z."""
+    mesh = tube(radius, low, high, around=around, rows=rows)
     return mesh.vertices.astype(float), triangulate(mesh.faces)
+
+
+def round_skirt(radius=0.2, low=-0.5, high=0.0, around=32, rows=14, flare=0.0):
+    """Vertices and triangles of a round tube about Z that may widen downwards."""
+    vertices, triangles = toy_skirt(radius, low, high, around, rows)
+    vertices[:, 1] /= 0.6
+    vertices[:, :2] *= 1 + flare * (high - vertices[:, 2:])
+    return vertices, triangles
+
+
+def as_template(vertices, triangles, names=NAMES):
+    """A mesh as the template of a type with these openings."""
+    loop = np.full(len(vertices), -1, np.int32)
+    for name, ids in named_loops(vertices, boundary_loops(triangles), names).items():
+        loop[ids] = names.index(name)
+    return GarmentTemplate(vertices.astype(np.float32), triangles.astype(np.int32), loop, names)
 
 
 def toy_template():
     """A skirt with a waist and a hem."""
-    vertices, faces = toy_skirt(0.2, -0.5, around=16, rows=8)
-    loop = np.full(len(vertices), -1, np.int32)
-    for name, ids in named_loops(vertices, boundary_loops(faces), NAMES).items():
-        loop[ids] = NAMES.index(name)
-    return GarmentTemplate(vertices.astype(np.float32), faces.astype(np.int32), loop, NAMES)
+    return as_template(*toy_skirt(around=16, rows=8))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.sequence import BodySequence, save_body_sequence
+from drapeline.bodies.sequence import BodySequence, ClipLabels, save_body_sequence
 from drapeline.dataset.writer import write_sample
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
@@ -106,10 +106,7 @@ def write_stages(
                 "fix_vertex": np.zeros(0, dtype=np.int32),
                 "fix_delta": np.zeros((0, 3), dtype=np.float32),
                 "deepest_m": 0.01,
-                "sequence": f"{Path(source).stem}_s0",
-                "action": "walk",
-                "subject": "01",
-                "source": source,
+                "labels": ClipLabels(f"{Path(source).stem}_s0", "walk", "01", source),
             }
         ),
     )

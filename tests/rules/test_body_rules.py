@@ -87,8 +87,8 @@ def test_animate_body_cuts_the_clip_and_draws_a_shape(run_rule, toy_body, motion
     record = animate(run_rule, toy_body, motion_file, tmp_path)
     np.testing.assert_allclose(record.poses, swing().poses[6:18])
     assert record.gender == 1
-    assert record.sequence == "swing_s1"
-    assert record.start_frame == 6
+    assert record.labels.sequence == "swing_s1"
+    assert record.labels.start_frame == 6
     assert np.abs(record.shape).max() <= 1
     assert np.ptp(record.shape) > 0.3
 

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import save_body
-from drapeline.bodies.sequence import make_body_sequence, save_body_sequence
+from drapeline.bodies.sequence import save_body_sequence
 from drapeline.frames import REST_POSE
 from drapeline.outfits.outfit import load_outfit
 

@@ -8,9 +8,9 @@ import pytest
 from drapeline.bodies.model import load_body, save_body
 from drapeline.dataset.reader import Sample
 from drapeline.registration.to_body.dynamic_offsets import (
-    dressed,
     dynamic_offsets,
     load_sample_garment,
+    points_from_offsets,
 )
 from tiny_sample import write_tiny_sample
 
@@ -60,7 +60,7 @@ def test_a_sample_is_registered_and_its_frames_come_back(run_rule, supers, tmp_p
             for version in ("posed", "unposed"):
                 arguments = (body, sequence.info.shape, sequence.info.poses, version)
                 offsets = dynamic_offsets(garment, cloth, *arguments)
-                back = dressed(garment, offsets, *arguments)
+                back = points_from_offsets(garment, offsets, *arguments)
                 np.testing.assert_allclose(back, garment.points(cloth), atol=1e-5)
 
 

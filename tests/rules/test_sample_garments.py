@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import load_obj
+from drapeline.geometry.obj import load_obj
 from drapeline.models.gcvae.codes import encode_garments, save_codes
 from gcvae_files import save_model, save_static_data
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.bodies.kinematics import mirrored_poses
+from drapeline.bodies.kinematics import mirror_poses
 from drapeline.bodies.model import load_body
 from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
@@ -16,7 +16,7 @@ from drapeline.learning_data.dynamic import DynamicData
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.load import load_vae
 from drapeline.models.training.batches import as_tensors
-from drapeline.registration.to_body.dynamic_offsets import dressed, load_sample_garment
+from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, points_from_offsets
 from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
 from tiny_sample import write_tiny_sample
 
@@ -102,7 +102,7 @@ def test_collected_frames_are_the_simulated_garment(collected, stages, folder, v
         garment = load_sample_garment(
             folder / "registration" / data.sample[garment_index] / f"{name}.npz"
         )
-        back = dressed(
+        back = points_from_offsets(
             garment,
             data.offsets[row][None],
             body,
@@ -171,5 +171,5 @@ def test_mirrored_conditions_differ_in_the_poses_alone(run_rule, collected, stag
     batch = garments.batch(np.arange(3))
     seen, poses = batch["cvar"], slice(13, 13 + 2 * 72)
     wanted = seen.copy()
-    wanted[:, poses] = mirrored_poses(seen[:, poses].reshape(3, 2, 72)).reshape(3, -1)
+    wanted[:, poses] = mirror_poses(seen[:, poses].reshape(3, 2, 72)).reshape(3, -1)
     np.testing.assert_array_equal(garments.mirrored_cvar(np.arange(3)), wanted)

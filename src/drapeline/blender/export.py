@@ -14,7 +14,8 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import ScenePart, scene_parts, to_y_up
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.geometry.mesh import Mesh, save_obj
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import point_cache_writer
 from drapeline.storage import atomic_folder
 

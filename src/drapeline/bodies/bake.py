@@ -1,8 +1,8 @@
 """Bake Anny, a free parametric body, into the SMPL format: one file per gender.
 
 Anny (Apache-2.0, data CC0) describes a person by phenotypes and poses it by a rig of a hundred
-bones. Adults are drawn from its calibrated population, put in SMPL's T-pose with its own rig,
-and summed up by ten linear shape directions; the rig is folded onto SMPL's 24 joints.
+bones. Adults are drawn from its calibrated population, put in SMPL's T-pose with its own rig, and
+summarised by ten linear shape directions; the rig is folded onto SMPL's 24 joints.
 """
 
 import anny
@@ -89,9 +89,9 @@ def bake_bodies(seed: int, samples: int) -> dict[str, BodyModel]:
 
     Returns:
         Female and male body. Shape coefficients have unit variance over the population. The
-        first carries all of stature, so as CLOTH3D's sign rule wants it: a positive one is a
-        larger woman and a smaller man (like SMPL's); the second is corpulence, a positive one
-        thinner; then a positive tightness makes smaller garments for both genders.
+        first carries all of stature, with the signs of CLOTH3D's rule: positive values are
+        larger women and smaller men (like SMPL's). The second is corpulence, positive values
+        being thinner. A positive tightness thus makes smaller garments for both genders.
     """
     model = anny.Anny()
     surface = _surface(model)
@@ -331,7 +331,7 @@ def _slope(scores: np.ndarray, value: np.ndarray) -> np.ndarray:
 def _turn_to(first: list[np.ndarray]) -> np.ndarray:
     """(K, K) rotation whose first columns span the given directions one after another.
 
-    The other columns are what is left of the old axes, in their order.
+    The other columns are the remaining old axes, in their order.
     """
     columns: list[np.ndarray] = []
     for vector in [*first, *np.eye(len(first[0]))]:

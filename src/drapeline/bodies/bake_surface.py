@@ -40,8 +40,8 @@ def closed_surface(
 ) -> Surface:
     """Drop inner parts and cover the eye sockets and the mouth.
 
-    Inner surfaces are never seen, yet cloth that looks for the nearest body surface finds them,
-    and they make inside and outside ambiguous.
+    Inner surfaces are never seen, yet they can be the nearest surface to cloth, and they make
+    inside and outside ambiguous.
 
     Args:
         template: (A, 3) Anny's vertices, Z up, facing -Y.

@@ -1,38 +1,69 @@
-"""How each joint's part moves from the rest pose to another."""
+"""Rotations and forward kinematics of the SMPL skeleton, for NumPy's arrays and torch's tensors."""
+
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from array_api_compat import array_namespace, device
 
-from drapeline.bodies.model import BodyModel, shaped
-from drapeline.bodies.skinning import axis_angle_to_matrix, joint_transforms
-from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.frames import JOINT_NAMES, PARENTS
+
+if TYPE_CHECKING:
+    import torch
+
+# Either will do; most jobs have plain arrays, and torch takes two seconds to import.
+Array = TypeVar("Array", np.ndarray, "torch.Tensor")
 
 
-def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Rigid motions from `REST_POSE` to poses, with the root joint at the origin in both.
+def axis_angle_to_matrix(axis_angle: Array) -> Array:
+    """Rotation vectors (..., 3) in rad to matrices (..., 3, 3), by Rodrigues' formula.
+
+    Differentiable at zero.
+    """
+    xp = array_namespace(axis_angle)
+    angle = xp.sqrt(xp.sum(axis_angle**2, axis=-1, keepdims=True) + 1e-24)
+    axis = axis_angle / angle
+    x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
+    zero = xp.zeros_like(x)
+    cross = xp.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    cross = xp.reshape(cross, (*x.shape, 3, 3))
+    angle = angle[..., None]
+    identity = identity_like(axis_angle)
+    return identity + xp.sin(angle) * cross + (1 - xp.cos(angle)) * (cross @ cross)
+
+
+def identity_like(array: Array) -> Array:
+    """Identity matrix (3, 3) of an array's type, on its device."""
+    return array_namespace(array).eye(3, dtype=array.dtype, device=device(array))
+
+
+def joint_transforms(joints: Array, rotations: Array) -> tuple[Array, Array]:
+    """Forward kinematics.
 
     Args:
-        body: any SMPL-format body.
-        shape: (10,).
-        poses: (N, 72) axis-angle, rad.
+        joints: (24, 3) rest joints.
+        rotations: (N, 24, 3, 3) rotation of each joint against its parent.
 
     Returns:
-        (N, 24, 3, 4) float64 rotation and translation in metres.
+        Motions (N, 24, 3, 4) of the joints' frames from rest to pose, which leave the root joint
+        in its place, and posed joints (N, 24, 3).
     """
-    _, joints = shaped(body, shape)
-    places = (joints - joints[0]).astype(np.float64)
-    both = np.concatenate([REST_POSE[None], np.asarray(poses, dtype=np.float64)])
-    rotations = axis_angle_to_matrix(both.reshape(-1, 24, 3))
-    motions, _ = joint_transforms(places, rotations)
-    rest, posed = motions[0], motions[1:]
-    turn = posed[..., :3] @ rest[..., :3].swapaxes(-1, -2)
-    shift = posed[..., 3] - (turn @ rest[..., 3:])[..., 0]
-    return np.concatenate([turn, shift[..., None]], axis=-1)
+    xp = array_namespace(joints, rotations)
+    world = [rotations[:, 0]]
+    places = [xp.broadcast_to(joints[0], (len(rotations), 3))]
+    for joint in range(1, 24):
+        parent = int(PARENTS[joint])
+        bone = joints[joint] - joints[parent]
+        places.append(places[parent] + world[parent] @ bone)
+        world.append(world[parent] @ rotations[:, joint])
+    turn, place = xp.stack(world, axis=1), xp.stack(places, axis=1)  # (N, 24, 3, 3), (N, 24, 3)
+    shift = place - (turn @ joints[..., None])[..., 0]
+    return xp.concat([turn, shift[..., None]], axis=-1), place
 
 
-def mirrored_poses(poses: np.ndarray) -> np.ndarray:
-    """Poses (..., 72) in rad with left and right exchanged, as in a mirror at x = 0."""
+def mirror_poses(poses: np.ndarray) -> np.ndarray:
+    """Exchange left and right in poses (..., 72) in rad, as a mirror at x = 0 does."""
     turned = poses.reshape(*poses.shape[:-1], 24, 3)[..., _OTHER_SIDE, :]
-    # An axis of rotation is a pseudovector: of it the mirror turns what lies in its plane.
+    # A rotation's axis is a pseudovector: the mirror reverses its components in the mirror's plane.
     return (turned * np.array([1, -1, -1], dtype=poses.dtype)).reshape(poses.shape)
 
 

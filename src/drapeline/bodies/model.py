@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.bodies.skinning import axis_angle_to_matrix, blend, joint_transforms, pose_feature
+from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
+from drapeline.bodies.skinning import pose_feature, skin_planes
 from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
 from drapeline.storage import save_npz
@@ -18,7 +19,7 @@ class BodyModel:
 
     Attributes:
         v_template: (V, 3) float32 mean body.
-        shapedirs: (V, 3, 10) float32, metres per unit of shape.
+        shapedirs: (V, 3, 10) float32, metres per unit of a shape coefficient.
         posedirs: (V, 3, 207) float32 pose blend shapes.
         J_regressor: (24, V) float32.
         weights: (V, 24) float32 skinning weights.
@@ -91,7 +92,7 @@ def save_body(path: str | Path, body: BodyModel, **about: str | int) -> None:
     )
 
 
-def shaped(body: BodyModel, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def shape_body(body: BodyModel, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rest vertices (V, 3) and joints (24, 3) of a shape (10,), in the SMPL frame."""
     vertices = body.v_template + body.shapedirs @ np.asarray(shape, dtype=np.float32)
     return vertices, body.J_regressor @ vertices
@@ -116,7 +117,7 @@ def posed_vertices(
     Returns:
         Vertices (N, V, 3) and joints (N, 24, 3), float32.
     """
-    vertices, joints = shaped(body, shape)
+    vertices, joints = shape_body(body, shape)
     planes = np.ascontiguousarray((vertices - joints[0]).T)
     directions = _pose_directions(body)
     rotations = axis_angle_to_matrix(np.asarray(poses, dtype=np.float32).reshape(-1, 24, 3))
@@ -132,7 +133,7 @@ def posed_vertices(
         if directions is not None:
             moved = pose_feature(rotations[part]) @ directions
             points = planes + moved.reshape(len(moved), 3, -1)
-        out[part] = blend(points, transforms[part], body.weights.T).swapaxes(1, 2)
+        out[part] = skin_planes(points, transforms[part], body.weights.T).swapaxes(1, 2)
     return out, places
 
 

@@ -1,4 +1,4 @@
-"""Body parts that can run into one another, and the mesh topology that finding out needs."""
+"""Parts of a body that can collide with one another, and the mesh data that finding out takes."""
 
 from dataclasses import dataclass
 
@@ -29,10 +29,10 @@ PART_JOINTS = {
 }
 PART_NAMES = tuple(PART_JOINTS)
 
-# Flesh beside a joint folds, an arm lies against the chest: what overlaps there may be pressed
-# apart by this much ...
+# Flesh beside a joint folds and an arm lies against the chest: overlaps there may be pressed apart
+# by this much ...
 FOLD_LIMIT_M = 0.06
-# ... while other parts that meet more deeply are two solids in one place.
+# ... while for all other parts a deeper overlap means two solids in one place.
 TOUCH_LIMIT_M = 0.03
 
 
@@ -48,7 +48,7 @@ class Pair:
 def _pairs() -> tuple[Pair, ...]:
     folds = [("head", "torso")]
     touches = [
-        # Cloth lies between thighs: pressed apart from more deeply, it would be caught.
+        # Cloth lies between thighs, and would be caught between thighs that overlap more deeply.
         ("left_thigh", "right_thigh"),
         ("left_hand", "right_hand"),
         ("left_forearm", "right_forearm"),
@@ -92,8 +92,8 @@ PAIRS = _pairs()
 
 
 @dataclass(frozen=True)
-class Topology:
-    """What of a body's mesh does not change with pose.
+class BodyParts:
+    """What does not change with the pose about a body's mesh and its parts.
 
     Attributes:
         faces: (F, 3).
@@ -102,8 +102,8 @@ class Topology:
         part_faces: (F', 3) faces with two or three corners in each part.
         normal_of: (V, F) sparse, sums face vectors to vertices.
         neighbours: (V, V) sparse adjacency with ones on the diagonal.
-        seam: (V, P) bool, vertices within two rings of each part: where parts join, being
-            close to one another means nothing.
+        seam: (V, P) bool, vertices within two rings of each part: where parts join, their
+            closeness means nothing.
     """
 
     faces: np.ndarray
@@ -127,7 +127,7 @@ def part_of_joint() -> np.ndarray:
     return np.array([owner[name] for name in JOINT_NAMES])
 
 
-def topology_of(body: BodyModel) -> Topology:
+def body_parts(body: BodyModel) -> BodyParts:
     """Parts and adjacency of a body."""
     count, faces = len(body.v_template), body.faces
     part = part_of_joint()[body.segmentation]
@@ -140,7 +140,7 @@ def topology_of(body: BodyModel) -> Topology:
         (np.ones(len(around), dtype=np.float32), around.T), shape=(count, count)
     )
     member = np.eye(len(PART_NAMES), dtype=np.float32)[part]
-    return Topology(
+    return BodyParts(
         faces,
         tuple(np.flatnonzero(part == p) for p in parts),
         tuple(pairs[(part[pairs] == p).all(axis=1)] for p in parts),

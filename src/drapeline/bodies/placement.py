@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel, shaped
+from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.frames import FPS, JOINT_NAMES
 
-# The floor is where the lowest point lies in the lowest of so many percent of the frames: a
-# single stray frame must not lift the whole clip off the ground.
+# The floor is at this percentile of the frames' lowest points: a single stray frame must not lift
+# the whole clip off the ground.
 FLOOR_PERCENTILE = 5.0
 CONTACT_M = 0.015  # a foot whose lowest vertex is below this height stands
 
@@ -31,7 +31,7 @@ class GroundContact:
 
 def leg_length_m(body: BodyModel, shape: np.ndarray) -> float:
     """Hip to knee to ankle, mean of both legs."""
-    _, joints = shaped(body, shape)
+    _, joints = shape_body(body, shape)
     lengths = []
     for side in ("left", "right"):
         hip, knee, ankle = (

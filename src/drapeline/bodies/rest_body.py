@@ -1,30 +1,53 @@
-"""The body that garments are made on: a shape in rest pose, and the tightness that changes it."""
+"""The body that garments are made on: a shape in the rest pose, and how it moves to other poses."""
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
+from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.frames import REST_POSE
 
 
 def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:
-    """Vertices (V, 3) float64 of a shape in rest pose, root-relative, Z up."""
+    """Vertices (V, 3) float64 of a shape (10,) in `REST_POSE`, root-relative, Z up."""
     vertices, _ = posed_vertices(body, shape, REST_POSE[None].copy())
     return vertices[0].astype(np.float64)
 
 
+def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Rigid motions of the joints' frames from `REST_POSE` to poses, root joint at the origin.
+
+    Args:
+        body: any SMPL-format body.
+        shape: (10,).
+        poses: (N, 72) axis-angle, rad.
+
+    Returns:
+        (N, 24, 3, 4) float64 rotation and translation in metres.
+    """
+    _, joints = shape_body(body, shape)
+    places = (joints - joints[0]).astype(np.float64)
+    both = np.concatenate([REST_POSE[None], np.asarray(poses, dtype=np.float64)])
+    rotations = axis_angle_to_matrix(both.reshape(-1, 24, 3))
+    motions, _ = joint_transforms(places, rotations)
+    rest, posed = motions[0], motions[1:]
+    turn = posed[..., :3] @ rest[..., :3].swapaxes(-1, -2)
+    shift = posed[..., 3] - (turn @ rest[..., 3:])[..., 0]
+    return np.concatenate([turn, shift[..., None]], axis=-1)
+
+
 def tightness_shape(shape: np.ndarray, tightness: np.ndarray, gender: str) -> np.ndarray:
-    """Shape a garment is made for (CLOTH3D 3.2): two offsets, the first with the gender's sign.
+    """Shape (10,) that a garment is made for (CLOTH3D 3.2): the wearer's, offset by the tightness.
 
     Args:
         shape: (10,) the wearer's.
-        tightness: (2,) gamma; positive is tighter.
+        tightness: (2,) gamma, added to the first two coefficients; positive is tighter.
+        gender: "female" or "male", which decides the sign of the first term.
     """
-    signed = signed_tightness(tightness, gender)
     target = np.array(shape, dtype=np.float64)
-    target[:2] += signed
+    target[:2] += signed_tightness(tightness, gender)
     return target
 
 
 def signed_tightness(tightness: np.ndarray, gender: str) -> np.ndarray:
-    """(2,) gamma with the sign (-1)^(g + 1) on the first term, g = 0 female, 1 male."""
+    """Gamma (2,) with the sign (-1)^(g + 1) on the first term, g = 0 female, 1 male."""
     return np.asarray(tightness, dtype=np.float64) * [-1.0 if gender == "female" else 1.0, 1.0]

@@ -1,8 +1,8 @@
-"""Press colliding body parts apart so that a folded cloth fits between (CLOTH3D 3.1).
+"""Press colliding body parts apart so that two layers of cloth fit between (CLOTH3D 3.1).
 
-Parts that overlap leave no room for cloth: its repelling forces point both ways at once. Where
-edges of one part cross faces of another, a plane is laid through the crossings and each part's
-vertices are moved to their own side of it. What is too deep for that is reported, not hidden.
+Parts that overlap leave no room for cloth: its repelling forces would point both ways at once.
+Where edges of one part cross faces of another, a plane is laid through the crossings and each
+part's vertices are moved to their own side of it. Collisions that are too deep are reported.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from drapeline.bodies.parts import PAIRS, PART_NAMES, Topology
+from drapeline.bodies.parts import PAIRS, PART_NAMES, BodyParts
 
 NEAR_M = 0.06  # how deep inside a part a vertex is recognised as such
-SHALLOW_M = 0.015  # about an edge: so close to the surface the nearest vertex may lie beside
+SHALLOW_M = 0.015  # about an edge: this close to the surface the nearest vertex may lie aside
 MARGIN_M = 0.005  # around the box that two parts share
 LINK_M = 0.03  # crossings further apart than this belong to different contacts
 PASSES = 4
@@ -23,7 +23,7 @@ PASSES = 4
 
 @dataclass(frozen=True)
 class Solution:
-    """Corrections of a sequence, sparse, and how deep each collision was.
+    """Sparse corrections of a sequence, and how deep each collision was.
 
     Attributes:
         frame, vertex: (m,) int32.
@@ -46,7 +46,7 @@ class Solution:
 
 def solve_self_collisions(
     vertices: np.ndarray,
-    topology: Topology,
+    parts: BodyParts,
     *,
     gap_m: float,
     ignored: frozenset[str] = frozenset(),
@@ -55,7 +55,7 @@ def solve_self_collisions(
 
     Args:
         vertices: (N, V, 3) posed body in metres.
-        topology: the body's parts.
+        parts: the body's parts.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
         ignored: parts that are left out.
     """
@@ -68,7 +68,7 @@ def solve_self_collisions(
             np.stack([vertices[:, ids].min(axis=1), vertices[:, ids].max(axis=1)])
             if len(ids)
             else np.stack([np.full((len(vertices), 3), v) for v in (np.inf, -np.inf)])
-            for ids in topology.part_vertices
+            for ids in parts.part_vertices
         ],
         axis=2,
     )  # (2, N, parts, 3)
@@ -81,7 +81,7 @@ def solve_self_collisions(
     for frame in np.flatnonzero(meets.any(axis=1)):
         pairs = np.flatnonzero(meets[frame])
         moved, crossing = _solve_frame(
-            vertices[frame], topology, pair_parts, pairs, gap_m, depth[frame]
+            vertices[frame], parts, pair_parts, pairs, gap_m, depth[frame]
         )
         leftover[frame, crossing] = True
         change = moved - vertices[frame]
@@ -100,7 +100,7 @@ def solve_self_collisions(
 
 def _solve_frame(
     start: np.ndarray,
-    topology: Topology,
+    parts: BodyParts,
     pair_parts: np.ndarray,
     pairs: np.ndarray,
     gap_m: float,
@@ -110,16 +110,16 @@ def _solve_frame(
     vertices = start.copy()
     active = pairs.tolist()
     for turn in range(PASSES + 1):
-        normals = topology.normals(vertices)
+        normals = parts.normals(vertices)
         crossing = []
         for pair in active:
             first, second = pair_parts[pair]
-            contact = _contact(vertices, normals, topology, first, second)
+            contact = _contact(vertices, normals, parts, first, second)
             if contact is None:
                 continue
             crossing.append(pair)
             if turn < PASSES:
-                _separate(vertices, topology, contact, gap_m)
+                _separate(vertices, parts, contact, gap_m)
                 moved = np.concatenate(contact.inside)
                 reach = np.linalg.norm(vertices[moved] - start[moved], axis=1).max(initial=0)
                 depth[pair] = max(depth[pair], reach)
@@ -145,17 +145,15 @@ class _Contact:
 
 
 def _contact(
-    vertices: np.ndarray, normals: np.ndarray, topology: Topology, first: int, second: int
+    vertices: np.ndarray, normals: np.ndarray, parts: BodyParts, first: int, second: int
 ) -> _Contact | None:
-    ids = [topology.part_vertices[first], topology.part_vertices[second]]
+    ids = [parts.part_vertices[first], parts.part_vertices[second]]
     low = np.maximum(*(vertices[i].min(axis=0) for i in ids)) - MARGIN_M
     high = np.minimum(*(vertices[i].max(axis=0) for i in ids)) + MARGIN_M
     near = [i[_within(vertices[i], low, high)] for i in ids]
     if not len(near[0]) or not len(near[1]):
         return None
-    free = [
-        ids[~topology.seam[ids, other]] for ids, other in zip(near, (second, first), strict=True)
-    ]
+    free = [ids[~parts.seam[ids, other]] for ids, other in zip(near, (second, first), strict=True)]
     inside = (
         _inside(vertices, normals, free[0], near[1]),
         _inside(vertices, normals, free[1], near[0]),
@@ -164,8 +162,8 @@ def _contact(
         return None
     points = np.concatenate(
         [
-            _crossings(vertices, topology, inside[0], first, near[1], second),
-            _crossings(vertices, topology, inside[1], second, near[0], first),
+            _crossings(vertices, parts, inside[0], first, near[1], second),
+            _crossings(vertices, parts, inside[1], second, near[0], first),
         ]
     )
     if len(points) < 3:
@@ -187,25 +185,25 @@ def _inside(
     if not len(ids):
         return ids
     distance, nearest = KDTree(vertices[others]).query(vertices[ids], distance_upper_bound=NEAR_M)
-    found = np.isfinite(distance)
+    in_reach = np.isfinite(distance)
     nearest = others[np.minimum(nearest, len(others) - 1)]
     height = np.einsum("vi,vi->v", vertices[ids] - vertices[nearest], normals[nearest])
     # Deep inside, the nearest vertex lies straight above; beside it, only where a part ends.
     steep = (distance < SHALLOW_M) | (height < -0.5 * distance)
-    return ids[found & (height < 0) & steep]
+    return ids[in_reach & (height < 0) & steep]
 
 
 def _crossings(
     vertices: np.ndarray,
-    topology: Topology,
+    parts: BodyParts,
     inside: np.ndarray,
     part: int,
     others: np.ndarray,
     other_part: int,
 ) -> np.ndarray:
     """(k, 3) points where edges that leave the vertices `inside` cross the other part's faces."""
-    edge = _touching(topology.part_edges[part], inside, len(vertices))
-    face = _touching(topology.part_faces[other_part], others, len(vertices))
+    edge = _touching(parts.part_edges[part], inside, len(vertices))
+    face = _touching(parts.part_faces[other_part], others, len(vertices))
     if not len(edge) or not len(face):
         return np.zeros((0, 3))
     ends, corners = vertices[edge], vertices[face]  # (E, 2, 3), (F, 3, 3)
@@ -255,7 +253,7 @@ def segment_triangle_crossings(segments: np.ndarray, triangles: np.ndarray) -> n
     return start[hit] + t[hit, None] * along[hit]
 
 
-def _separate(vertices: np.ndarray, topology: Topology, contact: _Contact, gap_m: float) -> None:
+def _separate(vertices: np.ndarray, parts: BodyParts, contact: _Contact, gap_m: float) -> None:
     """Move both parts' vertices, in place, to their own sides of one plane per contact."""
     for points in _clusters(contact.points):
         centre = points.mean(axis=0)
@@ -270,7 +268,7 @@ def _separate(vertices: np.ndarray, topology: Topology, contact: _Contact, gap_m
             collided[contact.inside[side]] = 1
             around = contact.near[side]
             # Two rings more: what does not cross yet may be closer than the gap.
-            reached = topology.neighbours @ (topology.neighbours @ collided)
+            reached = parts.neighbours @ (parts.neighbours @ collided)
             ids = around[reached[around] > 0]
             ids = ids[np.linalg.norm(vertices[ids] - centre, axis=1) < radius]
             height = sign * ((vertices[ids] - centre) @ normal)
@@ -279,7 +277,7 @@ def _separate(vertices: np.ndarray, topology: Topology, contact: _Contact, gap_m
 
 
 def _clusters(points: np.ndarray) -> list[np.ndarray]:
-    """Groups of at least three points that hang together."""
+    """Connected groups of at least three points."""
     links = KDTree(points).query_pairs(LINK_M, output_type="ndarray")
     graph = coo_matrix((np.ones(len(links)), links.T), shape=(len(points),) * 2)
     count, label = connected_components(graph, directed=False)

@@ -1,9 +1,9 @@
 """Body files in SMPL's format, baked or licensed, read without executing anything in them.
 
-SMPL is distributed as Python pickles, and a pickle is a program. Here the few instructions that
-build arrays and sparse matrices are carried out, every other one is refused by name. Old files
-wrap their arrays in objects of the package chumpy, which no longer installs: their arrays are
-taken out without it.
+SMPL is distributed as Python pickles, and a pickle is a program. Here only the few instructions
+that build arrays and sparse matrices are carried out; all others are refused by name. Old files
+wrap their arrays in objects of the package chumpy, which no longer installs: the arrays are taken
+out without it.
 """
 
 import pickle
@@ -24,7 +24,7 @@ OPTIONAL = ("vt", "ft", "segmentation", "name")
 
 
 def read_body_arrays(path: str | Path) -> dict[str, np.ndarray]:
-    """Arrays of a body file, `.npz` or `.pkl`, checked against one another.
+    """Read the arrays of a body file, `.npz` or `.pkl`, and check that they fit together.
 
     Returns:
         v_template (V, 3), shapedirs (V, 3, 10), posedirs (V, 3, 207), J_regressor (24, V) and
@@ -87,7 +87,7 @@ def _inert_class(origin: str) -> type:
 
 
 def _reconstructor(cls: type, base: type, state: Any) -> _Inert:
-    """What old pickles call to make an empty object; only stand-ins are made."""
+    """What old pickles call to make an empty object; makes stand-ins only."""
     if not (isinstance(cls, type) and issubclass(cls, _Inert)):
         raise pickle.UnpicklingError("an object that is no array")
     return cls()
@@ -155,7 +155,7 @@ def _read_pickle(path: Path) -> dict[str, Any]:
 def _plain(path: Path, key: str, value: Any) -> np.ndarray:
     """A dense array of numbers, or text, out of whatever the file held."""
     try:
-        value = _unwrapped(value)
+        value = _unwrap(value)
     except (KeyError, AttributeError, TypeError, ValueError, IndexError) as error:
         raise InputError(f"{path}: '{key}' is a damaged {_kind(value)}") from error
     array = np.asarray(value)
@@ -168,7 +168,7 @@ def _kind(value: Any) -> str:
     return value.origin if isinstance(value, _Inert) else type(value).__name__
 
 
-def _unwrapped(value: Any) -> Any:
+def _unwrap(value: Any) -> Any:
     if not isinstance(value, _Inert):
         return value
     name = value.origin.rsplit(".", 1)[1]
@@ -180,9 +180,9 @@ def _unwrapped(value: Any) -> Any:
         matrix.check_format(full_check=True)
         return matrix.toarray()
     if name == "Ch":
-        return _unwrapped(state["x"])
+        return _unwrap(state["x"])
     if name == "Select":  # entries of a flattened array, in a new shape
-        chosen = np.asarray(_unwrapped(state["a"])).ravel()[np.asarray(state["idxs"])]
+        chosen = np.asarray(_unwrap(state["a"])).ravel()[np.asarray(state["idxs"])]
         return chosen.reshape(state.get("preferred_shape", chosen.shape))
     return value
 

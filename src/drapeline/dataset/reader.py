@@ -13,7 +13,8 @@ from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
-from drapeline.geometry.mesh import Mesh, load_obj
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
 from drapeline.storage import load_npz, read_json
 

@@ -17,10 +17,10 @@ import trimesh
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import BodyModel, posed_vertices, shaped
+from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
-from drapeline.geometry.mesh import load_obj
+from drapeline.geometry.obj import load_obj
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz
 
@@ -214,7 +214,7 @@ def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> B
     shape = arrays["shape"].astype(np.float64)
     trans = arrays[trans_key].astype(np.float64)
     if trans_key == "transl":
-        trans = trans + shaped(bodies[gender], shape)[1][0]  # SMPL turns about the root joint
+        trans = trans + shape_body(bodies[gender], shape)[1][0]  # SMPL turns about the root joint
     return BodyParameters(arrays["poses"].astype(np.float64), trans, shape, gender)
 
 

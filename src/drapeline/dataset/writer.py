@@ -15,7 +15,8 @@ from drapeline.dataset.labels import BODY
 from drapeline.dataset.record import body_fingerprint
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
-from drapeline.geometry.mesh import Mesh, edges, save_obj
+from drapeline.geometry.mesh import Mesh, edges
+from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
 from drapeline.outfits.outfit import Garment, load_outfit
 from drapeline.storage import (
@@ -138,12 +139,13 @@ def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, fl
 
 
 def _motion(record: BodySequence) -> dict[str, Any]:
+    labels = record.labels
     return {
-        "sequence": record.sequence,
-        "source": record.source,
-        "subject": record.subject,
-        "action": record.action,
-        "start_frame": record.start_frame,
+        "sequence": labels.sequence,
+        "source": labels.source,
+        "subject": labels.subject,
+        "action": labels.action,
+        "start_frame": labels.start_frame,
         "frames": len(record.poses),
         "floor_penetration_m": record.penetration_m,
         "foot_sliding_m_s": record.foot_sliding_m_s,

@@ -1,4 +1,4 @@
-"""What an experiment surely cannot do, found before any job runs."""
+"""Checks of an experiment before any job runs: contradictions, splits and stages without data."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -53,7 +53,7 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
 def require_splits(
     planned: Iterable[str], needed: Sequence[str], *, group: str, shares: Mapping[str, Any]
 ) -> None:
-    """Check that a plan has something in each split that is going to be used.
+    """Check that a plan puts something into every split that is going to be used.
 
     Args:
         planned: split of everything in the plan.
@@ -64,18 +64,18 @@ def require_splits(
     Raises:
         InputError: one of the splits is empty.
     """
-    found = Counter(planned)
+    counts = Counter(planned)
     for split in needed:
-        if not found[split]:
+        if not counts[split]:
             raise InputError(
                 f"{group}.val_share is {shares['val_share']} and {group}.test_share"
-                f" {shares['test_share']}, which puts none of {found.total()} into {split},"
+                f" {shares['test_share']}, which puts none of {counts.total()} into {split},"
                 " expected one or more; samples of one clip are never divided between splits"
             )
 
 
 class PlannedSequence(NamedTuple):
-    """A garment that Garment4D is going to see in motion.
+    """A garment in motion that Garment4D is going to learn from or be tested on.
 
     Attributes:
         source: "simulated" or "skinned".
@@ -96,36 +96,37 @@ def planned_sequences(
     frames: int,
     step: int,
 ) -> list[PlannedSequence]:
-    """Every sequence of a garment type, should no sample be rejected.
+    """Every sequence of a garment type, provided that no sample is rejected.
 
     Args:
         garment: type.
         samples: simulated; static outfits move as those of their split do.
         outfits: static, put into motion.
-        frames, step: of a static outfit in motion, and the frames of the sample between them.
+        frames: number of frames of a static outfit in motion.
+        step: between them, in frames of the sample.
 
     Raises:
         InputError: no sample is long enough for a static outfit to move through.
     """
     samples, outfits = list(samples), list(outfits)
     span = (frames - 1) * step + 1
-    longest = max((one.stop - one.start for one in samples), default=0)
+    longest = max((sample.stop - sample.start for sample in samples), default=0)
     if outfits and longest < span:
         raise InputError(
             f"garment4d.skinned.frames is {frames} and step {step}, which take {span} frames of a"
             f" sample, expected at most those of the longest, {longest}"
         )
-    moving = {one.split for one in samples if one.stop - one.start >= span}
+    moving = {sample.split for sample in samples if sample.stop - sample.start >= span}
     return [
         *(
-            PlannedSequence("simulated", one.split, one.stop - one.start)
-            for one in samples
-            if garment in one.outfit_type.split("+")
+            PlannedSequence("simulated", sample.split, sample.stop - sample.start)
+            for sample in samples
+            if garment in sample.outfit_type.split("+")
         ),
         *(
-            PlannedSequence("skinned", one.split, frames)
-            for one in outfits
-            if garment in one.outfit_type.split("+") and one.split in moving
+            PlannedSequence("skinned", outfit.split, frames)
+            for outfit in outfits
+            if garment in outfit.outfit_type.split("+") and outfit.split in moving
         ),
     ]
 
@@ -138,35 +139,35 @@ def require_sequences(
     sources: Sequence[str],
     window: int,
 ) -> None:
-    """Check that a stage of Garment4D has what it is trained and selected on.
+    """Check that a stage of Garment4D has the sequences that it is trained and selected on.
 
     Args:
         garment: type.
         planned: its sequences.
         stage: of the settings, for the message.
-        sources: of the training sequences; validation takes any where these give none.
+        sources: of the training sequences; validation takes any if these provide none.
         window: frames T.
 
     Raises:
         InputError: there are too few sequences, or one is shorter than a window.
     """
     planned = list(planned)
-    train = [one for one in planned if one.split == "train"]
-    val = [one for one in planned if one.split == "val"]
-    own = [one for one in train if one.source in sources]
-    for split, found, least, origin in (
+    train = [sequence for sequence in planned if sequence.split == "train"]
+    val = [sequence for sequence in planned if sequence.split == "val"]
+    own = [sequence for sequence in train if sequence.source in sources]
+    for split, available, least, origin in (
         ("train", train, _SPACE_GARMENTS, "of any source"),
         ("train", own, 1, f"of garment4d.{stage}.training.sources ({', '.join(sources)})"),
         ("val", val, 1, "of any source"),
     ):
-        if len(found) < least:
+        if len(available) < least:
             raise InputError(
-                f"the plan has {len(found)} sequences of a {garment} for {split} {origin},"
+                f"the plan has {len(available)} sequences of a {garment} for {split} {origin},"
                 f" expected {least} or more; outfits.types, samples.count, the shares of the"
                 " splits and garment4d.skinned.shards decide"
             )
-    seen = own + ([one for one in val if one.source in sources] or val)
-    shortest = min(seen, key=lambda one: one.frames)
+    seen = own + ([sequence for sequence in val if sequence.source in sources] or val)
+    shortest = min(seen, key=lambda sequence: sequence.frames)
     if shortest.frames < window:
         raise InputError(
             f"garment4d.{stage}.training.frames is {window}, expected at most {shortest.frames},"

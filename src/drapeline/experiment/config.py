@@ -1,4 +1,4 @@
-"""Check an experiment's settings against a closed JSON schema and fill in the defaults."""
+"""Checks of an experiment's settings against a closed JSON schema, which fills in defaults."""
 
 import copy
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ def checked_settings(
         source: name of the file the settings come from, for messages.
 
     Raises:
-        InputError: names the key, the value found and what is allowed, for the first problem.
+        InputError: names the key, its value and what is allowed, for the first problem.
     """
     filled = copy.deepcopy(dict(settings))
     _fill(filled, schema)

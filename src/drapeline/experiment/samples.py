@@ -14,7 +14,7 @@ from drapeline.seeding import rng_for
 
 @dataclass(frozen=True)
 class SamplePlan:
-    """What a sample is going to be.
+    """Plan of a sample.
 
     Attributes:
         sample: five-digit id.
@@ -42,7 +42,7 @@ class SamplePlan:
 
     @property
     def removable(self) -> str:
-        """Which parts of the body the outfit surely leaves bare, for self-collisions (3.1)."""
+        """Limbs that the outfit certainly leaves bare, a key of `bodies.animation.REMOVABLE`."""
         return "forearms" if self.outfit_type.startswith("Top") else "hands"
 
 

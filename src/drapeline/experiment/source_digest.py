@@ -102,7 +102,7 @@ class Sources:
     def _find_imports(self, path: Path) -> list[Path]:
         found = []
         for module, inner in self._code(path).imports:
-            # `from drapeline.outfits import cuts` may name a module rather than a function.
+            # `from drapeline.outfits import static` may name a module rather than a function.
             names = [f"{module}.{name}" for name in inner]
             for name in [n for n in names if self._module_file(n)] or [module]:
                 found.append(self._existing_file(name))

@@ -1,20 +1,20 @@
-"""A body as a solid: predicted cloth is pushed out of it."""
+"""Collision of predicted cloth with a body: vertices inside it are pushed out."""
 
 import numpy as np
 import scipy.sparse as sp
 import warp as wp
 
-from drapeline.geometry.smoothing import averaging_matrix, fairing
+from drapeline.geometry.smoothing import averaging_matrix, fairing, spread_pushes
 from drapeline.geometry.warp_mesh import warp_mesh
 
 _GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps
 _DEEP_M = 0.1  # cloth deeper in the body than this is left there: the way out is a guess
-_ROUNDS, _SPREAD = 3, 4  # of pushing, and of spreading a push over its neighbourhood
-_EVENNESS = 10.0  # see `fairing`
+_ROUNDS, _SPREAD = 3, 4  # of pushing, and of spreading each push over its neighbourhood
+_FAIRING = 10.0  # strength, see `fairing`
 
 
 @wp.kernel
-def _measure(
+def _push_to_gap(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
     push: wp.array(dtype=wp.vec3),
@@ -48,30 +48,38 @@ class Solid:
         self._mesh.points.assign(vertices)
         self._mesh.refit()
 
-    def left_by(self, cloth: np.ndarray, average: sp.csr_matrix) -> np.ndarray:
-        """Cloth (V, 3) pushed out of the body; pushes are spread, and the last one is exact."""
+    def push_out(self, cloth: np.ndarray, average: sp.csr_matrix) -> np.ndarray:
+        """Cloth (V, 3) pushed out of the body by a gap of 4 mm.
+
+        Pushes but the last are spread over the neighbourhood, so that the body does not emboss
+        the cloth; the last one is exact.
+
+        Args:
+            cloth: (V, 3) metres.
+            average: (V, V) of `averaging_matrix`.
+
+        Returns:
+            (V, 3) float32; `cloth` itself where nothing had to move.
+        """
         moved_last = np.arange(len(cloth))
         for round_ in range(_ROUNDS):
             push = np.zeros_like(cloth)
-            push[moved_last] = self._push(cloth[moved_last])
+            push[moved_last] = self._pushes(cloth[moved_last])
             if not push.any():
                 break
             if round_ < _ROUNDS - 1:
-                for _ in range(_SPREAD):
-                    mean = average @ push
-                    longer = (mean * mean).sum(1) > (push * push).sum(1)
-                    push = np.where(longer[:, None], mean, push)
+                push = spread_pushes(push, average, _SPREAD)
             cloth = (cloth + push).astype(np.float32)
             moved_last = np.flatnonzero(push.any(axis=1))  # the others are outside, and stay so
         return cloth
 
-    def _push(self, cloth: np.ndarray) -> np.ndarray:
-        """(V, 3) the way to where each vertex is outside by the gap; zero for those that are."""
-        push = wp.zeros(len(cloth), dtype=wp.vec3, device="cpu")
+    def _pushes(self, points: np.ndarray) -> np.ndarray:
+        """(P, 3) from each point to where it is outside by the gap; zero if it is already."""
+        push = wp.zeros(len(points), dtype=wp.vec3, device="cpu")
         wp.launch(
-            _measure,
-            dim=len(cloth),
-            inputs=[self._mesh.id, wp.array(cloth, dtype=wp.vec3, device="cpu")],
+            _push_to_gap,
+            dim=len(points),
+            inputs=[self._mesh.id, wp.array(points, dtype=wp.vec3, device="cpu")],
             outputs=[push],
             device="cpu",
         )
@@ -81,10 +89,10 @@ class Solid:
 def resolve_penetration(
     cloth: np.ndarray, faces: np.ndarray, bodies: np.ndarray, body_faces: np.ndarray
 ) -> np.ndarray:
-    """Decoded cloth evened out and pushed out of the posed body; our own, no part of CLOTH3D.
+    """Smooth decoded cloth and push it out of the posed body; our own, no part of CLOTH3D.
 
-    Skinning moves every vertex by weights of its own, so what a network leaves over of an error
-    is rough; and an error of a centimetre is more than cloth keeps from the skin.
+    Skinning moves every vertex by weights of its own, so that the errors a network leaves are
+    rough; and an error of a centimetre is more than the distance of cloth from the skin.
 
     Args:
         cloth: (N, M, 3) metres, frames of one garment.
@@ -96,17 +104,18 @@ def resolve_penetration(
         (N, M, 3) float32.
 
     Raises:
-        ValueError: cloth and bodies are of unlike numbers of frames.
+        ValueError: the numbers of frames of cloth and bodies differ.
     """
     if len(cloth) != len(bodies):
         raise ValueError(
             f"{len(cloth)} frames of cloth came with {len(bodies)} bodies, expected one per frame"
         )
-    average, solid = averaging_matrix(faces, cloth.shape[1]), Solid(bodies[0], body_faces)
-    even = fairing(faces, average, _EVENNESS)
+    count = cloth.shape[1]
+    average, remove_bumps = averaging_matrix(faces, count), fairing(faces, count, _FAIRING)
+    solid = Solid(bodies[0], body_faces)
     out = np.zeros(cloth.shape, dtype=np.float32)
     for frame, (points, body) in enumerate(zip(cloth, bodies, strict=True)):
         solid.move(body)
-        evened = even(points.astype(np.float64)).astype(np.float32)
-        out[frame] = solid.left_by(evened, average)
+        smooth = remove_bumps(points.astype(np.float64)).astype(np.float32)
+        out[frame] = solid.push_out(smooth, average)
     return out

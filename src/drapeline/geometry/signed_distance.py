@@ -1,16 +1,16 @@
-"""How far points are outside of a body, asked for many times."""
+"""Signed distances to a closed mesh that is queried many times."""
 
 import igl
 import numpy as np
 
-_ON_EDGE = 1e-9  # barycentric coordinate that counts as none
+_ON_EDGE = 1e-9  # barycentric coordinates below this count as zero
 
 
 class SignedDistance:
-    """A closed triangle mesh: signed distances by angle-weighted pseudonormals.
+    """Signed distances to a closed triangle mesh by angle-weighted pseudonormals.
 
-    After Baerentzen and Aanaes (2005), as libigl's `signed_distance`, which indexes the mesh
-    anew for every question.
+    After Baerentzen and Aanaes (2005), as libigl's `signed_distance`, which would index the mesh
+    anew for every query.
 
     Args:
         vertices: (V, 3) metres.
@@ -29,10 +29,18 @@ class SignedDistance:
         self._of_edges, _, edge = igl.per_edge_normals(
             self._vertices, self._faces, igl.PER_EDGE_NORMALS_WEIGHTING_TYPE_UNIFORM
         )
-        self._edge = edge.reshape(3, -1)  # of each face, opposite to its corners
+        self._edge = edge.reshape(3, -1)  # ids of each face's edges, opposite to its corners
 
-    def outside(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distance (P,) of points (P, 3), negative inside, and the unit way out (P, 3)."""
+    def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distances and the ways out.
+
+        Args:
+            points: (P, 3) metres.
+
+        Returns:
+            Distances (P,) in metres, negative inside, and unit vectors (P, 3) in which they grow;
+            on the surface itself these are the pseudonormals.
+        """
         points = np.ascontiguousarray(points, dtype=np.float64)
         squared, face, nearest = self._tree.squared_distance(self._vertices, self._faces, points)
         normal = self._pseudonormal(nearest, face)
@@ -50,10 +58,10 @@ class SignedDistance:
         shares = igl.barycentric_coordinates(
             places, *(self._vertices[corners[:, i]] for i in range(3))
         )
-        none = shares < _ON_EDGE
+        zero = shares < _ON_EDGE
         normal = self._of_faces[face]
-        edge = np.flatnonzero(none.sum(axis=1) == 1)
-        normal[edge] = self._of_edges[self._edge[none[edge].argmax(axis=1), face[edge]]]
-        vertex = np.flatnonzero(none.sum(axis=1) == 2)
+        edge = np.flatnonzero(zero.sum(axis=1) == 1)
+        normal[edge] = self._of_edges[self._edge[zero[edge].argmax(axis=1), face[edge]]]
+        vertex = np.flatnonzero(zero.sum(axis=1) == 2)
         normal[vertex] = self._of_vertices[corners[vertex, shares[vertex].argmax(axis=1)]]
         return normal

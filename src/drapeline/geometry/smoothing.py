@@ -1,34 +1,89 @@
-"""Smoothing of garment meshes with parts held in place."""
+"""Smoothing over the edges of a mesh: neighbour averages, Laplacian smoothing, fairing."""
 
 from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
 
-from drapeline.geometry.mesh import boundary_edges, edge_graph, edges
+from drapeline.geometry.mesh import boundary_edges, edge_graph, edge_lengths, edges
 from drapeline.geometry.sparse import symmetric_factor
 
-
-def averaging_matrix(faces: np.ndarray, count: int) -> sp.csr_matrix:
-    """(count, count) matrix that replaces each vertex by the mean of its edge neighbours."""
-    edge = edges(faces)
-    both = np.concatenate([edge, edge[:, ::-1]])
-    matrix = sp.csr_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count))
-    degree = np.maximum(np.asarray(matrix.sum(axis=1)).ravel(), 1)
-    return sp.diags(1 / degree).dot(matrix).tocsr()
+# Moves points (P, 3) to where they may be, such as out of a solid.
+Constraint = Callable[[np.ndarray], np.ndarray]
+_EQUALISING_STEP = 0.7
 
 
-def smoothed(
+def averaging_matrix(
+    faces: np.ndarray, count: int, *, along_boundaries: bool = False
+) -> sp.csr_matrix:
+    """Matrix (count, count) that gives each vertex the mean of its edge neighbours.
+
+    Rows of vertices without edges are zero.
+
+    Args:
+        faces: (F, 3) or (F, 4).
+        count: number of vertices.
+        along_boundaries: whether a vertex on a boundary averages its neighbours along the
+            boundary alone, so that smoothing leaves hems as lines.
+    """
+    graph = edge_graph(edges(faces), count)
+    if along_boundaries:
+        boundary = edge_graph(boundary_edges(faces), count)
+        inside = _degrees(boundary) == 0
+        graph = sp.diags(inside.astype(float)) @ graph + boundary
+    return (sp.diags(1 / np.maximum(_degrees(graph), 1)) @ graph).tocsr()
+
+
+def uniform_laplacian(faces: np.ndarray, count: int) -> sp.csr_matrix:
+    """Matrix (count, count) of degrees less adjacency: the graph Laplacian of a mesh's edges."""
+    graph = edge_graph(edges(faces), count)
+    return sp.diags(_degrees(graph)) - graph
+
+
+def _degrees(graph: sp.csr_matrix) -> np.ndarray:
+    """(V,) number of neighbours."""
+    return np.asarray(graph.sum(axis=1)).ravel()
+
+
+def blur(values: np.ndarray, average: sp.csr_matrix, passes: int) -> np.ndarray:
+    """Move values (V, ...) half-way to their neighbours' mean, `passes` times.
+
+    Args:
+        average: (V, V) of `averaging_matrix`.
+    """
+    for _ in range(passes):
+        values = (values + average @ values) / 2
+    return values
+
+
+def spread_pushes(pushes: np.ndarray, average: sp.csr_matrix, passes: int) -> np.ndarray:
+    """Let pushes (V, 3) reach the neighbourhood: none gets shorter, short ones become the mean.
+
+    Args:
+        average: (V, V) of `averaging_matrix`.
+    """
+    for _ in range(passes):
+        mean = average @ pushes
+        longer = (mean * mean).sum(1) > (pushes * pushes).sum(1)
+        pushes = np.where(longer[:, None], mean, pushes)
+    return pushes
+
+
+def smooth(
     vertices: np.ndarray,
     average: sp.csr_matrix,
     weight: np.ndarray,
     passes: int,
-    keep_out: Callable[[np.ndarray], np.ndarray] | None = None,
+    keep_out: Constraint | None = None,
 ) -> np.ndarray:
-    """Laplacian smoothing with a weight (V,) per vertex, 0 = held.
+    """Laplacian smoothing with parts of a mesh held in place.
 
     Args:
-        keep_out: applied to all positions after each pass, to leave a solid.
+        vertices: (V, 3).
+        average: (V, V) of `averaging_matrix`.
+        weight: (V,) share of the way to the neighbours' mean that a pass goes; 0 holds a vertex.
+        passes: number of passes.
+        keep_out: applied after each pass to the vertices that move.
     """
     moved = weight > 0
     rows = average[moved]
@@ -41,16 +96,23 @@ def smoothed(
     return out
 
 
-def evened(
+def equalise_edges(
     vertices: np.ndarray,
     faces: np.ndarray,
     free: np.ndarray,
     passes: int,
-    keep_out: Callable[[np.ndarray], np.ndarray] | None = None,
+    keep_out: Constraint | None = None,
 ) -> np.ndarray:
-    """Free vertices moved so that edges become alike: longer edges pull more.
+    """Move free vertices so that their edges get similar lengths: longer edges pull harder.
 
     Unlike plain smoothing this does not crowd vertices where a border bends into the cloth.
+
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3) or (F, 4).
+        free: (V,) bool, the vertices to move.
+        passes: number of passes.
+        keep_out: applied after each pass to the vertices that move.
     """
     pairs = edges(faces)
     pairs = pairs[free[pairs].any(axis=1)]
@@ -58,35 +120,28 @@ def evened(
     count = len(vertices)
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     for _ in range(passes):
-        pull = np.linalg.norm(out[pairs[:, 0]] - out[pairs[:, 1]], axis=1)
-        pull = np.tile(pull, 2)
+        pull = np.tile(edge_lengths(out, pairs), 2)
         total = np.bincount(ends[:, 0], pull, count)
         goal = np.stack(
             [np.bincount(ends[:, 0], pull * out[ends[:, 1], k], count) for k in range(3)], axis=1
         )
-        out[free] += 0.7 * (goal[free] / total[free, None] - out[free])
+        out[free] += _EQUALISING_STEP * (goal[free] / total[free, None] - out[free])
         if keep_out is not None:
             out[free] = keep_out(out[free])
     return out
 
 
-def fairing(
-    faces: np.ndarray, average: sp.csr_matrix, strength: float
-) -> Callable[[np.ndarray], np.ndarray]:
-    """A function that evens out vertices (V, 3) of one mesh.
+def fairing(faces: np.ndarray, count: int, strength: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A function that removes bumps from the vertices (count, 3) of one mesh.
 
-    It minimises |x - given|^2 + strength |x - Mx|^2, where M takes the mean of a vertex's
-    neighbours; for a vertex on a boundary, of its neighbours along the boundary. Bumps a few edges
-    wide are removed, wide folds stay, and unlike plain smoothing it does not shrink boundaries.
+    It minimises |x - given|^2 + strength |x - Mx|^2, where M is `averaging_matrix` along
+    boundaries. Bumps a few edges wide are removed, wide folds stay, and unlike plain smoothing it
+    does not shrink boundaries.
 
     Args:
         faces: (F, 3).
-        average: (V, V), see `averaging_matrix`.
-        strength: of the second term; folds as long as n edges lose half at 0.01 n^4.
+        count: number of vertices.
+        strength: of the second term; folds n edges long lose half their height at 0.01 n^4.
     """
-    count = average.shape[0]
-    boundary = edge_graph(boundary_edges(faces), count)
-    on_boundary = np.asarray(boundary.sum(axis=1)).ravel()
-    inner = sp.diags((on_boundary == 0).astype(float)) @ average
-    away = sp.eye(count) - inner - sp.diags(1 / np.maximum(on_boundary, 1)) @ boundary
+    away = sp.eye(count) - averaging_matrix(faces, count, along_boundaries=True)
     return symmetric_factor(sp.eye(count) + strength * away.T @ away).solve

@@ -1,4 +1,4 @@
-"""Triangle meshes as Warp indexes them, for closest points and rays."""
+"""Triangle meshes indexed by Warp, for closest points and rays."""
 
 import os
 import sys
@@ -18,8 +18,8 @@ _NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 def start_warp() -> None:
     """Start Warp, once.
 
-    Its native part writes to the process's stderr, past Python, that there is no CUDA driver. On
-    most machines that is so, and every job would say it on the user's terminal: it goes to the log.
+    Where there is no CUDA driver Warp's native part says so on the process's stderr, past Python.
+    That is so on most machines, and would show on the terminal for every job: it goes to the log.
     """
     sys.stderr.flush()
     terminal = os.dup(2)
@@ -39,7 +39,7 @@ def start_warp() -> None:
 
 
 def warp_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
-    """A mesh on the processor.
+    """A mesh in main memory, indexed for queries.
 
     Args:
         vertices: (V, 3).

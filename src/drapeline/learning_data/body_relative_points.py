@@ -6,9 +6,8 @@ F frames, P points. Coordinates are metres relative to the root joint, Z up.
 import numpy as np
 from scipy.spatial import cKDTree
 
-from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.geometry.mesh import vertex_normals
 
 _NEAR_M = 0.005  # cloth that lies on skin is less than this above it

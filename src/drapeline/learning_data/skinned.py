@@ -1,8 +1,8 @@
 """Static outfits put into motion by their skinning weights: cheap sequences of many garments.
 
-The canonical stage of Garment4D learns what a garment is like from clouds of it, and needs many
-garments more than it needs true folds. A simulated sample takes minutes and is one outfit; here an
-outfit that was never simulated goes through a few frames of some sample's motion in a tenth of a
+The canonical stage of Garment4D learns the shapes of garments from point clouds, and needs many
+garments more than it needs true folds. A simulated sample takes minutes and shows one outfit; here
+an outfit that was never simulated goes through a few frames of a sample's motion in a tenth of a
 second.
 """
 
@@ -15,10 +15,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.weight_transfer import garment_weights
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points
+from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.point_clouds import (
     CloudSampler,
@@ -32,12 +32,11 @@ from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.collision import Solid
-from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.mesh import mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.outfits.garment_types import SKIRTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static
-from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, load_npz, open_array, read_json, save_npz, write_json
@@ -89,12 +88,12 @@ def wear(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> Worn:
     garments, averages = {}, {}
     for garment in outfit.garments:
         weights = worn_weights(garment, rest, body)
-        garments[garment.name] = moved(garment.vertices, motions, weights).astype(np.float32)
+        garments[garment.name] = skin_points(garment.vertices, motions, weights).astype(np.float32)
         averages[garment.name] = averaging_matrix(garment.faces, len(garment.vertices))
     for frame, vertices in enumerate(posed):
         solid.move(vertices)
         for name, cloth in garments.items():
-            cloth[frame] = solid.left_by(cloth[frame], averages[name])
+            cloth[frame] = solid.push_out(cloth[frame], averages[name])
     return Worn(posed, garments)
 
 
@@ -107,22 +106,20 @@ def worn_weights(garment: Garment, rest: np.ndarray, body: BodyModel) -> np.ndar
         body: its model.
     """
     triangles = triangulate(garment.faces)
-    weights = garment_weights(garment.vertices, triangles, rest, body.faces, body.weights)
+    weights = nearest_weights(garment.vertices, triangles, rest, body.faces, body.weights)
     if garment.name not in SKIRTS:
         return weights
-    return _diffused(weights, garment.vertices, garment.faces)
+    return _diffuse(weights, garment.vertices, garment.faces)
 
 
-def _diffused(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _diffuse(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Weights after one implicit step of diffusion over a length of `_SKIRT_REACH_M`.
 
     (1 + t (1 - A)) w' = w, where A averages over the neighbours; a walk of t steps gets as far as
     the square root of t edges.
     """
     average = averaging_matrix(faces, len(vertices))  # of quads: diagonals would drag hems aside
-    pairs = edges(faces)
-    edge = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1).mean()
-    time = (_SKIRT_REACH_M / float(edge)) ** 2
+    time = (_SKIRT_REACH_M / mean_edge_length(vertices, faces)) ** 2
     system = sp.identity(len(vertices)) * (1 + time) - time * average
     used = weights.any(axis=0)
     out = np.zeros_like(weights)
@@ -131,7 +128,7 @@ def _diffused(weights: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> n
 
 
 @dataclass(frozen=True)
-class Motion:
+class SampleMotion:
     """A simulated sample's poses.
 
     Attributes:
@@ -145,20 +142,23 @@ class Motion:
     poses: np.ndarray
 
 
-def read_motions(samples: Sequence[str | Path]) -> list[Motion]:
-    """Poses of the accepted ones among simulated samples' folders, by id.
+def read_motions(samples: Sequence[str | Path]) -> list[SampleMotion]:
+    """Read the poses of the accepted ones among simulated samples, sorted by id.
+
+    Args:
+        samples: folders.
 
     Raises:
         InputError: a file of a sample is missing or damaged.
     """
-    found = []
+    motions = []
     for folder in samples:
         record = read_record(folder)
         if record.accepted:
             with Sample(folder) as sample:
                 poses = sample.info.poses
-            found.append(Motion(record.meta["id"], record.meta["split"], poses))
-    return sorted(found, key=lambda motion: motion.sample)
+            motions.append(SampleMotion(record.meta["id"], record.meta["split"], poses))
+    return sorted(motions, key=lambda motion: motion.sample)
 
 
 def write_skinned(
@@ -182,7 +182,7 @@ def write_skinned(
         shard: `.npz` of static outfits.
         samples: folders of simulated samples.
         bodies: whole, by gender.
-        settings: see there.
+        settings: of the frames and clouds.
         garments: types wanted; outfits without any of them are left out.
 
     Returns:
@@ -220,7 +220,7 @@ def write_skinned(
 def _write(
     folder: Path,
     outfits: Sequence[StaticOutfit],
-    motions: Sequence[Motion],
+    motions: Sequence[SampleMotion],
     bodies: Mapping[str, BodyModel],
     settings: SkinnedSettings,
 ) -> None:
@@ -310,7 +310,7 @@ class SkinnedSequence(NamedTuple):
 
 
 def load_skinned(folder: str | Path) -> Iterator[SkinnedSequence]:
-    """Go through what `write_skinned` wrote.
+    """Yield the sequences of a folder that `write_skinned` wrote.
 
     Raises:
         InputError: a file is missing or damaged, or the files do not fit together.

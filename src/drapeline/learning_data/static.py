@@ -1,4 +1,4 @@
-"""All registered static garments as arrays that are mapped, not read."""
+"""All registered static garments in memory-mapped arrays."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,8 +32,8 @@ def collect_static(
         Number of garments.
 
     Raises:
-        InputError: a shard lacks arrays, counts other vertices than the bodies, or no row is for
-            training.
+        InputError: a shard lacks arrays or has another number of vertices than the bodies, or no
+            row is for training.
     """
     about = [load_npz(path, *_ROWS, only=True) for path in shards]
     rows = {key: np.concatenate([part[key] for part in about]) for key in _ROWS}
@@ -78,7 +78,7 @@ def static_cvar(shape: np.ndarray, gender: np.ndarray, tightness: np.ndarray) ->
 
 
 class StaticData:
-    """What `collect_static` wrote.
+    """Static garments, as `collect_static` wrote them.
 
     Attributes:
         offsets: (N, V, 3) float32 metres, memory-mapped.
@@ -107,12 +107,12 @@ class StaticData:
         self.garment, self.outfit, self.split = rows["garment"], rows["outfit"], rows["split"]
         self.mean, self.std = statistics["mean"], statistics["std"]
         self.body_mean, self.body_std = statistics["body_mean"], statistics["body_std"]
-        self.offsets, self.mask = self._mapped("offsets"), self._mapped("mask")
+        self.offsets, self.mask = self._open("offsets"), self._open("mask")
 
     def __len__(self) -> int:
         return len(self.garment)
 
-    def _mapped(self, name: str) -> np.ndarray:
+    def _open(self, name: str) -> np.ndarray:
         path = self.folder / f"{name}.npy"
         array = open_array(path)
         if array.shape[:2] != (len(self), len(self.mean)):
@@ -141,8 +141,8 @@ class StaticData:
     def names(self, rows: np.ndarray) -> list[str]:
         """Outfit and garment of rows, for messages."""
         return [
-            f"{outfit}/{GARMENTS[kind]}"
-            for outfit, kind in zip(self.outfit[rows], self.garment[rows], strict=True)
+            f"{outfit}/{GARMENTS[garment]}"
+            for outfit, garment in zip(self.outfit[rows], self.garment[rows], strict=True)
         ]
 
     def batch(self, rows: np.ndarray) -> dict[str, np.ndarray | list[str]]:

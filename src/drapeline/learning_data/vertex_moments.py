@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-# A vertex that hardly ever wears cloth has no deviation to speak of: dividing by it would blow up
-# a millimetre to the size of a sleeve.
+# Where cloth hardly varies the deviation is tiny: dividing by it would blow up a millimetre to the
+# size of a sleeve.
 OFFSET_STD_FLOOR_M = 0.005
 BODY_STD_FLOOR_M = 0.01
 

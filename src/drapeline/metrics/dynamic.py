@@ -12,8 +12,8 @@ from drapeline.metrics.garment import garment_measures, garment_mesh, inside_mea
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (
-    dressed,
     dynamic_offsets,
+    points_from_offsets,
 )
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
@@ -147,7 +147,7 @@ def moving_baseline_summary(
             body, frames = bodies[moving.gender], np.arange(0, len(moving.poses), step)
             wrinkles = mean[GARMENTS.index(moving.name)] * moving.registered.mask[:, None]
             for name, offsets in ((STILL, np.zeros_like(wrinkles)), (MEAN, wrinkles)):
-                points = dressed(
+                points = points_from_offsets(
                     moving.registered,
                     np.broadcast_to(offsets, (len(frames), *offsets.shape)),
                     body,

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.errors import InputError
 from drapeline.motions.skeleton import Take, chain, globals_from_locals
 
-CMU_FPS = 120.0  # an AMC file does not say
+CMU_FPS = 120.0  # AMC files do not tell their frame rate
 
 
 @dataclass

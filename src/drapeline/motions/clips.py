@@ -13,7 +13,7 @@ from drapeline.motions.arms import steady_upper_arms
 from drapeline.motions.deepmimic import read_deepmimic
 from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
-from drapeline.motions.looping import closed_cycle
+from drapeline.motions.looping import close_cycle
 from drapeline.motions.motion import Motion, interpolate, resampled_count, save_motion
 from drapeline.motions.retarget import retarget
 from drapeline.storage import atomic_file
@@ -55,7 +55,7 @@ def convert_clip(path: Path, clip: Clip) -> Motion:
     poses, trans = retarget(take, load_joint_map(BUILT_IN / "deepmimic.yaml"))
     cycle = None
     if cyclic:
-        poses, trans, cycle = closed_cycle(
+        poses, trans, cycle = close_cycle(
             poses, trans, take.times_s, fps=FPS, straight=clip.straight
         )
     else:

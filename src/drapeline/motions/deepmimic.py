@@ -1,4 +1,4 @@
-"""The humanoid3d clips of DeepMimic, as found in the pybullet wheel (JSON in .txt files)."""
+"""The humanoid3d clips of DeepMimic, as the pybullet wheel has them (JSON in .txt files)."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def read_deepmimic(path: str | Path) -> tuple[Take, bool]:
             quaternion (w first), then a quaternion per joint, or an angle for knees and elbows.
 
     Returns:
-        The take, and whether the clip is a cycle whose last frame is its first, moved on.
+        The take, and whether the clip is a cycle whose last frame repeats its first elsewhere.
 
     Raises:
         InputError: the file is missing, unreadable or of another layout.

@@ -21,9 +21,9 @@ from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, reference_joints
 CONTACT_HEIGHT_M = 0.03  # a point this near the floor may be standing on it
 CONTACT_SPEED_M_S = 0.4  # a faster point is not
 REST_HEIGHT_M = 0.035  # a foot rests if it is no higher
-REST_SPEED_M_S = 0.6  # and its bearing points no faster
+REST_SPEED_M_S = 0.6  # and the points it stands on are no faster
 MIN_REST_FRAMES = 3
-_BEARING_M = 0.01  # sole points this near to the lowest one bear with it
+_BEARING_M = 0.01  # sole points this near to the lowest one carry weight with it
 _NEIGHBOURHOOD_S = 0.5  # a support is nearly the lowest that the body gets within this time
 _NEIGHBOURHOOD_M = 0.06
 _SMOOTH_S = 0.1
@@ -75,8 +75,8 @@ class FloorReport:
     """How well a motion stands on the floor z = 0, on the reference skeleton.
 
     Attributes:
-        sliding_mm_per_frame: mean horizontal travel from one frame to the next of what bears of
-            a resting foot.
+        sliding_mm_per_frame: mean horizontal travel from one frame to the next of the points
+            that a resting foot stands on.
         near_floor_mm_per_frame: the same of every sole point that is within 3 cm of the floor
             and not swinging; pivots and feet about to lift count here.
         resting: share of frames in which a foot rests, over both feet.
@@ -135,11 +135,11 @@ def _mean_mm(values: np.ndarray) -> float:
 
 
 def sole_rests(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """When each foot rests, and how fast its bearing points travel.
+    """When each foot rests, and how the points it stands on travel.
 
     Returns:
-        Resting (N, 2) bool for left and right, and the travel (N, 2, 3) in metres of the bearing
-        points from each frame to the next, 0 in the last frame.
+        Resting (N, 2) bool for left and right, and the travel (N, 2, 3) in metres of the points
+        that carry weight from each frame to the next, 0 in the last frame.
     """
     points = touch_points(motion.poses, motion.trans, leg_length_m=motion.reference_leg_length_m)
     resting = np.zeros((len(motion), 2), dtype=bool)
@@ -188,13 +188,13 @@ def rest_supports(motion: Motion) -> Motion:
     height = points[..., 2].min(1)
     supported = supported_frames(points, motion.fps)
     if not supported.any():
-        return _raised(motion, np.full(len(motion), -height.min()))
+        return _raise_root(motion, np.full(len(motion), -height.min()))
     rounds = 1 if motion.cycle is None else 3
     height, supported = np.tile(height, rounds), np.tile(supported, rounds)
     frames = np.arange(len(height))
     lift = np.interp(frames, frames[supported], -height[supported])
     lift = gaussian_filter1d(lift, _SMOOTH_S * motion.fps, mode="nearest")
-    return _raised(motion, lift)
+    return _raise_root(motion, lift)
 
 
 def lift_out(motion: Motion) -> Motion:
@@ -204,10 +204,10 @@ def lift_out(motion: Motion) -> Motion:
     # A smooth bump at least as high as what it must lift: widen, then blur by less than that.
     width = max(round(_SMOOTH_S * motion.fps), 1)
     raised = maximum_filter1d(sunk, 4 * width + 1, mode="nearest")
-    return _raised(motion, gaussian_filter1d(raised, width / 2, mode="nearest"))
+    return _raise_root(motion, gaussian_filter1d(raised, width / 2, mode="nearest"))
 
 
-def _raised(motion: Motion, lift: np.ndarray) -> Motion:
+def _raise_root(motion: Motion, lift: np.ndarray) -> Motion:
     """Add (N,) metres to the root's height; of three rounds of a cycle the middle one counts."""
     count = len(motion)
     trans = motion.trans.copy()

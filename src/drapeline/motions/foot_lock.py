@@ -1,8 +1,8 @@
-"""Feet that stay where they stand: legs are bent a little so that a bearing foot does not slide.
+"""Feet that stay where they stand: legs are bent a little so that a standing foot does not slide.
 
-While a foot rests on the floor, the travel of its bearing points is subtracted from it; between
-two rests the correction is carried over smoothly. The hip and the knee follow by the law of
-cosines, the foot keeps its direction, the root its path.
+While a foot rests on the floor, the travel of the points it stands on is subtracted from it;
+between two rests the correction is interpolated smoothly. The hip and the knee follow by the law
+of cosines, the foot keeps its direction and the root its path.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from drapeline.frames import JOINT_NAMES
 from drapeline.motions.floor import MIN_REST_FRAMES, SOLES_BY_SIDE, sole_rests, touch_points
 from drapeline.motions.looping import loop_to
 from drapeline.motions.motion import Motion
-from drapeline.motions.retarget import between
+from drapeline.motions.retarget import rotation_between
 from drapeline.motions.skeleton import poses_from_globals, reference_joints
 
 MAX_SHIFT_M = 0.10  # a foot is not moved further than this from where it was captured
@@ -32,17 +32,17 @@ def lock_feet(motion: Motion) -> Motion:
         The motion with other hip, knee and ankle rotations.
     """
     if motion.cycle is None:
-        return _locked(motion)
+        return _lock(motion)
     count = len(motion)
-    # The middle of three rounds sees its neighbours; the first round is where the clip is.
-    rounds = _locked(loop_to(motion, 3 * count))
+    # The middle of three rounds has neighbours on both sides, and its poses fit every round.
+    rounds = _lock(loop_to(motion, 3 * count))
     middle = rounds.poses[count : 2 * count].reshape(-1, 24, 3)
     poses = motion.poses.reshape(-1, 24, 3).copy()
-    poses[:, 1:] = middle[:, 1:]  # below the root, rotations do not know where it stands
+    poses[:, 1:] = middle[:, 1:]  # rotations below the root do not depend on where it is
     return replace(motion, poses=poses.reshape(-1, 72))
 
 
-def _locked(motion: Motion) -> Motion:
+def _lock(motion: Motion) -> Motion:
     if len(motion) < 2 * MIN_REST_FRAMES:
         return motion
     joints, rotations = reference_joints(
@@ -70,13 +70,13 @@ def _shift(resting: np.ndarray, travel: np.ndarray, height: np.ndarray) -> np.nd
     shift[:, 2] = -height
     known = frames[resting]
     blend = np.stack([np.interp(frames, known, shift[known, axis]) for axis in range(3)], axis=1)
-    blend = _eased(blend, resting)
+    blend = _ease(blend, resting)
     blend[:, 2] = np.maximum(blend[:, 2], -height)  # a swinging foot is not pushed below the floor
     length = np.linalg.norm(blend, axis=1, keepdims=True)
     return blend * np.minimum(1.0, MAX_SHIFT_M / np.maximum(length, 1e-9))
 
 
-def _eased(blend: np.ndarray, resting: np.ndarray) -> np.ndarray:
+def _ease(blend: np.ndarray, resting: np.ndarray) -> np.ndarray:
     """Replace straight lines between rests by an S-curve, so that feet do not start abruptly."""
     out = blend.copy()
     known = np.flatnonzero(resting)
@@ -102,7 +102,7 @@ def _bend_leg(joints: np.ndarray, rotations: np.ndarray, side: str, shift: np.nd
         flexion = np.arctan2(np.cross(thigh, shin) @ hinge, thigh @ shin)
         # First the knee's hinge, then swing the bent leg onto the target.
         turn = _about(hinge, _flexion(*lengths, reach) - flexion)
-        swing = between(thigh + turn @ shin, target)
+        swing = rotation_between(thigh + turn @ shin, target)
         rotations[frame, hip] = swing @ rotations[frame, hip]
         rotations[frame, knee] = swing @ turn @ rotations[frame, knee]
 

@@ -1,8 +1,8 @@
 """Hands that lie on the floor where a straight hand would poke through it.
 
 Many skeletons stop at the wrist, or record little of it: a person who leans on both hands then
-has fingers below the floor. The wrist is bent, first towards the back of the hand as when leaning
-on a palm, just so far that the fingertips stay above.
+has fingers below the floor. The wrist is bent, preferably towards the back of the hand as when
+leaning on a palm, just far enough to keep the fingertips above.
 """
 
 from dataclasses import replace
@@ -44,7 +44,7 @@ def lay_hands(motion: Motion) -> Motion:
         if not bend.any():
             continue
         changed = True
-        bend = _smoothed(bend, cyclic=motion.cycle is not None)
+        bend = _smooth(bend, cyclic=motion.cycle is not None)
         turn = Rotation.from_rotvec(np.cross(along, back) * bend[:, None]).as_matrix()
         rotations[:, wrist] = turn @ rotations[:, wrist]
         rotations[:, hand] = turn @ rotations[:, hand]
@@ -69,14 +69,14 @@ def _needed_bend(along_z: np.ndarray, back_z: np.ndarray, height: np.ndarray) ->
     return np.where(along_z < -height, np.clip(bend, -MAX_BEND_RAD, MAX_BEND_RAD), 0.0)
 
 
-def _smoothed(bend: np.ndarray, *, cyclic: bool) -> np.ndarray:
+def _smooth(bend: np.ndarray, *, cyclic: bool) -> np.ndarray:
     """Ease in and out around the frames that need a bend, never less than they need."""
     mode = "wrap" if cyclic else "nearest"
     width = 4 * _SMOOTH_FRAMES + 1
 
-    def wide(part: np.ndarray) -> np.ndarray:
+    def widen(part: np.ndarray) -> np.ndarray:
         return gaussian_filter1d(
             maximum_filter1d(part, width, mode=mode), _SMOOTH_FRAMES, mode=mode
         )
 
-    return wide(np.maximum(bend, 0.0)) - wide(np.maximum(-bend, 0.0))
+    return widen(np.maximum(bend, 0.0)) - widen(np.maximum(-bend, 0.0))

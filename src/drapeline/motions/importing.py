@@ -1,4 +1,4 @@
-"""One door for every motion file: what it holds, and how many frames it will have."""
+"""Import of motion files of all formats, and the number of frames they will have."""
 
 import zipfile
 from dataclasses import replace
@@ -44,15 +44,15 @@ def import_motion(
         path: `.npz` (ours or AMASS), `.bvh` or `.amc`.
         joint_map: YAML joint map of a BVH or AMC skeleton; None tries the built-in ones.
         asf: skeleton of an AMC motion; None looks beside it.
-        amc_fps: frames per second of an AMC motion, which does not say.
-        frames: length of the result: cyclic clips are repeated to it, longer motions are cut;
-            shorter ones stay as they are. None keeps the whole motion.
+        amc_fps: frames per second of an AMC motion; the file does not tell.
+        frames: length of the result: cyclic clips are repeated up to it, longer motions are
+            cut, and shorter ones stay as they are. None keeps the whole motion.
         action, subject, sequence: labels; where empty, the file's own or its name are used.
 
     Raises:
         InputError: one sentence naming the file, the value and what was expected.
     """
-    path = _known(path)
+    path = _check_suffix(path)
     if path.suffix.lower() == ".npz":
         motion = _read_npz(path)
     else:
@@ -84,9 +84,9 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
     """Frames that `import_motion` would return, without reading the whole file.
 
     Raises:
-        InputError: the file is missing, of an unknown kind, or its header is unreadable.
+        InputError: the file is missing, of an unknown format, or its header is unreadable.
     """
-    path = _known(path)
+    path = _check_suffix(path)
     suffix, cyclic = path.suffix.lower(), False
     if suffix == ".npz":
         count, fps, cyclic = _npz_frames(path)
@@ -100,7 +100,7 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
     return frames if cyclic else min(count, frames)
 
 
-def _known(path: str | Path) -> Path:
+def _check_suffix(path: str | Path) -> Path:
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(
@@ -112,7 +112,7 @@ def _known(path: str | Path) -> Path:
 
 
 def _read_npz(path: Path) -> Motion:
-    """Our own file, told by its leg length, or else an AMASS one set on our floor."""
+    """Read our own file, recognised by its leg length, or else an AMASS file."""
     with _archive(path) as archive:
         ours = "reference_leg_length_m.npy" in archive.namelist()
     if ours:
@@ -155,7 +155,7 @@ def _archive(path: Path) -> zipfile.ZipFile:
 
 
 def _rate(times_s: np.ndarray) -> float:
-    """Frames per second of evenly spaced frames; one frame has none, and needs none."""
+    """Frames per second of evenly spaced frames."""
     return 1.0 / float(times_s[1] - times_s[0]) if len(times_s) > 1 else float(FPS)
 
 

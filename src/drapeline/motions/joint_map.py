@@ -44,8 +44,8 @@ class JointMap:
         missing = sorted(set(self.joints.values()) - set(take.names))
         if missing:
             raise InputError(
-                f"{take.source}: has no joint {_listed(missing)} that joint map {self.name} names; "
-                f"it has {_listed(take.names)}"
+                f"{take.source}: has no joint {_join(missing)} that joint map {self.name} names; "
+                f"it has {_join(take.names)}"
             )
         return {joint: take.names.index(source) for joint, source in self.joints.items()}
 
@@ -68,26 +68,26 @@ def load_joint_map(path: str | Path) -> JointMap:
         raise InputError(f"{path}: expected a key 'joints' with SMPL joint: source joint lines")
     strange = sorted(set(map(str, content)) - set(KEYS))
     if strange:
-        raise InputError(f"{path}: unknown key {_listed(strange)}, expected of {_listed(KEYS)}")
+        raise InputError(f"{path}: unknown key {_join(strange)}, expected of {_join(KEYS)}")
     joints = {str(key): str(value) for key, value in content["joints"].items()}
     unknown = sorted(set(joints) - set(JOINT_NAMES))
     if unknown:
         raise InputError(
-            f"{path}: {_listed(unknown)} is no SMPL joint, which are {_listed(JOINT_NAMES)}"
+            f"{path}: {_join(unknown)} is no SMPL joint, which are {_join(JOINT_NAMES)}"
         )
     lacking = [joint for joint in REQUIRED if joint not in joints]
     if lacking:
-        raise InputError(f"{path}: maps no source joint to {_listed(lacking)}, which is required")
+        raise InputError(f"{path}: maps no source joint to {_join(lacking)}, which is required")
     up = content.get("up")
     if up is not None and up not in UP_AXES:
-        raise InputError(f"{path}: 'up' is {up!r}, expected one of {_listed(UP_AXES)}")
+        raise InputError(f"{path}: 'up' is {up!r}, expected one of {_join(UP_AXES)}")
     return JointMap(str(path), joints, up, _twists(path, content.get("twist_deg", {})))
 
 
 def _twists(path: Path, content: object) -> dict[str, float]:
     limbs = [joint for joint in REQUIRED if joint.split("_")[-1] in _TWISTABLE]
     if not isinstance(content, dict) or not set(content) <= set(limbs):
-        raise InputError(f"{path}: 'twist_deg' is {content}, expected angles of {_listed(limbs)}")
+        raise InputError(f"{path}: 'twist_deg' is {content}, expected angles of {_join(limbs)}")
     for joint, angle in content.items():
         if not isinstance(angle, int | float) or not -180 <= angle <= 180:
             raise InputError(f"{path}: twist of {joint} is {angle}, expected -180 to 180 degrees")
@@ -114,13 +114,13 @@ def built_in_map(take: Take) -> JointMap:
     if fitting:
         return max(fitting, key=lambda joint_map: len(joint_map.joints))
     raise InputError(
-        f"{take.source}: joints {_listed(take.names)} fit no built-in map "
-        f"({_listed(Path(joint_map.name).stem for joint_map in shipped)}), expected a "
+        f"{take.source}: joints {_join(take.names)} fit no built-in map "
+        f"({_join(Path(joint_map.name).stem for joint_map in shipped)}), expected a "
         "'joint_map' YAML file that names the source joint of each SMPL joint"
     )
 
 
-def _listed(names: Iterable[object]) -> str:
+def _join(names: Iterable[object]) -> str:
     names = [str(name) for name in names]
     shown = ", ".join(names[:40])
     return shown if len(names) <= 40 else f"{shown} and {len(names) - 40} more"

@@ -10,7 +10,7 @@ from drapeline.motions.motion import Cycle, Motion, interpolate
 SEAM_S = 0.8  # the mismatch between a cycle's ends is blended out over this time
 
 
-def closed_cycle(
+def close_cycle(
     poses: np.ndarray,
     trans: np.ndarray,
     times_s: np.ndarray,
@@ -18,10 +18,10 @@ def closed_cycle(
     fps: float,
     straight: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, Cycle]:
-    """One round of a cyclic motion whose last pose is nearly its first, moved on.
+    """Close one round of a cyclic motion whose last pose nearly equals its first.
 
-    The round is stretched by less than half a frame to fill whole frames, and what the last pose
-    lacks to be the first one is blended in over the round's last `SEAM_S` seconds.
+    The round is stretched by less than half a frame to fill whole frames, and the difference of
+    the last pose from the first is blended out over the round's last `SEAM_S` seconds.
 
     Args:
         poses: (N, 72) radians in the Z-up world, first and last frame being the same instant of

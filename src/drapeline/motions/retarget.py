@@ -76,24 +76,24 @@ def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
 def body_frame(rest: np.ndarray, source: dict[str, int], name: str) -> np.ndarray:
     """Rotation (3, 3) from the source's axes to SMPL's (left, up, front) in its rest pose.
 
-    The axes are found from the hips and shoulders, and snapped to the file's own axes where they
+    The axes follow from the hips and shoulders, and are snapped to the file's own axes where they
     are close: a rest pose stands upright, though its spine is bent.
     """
     hips = rest[[source["left_hip"], source["right_hip"]]]
     shoulders = rest[[source["left_shoulder"], source["right_shoulder"]]]
-    up = _snapped(_unit(shoulders.mean(0) - hips.mean(0)))
+    up = _snap(_unit(shoulders.mean(0) - hips.mean(0)))
     left = hips[0] - hips[1] + shoulders[0] - shoulders[1]
     left = left - up * (left @ up)
     if np.linalg.norm(left) < 1e-9 or not np.isfinite(left).all():
         raise InputError(
             f"{name}: hips and shoulders lie on one line, expected a standing rest pose"
         )
-    left = _unit(_snapped(_unit(left)))
+    left = _unit(_snap(_unit(left)))
     left = _unit(left - up * (left @ up))
     return np.stack([left, up, np.cross(left, up)])
 
 
-def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Smallest rotation (3, 3) that turns direction `start` (3,) onto `end` (3,)."""
     start, end = _unit(start), _unit(end)
     axis, cosine = np.cross(start, end), float(start @ end)
@@ -117,7 +117,7 @@ def _alignment(
         bone = rest[source[end]] - rest[source[start]]
         align[start] = before
         if np.linalg.norm(bone) > 1e-9:
-            align[start] = between(before @ bone, np.array(direction)) @ before
+            align[start] = rotation_between(before @ bone, np.array(direction)) @ before
     for side in ("left", "right"):
         if f"{side}_wrist" in source:
             align[f"{side}_wrist"] = align[f"{side}_elbow"]
@@ -143,7 +143,7 @@ def _align_foot(
         bone = turn @ (rest[source[f"{side}_foot"]] - rest[source[f"{side}_ankle"]])
         ahead = np.array([bone[0], 0.0, bone[2]])
         if ahead[2] > 0.2 * np.linalg.norm(bone):
-            turn = between(ahead, np.array([0.0, 0.0, 1.0])) @ turn
+            turn = rotation_between(ahead, np.array([0.0, 0.0, 1.0])) @ turn
         align[f"{side}_foot"] = turn
     align[f"{side}_ankle"] = turn
 
@@ -177,14 +177,14 @@ def _world_frame(facing: np.ndarray, up: str | None) -> np.ndarray:
     if up is None:
         return facing
     axis = np.eye(3)["XYZ".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
-    return between(facing @ axis, np.array([0.0, 1.0, 0.0])) @ facing
+    return rotation_between(facing @ axis, np.array([0.0, 1.0, 0.0])) @ facing
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / max(np.linalg.norm(vector), 1e-12)
 
 
-def _snapped(direction: np.ndarray) -> np.ndarray:
+def _snap(direction: np.ndarray) -> np.ndarray:
     nearest = int(np.argmax(np.abs(direction)))
     if abs(direction[nearest]) < _SNAP_COS:
         return direction

@@ -46,7 +46,7 @@ class MotionEntry:
         return {name: path for name, path in named.items() if path}
 
     def parameters(self) -> dict[str, Any]:
-        """What else `import_motion` is told."""
+        """The other arguments of `import_motion`."""
         given = {
             "frames": self.loop_frames,
             "action": self.action,

@@ -81,14 +81,18 @@ class OutfitRanges:
 
 
 def uniform(rng: np.random.Generator, span: Range) -> float:
-    """One number of a range."""
+    """Draw a number of a range."""
     return float(rng.uniform(*span))
 
 
-def sample_upper(rng: np.random.Generator, ranges: OutfitRanges, *, sleeves: bool, opens: bool):
-    """Numbers of an upper-body garment: name -> value, as stored with the sample.
+def sample_upper(
+    rng: np.random.Generator, ranges: OutfitRanges, *, sleeves: bool, opens: bool
+) -> dict[str, float | str]:
+    """Draw the numbers of an upper-body garment: name -> value, as stored with the sample.
 
     Args:
+        rng: draws them.
+        ranges: what they are drawn from.
         sleeves: a t-shirt, else a top.
         opens: whether it may open in front (not when it is part of a full-body garment).
     """
@@ -133,13 +137,13 @@ def sample_upper(rng: np.random.Generator, ranges: OutfitRanges, *, sleeves: boo
 
 
 def sample_trousers(rng: np.random.Generator, ranges: OutfitRanges) -> dict[str, float]:
-    """Numbers of trousers: name -> value."""
+    """Draw the numbers of trousers: name -> value."""
     names = ("waist", "leg_length", "leg_alpha1", "leg_alpha2", "leg_offset", "leg_w0")
     return {name: uniform(rng, getattr(ranges, name)) for name in (*names, "rise_m", "hip_ease_m")}
 
 
 def sample_skirt(rng: np.random.Generator, ranges: OutfitRanges) -> dict[str, float]:
-    """Numbers of a skirt: name -> value."""
+    """Draw the numbers of a skirt: name -> value."""
     names = ("waist", "skirt_length", "skirt_alpha1", "skirt_flutes", "skirt_fullness")
     values = {name: uniform(rng, getattr(ranges, name)) for name in names}
     values["skirt_phase"] = float(rng.uniform(0, 2 * np.pi))

@@ -1,11 +1,12 @@
 """Dress forms: smooth, taut stand-ins for a body that garments are cut on.
 
-A garment must show nothing of the anatomy under it. Every part of the body (torso, hips, arm, leg)
-is therefore replaced by the convex hulls of its slices, a shape like a tailor's dummy, and
-smoothed. Two views of it are kept: radii around an axis, for garments that follow a limb, and a
+A garment should show nothing of the anatomy under it. Every part of the body (torso, hips, arm,
+leg) is therefore replaced by the convex hulls of its slices, like a tailor's dummy, and smoothed.
+The form is kept in two ways: as radii around an axis, for garments that follow a limb, and as a
 blurred signed distance field, for the places where limbs meet the torso.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +27,7 @@ STEP_M = 0.01  # distance of slices
 CELL_M = 0.01  # cells of the distance fields
 BLUR_M = 0.018  # standard deviation of every smoothing
 _HALF_SLICE_M = 0.009
+Landmarks = dict[str, float]
 _ARM = ("shoulder", "elbow", "wrist")
 _TORSO = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
 _LEG = ("hip", "knee", "ankle")
@@ -51,7 +53,7 @@ class Tube:
         """Coordinate of the last slice."""
         return self.start_m + STEP_M * (len(self.radius) - 1)
 
-    def at(self, along_m: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    def radius_at(self, along_m: np.ndarray, angle: np.ndarray) -> np.ndarray:
         """Radius at coordinates `along_m` and angles (radians), broadcast together."""
         along_m, angle = np.broadcast_arrays(along_m, angle)
         rows = np.clip((along_m - self.start_m) / STEP_M, 0, len(self.radius) - 1)
@@ -94,8 +96,8 @@ class Field:
         g = np.stack([map_coordinates(a, cells, order=1, mode="nearest") for a in self._gradient])
         return (g / np.maximum(np.linalg.norm(g, axis=0), 1e-6)).T
 
-    def lifted(self, points: np.ndarray, least_m: float | np.ndarray) -> np.ndarray:
-        """Points moved out along the gradient until their distance is at least `least_m`."""
+    def lift(self, points: np.ndarray, least_m: float | np.ndarray) -> np.ndarray:
+        """Move points (P, 3) out along the gradient until they are at least `least_m` away."""
         points = points.copy()
         for _ in range(2):
             lack = least_m - self.value(points)
@@ -105,8 +107,8 @@ class Field:
             points[low] += lack[low, None] * self.direction(points[low])
         return points
 
-    def landed(self, points: np.ndarray, level_m: float) -> np.ndarray:
-        """Points moved along the gradient onto the surface at distance `level_m`."""
+    def land(self, points: np.ndarray, level_m: float) -> np.ndarray:
+        """Move points (P, 3) along the gradient onto the surface at distance `level_m`."""
         for _ in range(6):
             points = points + (level_m - self.value(points))[:, None] * self.direction(points)
         return points
@@ -132,11 +134,11 @@ class DressForm:
     skirt: Tube
     upper: Field
     lower: Field
-    landmarks: dict[str, float]
+    landmarks: Landmarks
 
 
 def build_dress_form(body: BodyModel) -> DressForm:
-    """Make the dress form of a body (a few seconds)."""
+    """Make the dress form of a body's mean shape; takes a few seconds."""
     vertices, joints = (a[0] for a in posed_vertices(body, np.zeros(10), REST_POSE[None].copy()))
     points, part = _samples(vertices, body)
     joint = {name: joints[k] for k, name in enumerate(JOINT_NAMES)}
@@ -167,7 +169,7 @@ def _samples(vertices: np.ndarray, body: BodyModel) -> tuple[np.ndarray, np.ndar
     return np.concatenate([points, points * [-1, 1, 1]]), np.concatenate([part, part])
 
 
-def _landmarks(points, part, joint) -> dict[str, float]:
+def _landmarks(points: np.ndarray, part: np.ndarray, joint: Mapping[str, np.ndarray]) -> Landmarks:
     x, z = np.abs(points[:, 0]), points[:, 2]
     shoulder, wrist = joint["left_shoulder"], joint["left_wrist"]
     trunk = np.isin(part, ["pelvis", "hip", "spine1"])
@@ -192,10 +194,20 @@ def _landmarks(points, part, joint) -> dict[str, float]:
     }
 
 
-def _outlines(along, plane, start, stop, axis=None) -> tuple[np.ndarray, np.ndarray]:
+def _outlines(
+    along: np.ndarray,
+    plane: np.ndarray,
+    start: float,
+    stop: float,
+    axis: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
     """Hull outlines of points by slices: centres (S, 2) and radii (S, ANGLES), gaps filled.
 
-    Radii count from `axis`, or from the straight line through the slices' middles.
+    Args:
+        along, plane: (P,) and (P, 2) coordinates of the points, along the axis and across it.
+        start, stop: of the slices.
+        axis: (2,) which radii count from, or None for the straight line through the slices'
+            middles.
     """
     knots = start + STEP_M * np.arange(round((stop - start) / STEP_M) + 1)
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
@@ -232,14 +244,16 @@ def _outlines(along, plane, start, stop, axis=None) -> tuple[np.ndarray, np.ndar
     return centre, gaussian_filter1d(radius, ANGLES / 40, axis=1, mode="wrap")
 
 
-def _middles(along, plane, knots) -> tuple[np.ndarray, np.ndarray]:
+def _middles(
+    along: np.ndarray, plane: np.ndarray, knots: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Knots that have points, and the middle of their bounding box."""
     slices = [(k, plane[np.abs(along - k) < _HALF_SLICE_M]) for k in knots]
-    found = [(k, (p.min(axis=0) + p.max(axis=0)) / 2) for k, p in slices if len(p)]
-    return np.array([k for k, _ in found]), np.array([m for _, m in found])
+    middles = [(k, (p.min(axis=0) + p.max(axis=0)) / 2) for k, p in slices if len(p)]
+    return np.array([k for k, _ in middles]), np.array([m for _, m in middles])
 
 
-def _torso(points, part, marks) -> Tube:
+def _torso(points: np.ndarray, part: np.ndarray, marks: Landmarks) -> Tube:
     keep = np.isin(part, [*(n.removeprefix("left_").removeprefix("right_") for n in _TORSO)])
     keep |= (part == "hip") & (points[:, 2] > marks["crotch"] - 0.03)
     keep |= (part == "shoulder") & (np.abs(points[:, 0]) < marks["shoulder_x"])
@@ -251,7 +265,7 @@ def _torso(points, part, marks) -> Tube:
     return Tube(start, centre, _left_right_mean(radius))
 
 
-def _skirt(points, part, marks, torso: Tube) -> Tube:
+def _skirt(points: np.ndarray, part: np.ndarray, marks: Landmarks, torso: Tube) -> Tube:
     keep = np.isin(part, ["pelvis", "spine1", "spine2", *_LEG])
     start, stop = marks["ankle"] - 0.02, marks["waist"] + 0.05
     centre, radius = _outlines(points[keep, 2], points[keep, :2], start, stop, torso.centre[0])
@@ -262,14 +276,14 @@ def _left_right_mean(radius: np.ndarray) -> np.ndarray:
     return (radius + radius[:, -np.arange(ANGLES) % ANGLES]) / 2
 
 
-def _arm(points, part, marks) -> Tube:
+def _arm(points: np.ndarray, part: np.ndarray, marks: Landmarks) -> Tube:
     keep = np.isin(part, _ARM) & (points[:, 0] > 0)
     start, stop = marks["shoulder_x"] + 0.02, marks["wrist_x"] + 0.01
     centre, radius = _outlines(points[keep, 0], points[keep, 1:], start, stop)
     return Tube(start, centre, radius)
 
 
-def _leg(points, part, marks) -> Tube:
+def _leg(points: np.ndarray, part: np.ndarray, marks: Landmarks) -> Tube:
     keep = (points[:, 0] > 0) & (points[:, 2] < marks["crotch"] + 0.01)
     keep &= np.isin(part, ["pelvis", *_LEG])
     start, stop = marks["ankle"] - 0.02, marks["crotch"] - 0.01
@@ -277,17 +291,17 @@ def _leg(points, part, marks) -> Tube:
     return Tube(start, centre, radius)
 
 
-def _inside(tube: Tube, along: np.ndarray, plane: np.ndarray, least_m: float = 0.0) -> np.ndarray:
-    """Which points of a grid lie within a tube; along (A,), plane (B, 2) -> (A, B)."""
+def _inside(tube: Tube, along: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """Which points of a grid, along (A,) times plane (B, 2), lie within a tube: (A, B) bool."""
     shift = plane[None] - tube.centre_at(along)[:, None]
     angle = np.arctan2(shift[..., 0], shift[..., 1])
-    within = np.hypot(shift[..., 0], shift[..., 1]) < tube.at(along[:, None], angle) + least_m
+    within = np.hypot(shift[..., 0], shift[..., 1]) < tube.radius_at(along[:, None], angle)
     return within & ((along >= tube.start_m) & (along <= tube.stop_m))[:, None]
 
 
-def _axes(low, high) -> list[np.ndarray]:
-    low, high = np.array(low), np.array(high)
-    counts = np.ceil((high - low) / CELL_M).astype(int) + 1
+def _axes(low: Sequence[float], high: Sequence[float]) -> list[np.ndarray]:
+    """Coordinates of a grid's cells along x, y and z, between two corners."""
+    counts = np.ceil((np.array(high) - np.array(low)) / CELL_M).astype(int) + 1
     return [a + CELL_M * np.arange(n) for a, n in zip(low, counts, strict=True)]
 
 
@@ -305,7 +319,7 @@ def _symmetric(half_width: float) -> float:
     return CELL_M * (np.ceil(half_width / CELL_M) + 0.5)
 
 
-def _upper_field(torso: Tube, arm: Tube, marks) -> Field:
+def _upper_field(torso: Tube, arm: Tube, marks: Landmarks) -> Field:
     width = _symmetric(marks["wrist_x"] + 0.1)
     low = marks["armpit"] - 0.3
     axes = _axes([-width, -0.35, low], [width - CELL_M / 2, 0.35, torso.stop_m + 0.1])
@@ -313,21 +327,21 @@ def _upper_field(torso: Tube, arm: Tube, marks) -> Field:
     plane = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
     solid = _inside(torso, z, plane).reshape(len(z), len(x), len(y)).transpose(1, 2, 0)
     plane = np.stack(np.meshgrid(y, z, indexing="ij"), -1).reshape(-1, 2)
-    one = _inside(arm, x, plane).reshape(len(x), len(y), len(z))
+    left = _inside(arm, x, plane).reshape(len(x), len(y), len(z))
     # Between torso and arm the shoulder is bridged by the arm's first slice.
     root = (x >= 0.6 * marks["shoulder_x"]) & (x <= arm.start_m)
     first = _inside(arm, np.array([arm.start_m]), plane).reshape(1, len(y), len(z))
-    one = one | (root[:, None, None] & first)
-    return _field(solid | one | one[::-1], axes)
+    left = left | (root[:, None, None] & first)
+    return _field(solid | left | left[::-1], axes)
 
 
-def _lower_field(torso: Tube, leg: Tube, marks) -> Field:
+def _lower_field(torso: Tube, leg: Tube, marks: Landmarks) -> Field:
     width = _symmetric(marks["ankle_x"] + 0.25)
     axes = _axes([-width, -0.4, leg.start_m - 0.08], [width - CELL_M / 2, 0.4, marks["armpit"]])
     x, y, z = axes
     plane = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
     solid = _inside(torso, z, plane) | _inside(leg, z, plane)
-    one = solid.reshape(len(z), len(x), len(y)).transpose(1, 2, 0)
+    left = solid.reshape(len(z), len(x), len(y)).transpose(1, 2, 0)
     below = z < leg.start_m
-    one[:, :, below] = one[:, :, [int(below.sum())]]
-    return _field(one | one[::-1], axes)
+    left[:, :, below] = left[:, :, [int(below.sum())]]
+    return _field(left | left[::-1], axes)

@@ -1,42 +1,12 @@
 """Outfits: one or two garments made for one body, and their files."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drapeline.bodies.model import BodyModel
-from drapeline.bodies.rest_body import rest_body, signed_tightness, tightness_shape
-from drapeline.geometry.mesh import Mesh
-from drapeline.geometry.signed_distance import SignedDistance
-from drapeline.geometry.smoothing import averaging_matrix
-from drapeline.outfits.distributions import (
-    OutfitRanges,
-    sample_skirt,
-    sample_trousers,
-    sample_upper,
-    uniform,
-)
-from drapeline.outfits.dress_form import DressForm
-from drapeline.outfits.fabrics import fabric_names
-from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, laid_over, left_body, resized
-from drapeline.outfits.patterns.cutting import cut_garment, drape_on_form
-from drapeline.outfits.patterns.panels import Pattern
-from drapeline.outfits.patterns.separation import Keeper, kept_apart
-from drapeline.outfits.templates import Templates
-from drapeline.outfits.user_garment import mean_edge_m, own_garment, top_loop
-from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz, write_json
-
-BODY_GAP_M = 0.005
-LAYER_GAP_M = 0.006
-_PARTS = ("upper", "trousers", "skirt")
-_UPPER = ("Tshirt", "Top")
-_HEM_OVER_SKIRT = 0.5
-_TIGHT_LEGS_M = 0.0015
-_END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
 
 
 @dataclass(frozen=True)
@@ -70,7 +40,8 @@ class Outfit:
     Attributes:
         garments: one or two.
         shape: (10,) the wearer's shape.
-        tightness: (2,) gamma as drawn; `signed_tightness` with the gender's sign.
+        tightness: (2,) gamma as drawn.
+        signed_tightness: (2,) the same with the gender's sign.
         gender: "female" or "male".
     """
 
@@ -124,203 +95,3 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
         np.array(about["signed_tightness"]),
         about["gender"],
     )
-
-
-def sample_numbers(
-    rng: np.random.Generator, outfit_type: str, ranges: OutfitRanges
-) -> list[tuple[str, dict[str, Any]]]:
-    """Every random number of an outfit: (garment name, description) from inner to outer."""
-    names = outfit_type.split("+")
-    whole = names[0] in ("Jumpsuit", "Dress")
-    out = []
-    for name in names:
-        parts: dict[str, Any] = {}
-        if name in _UPPER or whole:
-            sleeves = name == "Tshirt" or (whole and rng.random() < 0.5)
-            parts["upper"] = sample_upper(rng, ranges, sleeves=sleeves, opens=not whole)
-        if name in ("Trousers", "Jumpsuit"):
-            parts["trousers"] = sample_trousers(rng, ranges)
-        if name in ("Skirt", "Dress"):
-            parts["skirt"] = sample_skirt(rng, ranges)
-        if "upper" in parts and "Skirt" in names:  # a long hem would be carried by the skirt
-            parts["upper"]["hem"] *= _HEM_OVER_SKIRT
-        if whole:  # sewn at the waist proper
-            parts.get("trousers", parts.get("skirt"))["waist"] = float(rng.uniform(0.8, 1.0))
-        chance = {
-            "sleeves": "sleeve_length" in parts.get("upper", {}),
-            "legs": "trousers" in parts,
-            "waist": whole,
-        }
-        elastic = {
-            end: bool(rng.random() < ranges.elastic_chance)
-            for end, there in chance.items()
-            if there
-        }
-        parts["fullness"] = uniform(rng, ranges.fullness)
-        parts["fold_seed"] = int(rng.integers(2**31))
-        out.append(
-            (
-                name,
-                {
-                    "fabric": str(rng.choice(fabric_names(upper=name in _UPPER))),
-                    "elastic": elastic,
-                    "texture": {"type": "color", "data": _colour(rng)},
-                    "parameters": parts,
-                },
-            )
-        )
-    # Lower garments are worn under upper ones.
-    return sorted(out, key=lambda item: item[0] in _UPPER)
-
-
-def _colour(rng: np.random.Generator) -> list[float]:
-    """A cloth-like colour: any hue, mostly muted."""
-    hue, saturation, value = rng.random(), rng.random() ** 1.3 * 0.75, rng.uniform(0.25, 0.9)
-    k = (np.array([5, 3, 1]) + hue * 6) % 6
-    rgb = value - value * saturation * np.clip(np.minimum(k, 4 - k), 0, 1)
-    return [float(c) for c in rgb]
-
-
-def sample_outfit(
-    rng: np.random.Generator,
-    templates: Templates,
-    body: BodyModel,
-    *,
-    gender: str,
-    shape: np.ndarray,
-    outfit_type: str,
-    edge_length_m: float,
-    vertices_min: int = 0,
-    ranges: OutfitRanges | None = None,
-    own: Mapping[str, str | Path] | None = None,
-) -> Outfit:
-    """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
-
-    Args:
-        templates: of the body's gender.
-        shape: (10,) the wearer's shape coefficients.
-        outfit_type: garments joined by "+", such as "Tshirt+Trousers" or "Dress".
-        edge_length_m: mean edge length wanted.
-        vertices_min: a garment that would have fewer vertices gets shorter edges.
-        ranges: what is drawn from; the defaults if None.
-        own: garment name -> OBJ file of the user's, in place of the template.
-
-    Raises:
-        InputError: a user's garment is unusable.
-
-    Returns:
-        Garments in rest pose, outside the body of the wearer's shape plus tightness.
-    """
-    ranges = ranges or OutfitRanges()
-    numbers = sample_numbers(rng, outfit_type, ranges)
-    tightness = np.array([uniform(rng, ranges.tightness), uniform(rng, ranges.tightness)])
-    return make_outfit(
-        numbers,
-        templates,
-        body,
-        gender=gender,
-        shape=shape,
-        tightness=tightness,
-        edge_length_m=edge_length_m,
-        vertices_min=vertices_min,
-        own=own,
-    )
-
-
-def make_outfit(
-    numbers: list[tuple[str, dict[str, Any]]],
-    templates: Templates,
-    body: BodyModel,
-    *,
-    gender: str,
-    shape: np.ndarray,
-    tightness: np.ndarray,
-    edge_length_m: float,
-    vertices_min: int = 0,
-    own: Mapping[str, str | Path] | None = None,
-) -> Outfit:
-    """Make an outfit from given numbers, as `sample_numbers` returns them.
-
-    Args:
-        tightness: (2,) gamma.
-        others: as for `sample_outfit`.
-    """
-    mean_body = rest_body(body, np.zeros(10))
-    target = rest_body(body, tightness_shape(shape, tightness, gender))
-    solid = SignedDistance(target, body.faces)
-    axis_y = float(templates.form.torso.centre[0, 1])
-    garments: list[Garment] = []
-    for name, about in numbers:
-        if own and name in own:
-            garment, keep = _from_file(own[name], name, about, body), None
-        else:
-            garment, keep = _from_template(name, about, templates.form, edge_length_m, vertices_min)
-        points = garment.vertices
-        average = averaging_matrix(garment.faces, len(points))
-        edge_m = mean_edge_m(Mesh(points, garment.faces))
-        passes = 4 + round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
-        points = resized(points, average, mean_body, target, passes)
-        points = left_body(points, average, solid, max(BODY_GAP_M, 0.3 * edge_m), keep)
-        for inner in garments:
-            points = laid_over(points, average, inner.vertices.astype(float), axis_y, LAYER_GAP_M)
-        garments.append(replace(garment, vertices=points.astype(np.float32)))
-    return Outfit(
-        tuple(garments),
-        np.asarray(shape, dtype=np.float64),
-        np.asarray(tightness, dtype=np.float64),
-        signed_tightness(tightness, gender),
-        gender,
-    )
-
-
-def _from_template(
-    name: str, about: dict[str, Any], form: DressForm, edge_length_m: float, vertices_min: int
-) -> tuple[Garment, Keeper]:
-    """A garment on the dress form, vertices (V, 3) float64, and what keeps its parts apart."""
-    numbers = about["parameters"]
-    parts = {key: numbers[key] for key in _PARTS if key in numbers}
-    pattern = cut_garment(form, edge_length_m, **parts)
-    while pattern.count < vertices_min:
-        edge_length_m *= 0.98 * (pattern.count / vertices_min) ** 0.5
-        pattern = cut_garment(form, edge_length_m, **parts)
-    faces = pattern.faces()
-    folds = rng_for(numbers["fold_seed"], "folds")
-    points = drape_on_form(folds, form, pattern, edge_length_m, numbers["fullness"])
-    uv, uv_faces = pattern.texture()
-    pin, elastic = _masks(pattern, name, about)
-    garment = Garment(name, points, faces, uv, uv_faces, pin, elastic, about)
-    return garment, kept_apart(pattern, _TIGHT_LEGS_M)
-
-
-def _from_file(path: str | Path, name: str, about: dict[str, Any], body: BodyModel) -> Garment:
-    """A user's garment; the waistband is its topmost opening."""
-    mesh = own_garment(path, body)
-    pin, elastic = np.zeros((2, len(mesh.vertices)), dtype=np.float32)
-    if name in ("Trousers", "Skirt"):
-        pin[top_loop(mesh)] = 1
-    told = {**about, "elastic": {}, "parameters": {"own_garment": str(path)}}
-    points = mesh.vertices.astype(np.float64)
-    return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, told)
-
-
-def _masks(pattern: Pattern, name: str, about: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Held vertices and gathered ends, by distance from their ring at the mean shape."""
-    points = pattern.vertices
-    pin, gathered = np.zeros(len(points), np.float32), np.zeros(len(points), np.float32)
-    if "upper" in about["parameters"]:
-        # A wide neck or an open front slides off shoulders that friction alone would have to hold.
-        pin[pattern.marks["shoulders"]] = 1
-    if name in ("Trousers", "Skirt"):
-        waist = points[pattern.marks["waist"], 2].mean()
-        pin[points[:, 2] > waist - _END_M] = 1
-    ends = {
-        "sleeves": ("left_cuff", "right_cuff"),
-        "legs": ("left_leg_cuff", "right_leg_cuff"),
-        "waist": ("waist",),
-    }
-    for end, on in about["elastic"].items():
-        for mark in ends[end] if on else ():
-            ring = points[pattern.marks[mark]]
-            low, high = ring.min(axis=0) - _END_M, ring.max(axis=0) + _END_M
-            gathered[((points > low) & (points < high)).all(axis=1)] = 1
-    return pin, gathered

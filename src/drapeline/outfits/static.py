@@ -9,7 +9,8 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sampling import sample_shape
 from drapeline.outfits.distributions import OutfitRanges
-from drapeline.outfits.outfit import Garment, Outfit, sample_outfit
+from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static_plan import StaticPlan
 from drapeline.outfits.templates import Templates
 from drapeline.rule_log import progress

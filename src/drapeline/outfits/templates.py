@@ -12,8 +12,6 @@ from drapeline.storage import load_npz, save_npz
 
 _TUBES = ("torso", "arm", "leg", "skirt")
 _FIELDS = ("upper", "lower")
-
-
 _MESH = ("vertices", "faces", "uv", "uv_faces")
 TEMPLATE_EDGE_M = 0.01
 # The four templates before anything is cut: long sleeves, long legs, a skirt to the ankles.
@@ -98,7 +96,7 @@ class Templates:
 
 
 def build_templates(body: BodyModel) -> Templates:
-    """Make one gender's templates (a few seconds)."""
+    """Make one gender's templates; takes a few seconds."""
     form = build_dress_form(body)
     return Templates(
         form,
@@ -116,7 +114,7 @@ def load_templates(path: str | Path) -> Templates:
     """Read what `Templates.save` wrote.
 
     Raises:
-        InputError: the file is missing or is not one of templates.
+        InputError: the file is missing or lacks an array.
     """
     required = [f"{n}/{k}" for n in _TUBES for k in ("start_m", "centre", "radius")]
     required += [f"{n}/{k}" for n in _FIELDS for k in ("origin", "distance")]

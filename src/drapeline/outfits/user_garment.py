@@ -8,24 +8,28 @@ from scipy.spatial import KDTree
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, boundary_loops, edge_counts, edges, load_obj
+from drapeline.geometry.mesh import Mesh, boundary_loops, edge_counts, half_edges
+from drapeline.geometry.obj import load_obj
 
 _HUGE_M = 5.0  # no garment for a person of 2 m is larger
 _TINY_M = 0.05
 _FAR_M = 0.25
 
 
-def own_garment(path: str | Path, body: BodyModel) -> Mesh:
-    """Read and check a user's garment.
+def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
+    """Read a user's garment and check that it can be worn.
 
     Args:
         path: OBJ of all quads or all triangles in metres, Z up, root-relative, on the body's mean
             shape in rest pose.
         body: the body it is for.
 
+    Returns:
+        The mesh; with a cell of the unit square per face where it has no texture coordinates.
+
     Raises:
-        InputError: unreadable, not finite, in other units, away from the body, with edges of more
-            than two faces, of inconsistent orientation, or closed.
+        InputError: the mesh is unreadable, not finite, in other units, away from the body, closed
+            or inconsistently oriented, or has edges with more than two faces.
     """
     mesh = load_obj(path)
     if not np.isfinite(mesh.vertices).all():
@@ -64,8 +68,7 @@ def _check_surface(path: str | Path, mesh: Mesh) -> None:
             f"{path}: {int((counts > 2).sum())} non-manifold edges, the first between vertices"
             f" {a + 1} and {b + 1} with {counts.max()} faces; expected at most 2 faces on an edge"
         )
-    half = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    _, repeats = np.unique(half, axis=0, return_counts=True)
+    _, repeats = np.unique(half_edges(mesh.faces), axis=0, return_counts=True)
     if repeats.max() > 1:
         raise InputError(
             f"{path}: {int((repeats > 1).sum())} edges run the same way in both of their faces;"
@@ -99,11 +102,3 @@ def _atlas(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     uv = (cell[:, None] + square) / side
     numbers = np.arange(count * corners).reshape(count, corners)
     return uv.reshape(-1, 2).astype(np.float32), numbers.astype(np.int32)
-
-
-def mean_edge_m(mesh: Mesh) -> float:
-    """Mean edge length in metres."""
-    pairs = edges(mesh.faces)
-    return float(
-        np.linalg.norm(mesh.vertices[pairs[:, 0]] - mesh.vertices[pairs[:, 1]], axis=1).mean()
-    )

@@ -14,11 +14,10 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence, collision_faces
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.mesh import mean_edge_length
 from drapeline.geometry.point_cache import PointCache, point_cache_writer, write_point_cache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.user_garment import mean_edge_m
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Pins, elastic_shrinkage
 from drapeline.simulation.attempts import Attempt, SimulationSettings, plan_attempt
@@ -224,7 +223,7 @@ def _cloth_garment(
         name=garment.name,
         vertices=vertices,
         faces=garment.faces,
-        edge_length_m=mean_edge_m(Mesh(garment.vertices, garment.faces)),
+        edge_length_m=mean_edge_length(garment.vertices, garment.faces),
         fabric=FABRICS[garment.about["fabric"]],
         shrink=elastic_shrinkage(
             vertices, garment.faces, garment.elastic, body.frame(0), gap_m=gap_m

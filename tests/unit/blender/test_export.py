@@ -9,7 +9,7 @@ from drapeline.blender.export import FORMATS, export_sample
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts, to_y_up
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import load_obj
+from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
 from tiny_sample import write_tiny_sample
 

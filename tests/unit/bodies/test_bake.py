@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.bodies import bake
 from drapeline.bodies.bake_surface import mirror_map
-from drapeline.bodies.model import shaped
+from drapeline.bodies.model import shape_body
 from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.geometry.mesh import edge_counts
 
@@ -39,7 +39,7 @@ def volume(vertices, faces):
 
 def test_zero_pose_is_a_t_pose_for_every_shape(baked, shapes):
     for shape in [np.zeros(10), *shapes]:
-        _, joints = shaped(baked, shape)
+        _, joints = shape_body(baked, shape)
         for side, sign in (("left", 1), ("right", -1)):
             for start, end, direction in LIMBS:
                 bone = joint(joints, f"{side}_{end}") - joint(joints, f"{side}_{start}")
@@ -67,7 +67,7 @@ def test_surface_is_closed_and_of_one_piece(baked):
 
 def test_statures_span_adults(baked_bodies):
     extremes = [
-        np.ptp(shaped(body, np.array([beta] + [0] * 9))[0][:, 1])
+        np.ptp(shape_body(body, np.array([beta] + [0] * 9))[0][:, 1])
         for body in baked_bodies.values()
         for beta in (-3, 3)
     ]
@@ -76,7 +76,7 @@ def test_statures_span_adults(baked_bodies):
 
 
 def test_first_coefficient_alone_changes_stature(baked):
-    heights = [np.ptp(shaped(baked, 2.0 * np.eye(10)[k])[0][:, 1]) for k in range(10)]
+    heights = [np.ptp(shape_body(baked, 2.0 * np.eye(10)[k])[0][:, 1]) for k in range(10)]
     mean = np.ptp(baked.v_template[:, 1])
     assert abs(heights[0] - mean) > 0.1
     np.testing.assert_allclose(heights[1:], mean, atol=0.002)
@@ -85,15 +85,15 @@ def test_first_coefficient_alone_changes_stature(baked):
 def test_positive_tightness_makes_smaller_bodies_for_both_genders(baked_bodies):
     for gender, body in enumerate(baked_bodies.values()):
         plain = volume(body.v_template, body.faces)
-        first = shaped(body, np.eye(10)[0] * (-1) ** (gender + 1))[0]
-        second = shaped(body, np.eye(10)[1])[0]
+        first = shape_body(body, np.eye(10)[0] * (-1) ** (gender + 1))[0]
+        second = shape_body(body, np.eye(10)[1])[0]
         assert volume(first, body.faces) < 0.95 * plain
         assert volume(second, body.faces) < 0.95 * plain
 
 
 def test_no_random_body_is_turned_inside_out(baked, shapes):
     for shape in shapes:
-        vertices, _ = shaped(baked, shape)
+        vertices, _ = shape_body(baked, shape)
         kilograms = 1010 * volume(vertices, baked.faces)
         stature = np.ptp(vertices[:, 1])
         assert 13 < kilograms / stature**2 < 38  # body mass index

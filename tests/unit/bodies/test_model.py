@@ -10,8 +10,7 @@ import smplx
 import torch
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import load_body, posed_vertices, save_body, shaped
-from drapeline.bodies.skinning import axis_angle_to_matrix, skin
+from drapeline.bodies.model import load_body, posed_vertices, save_body, shape_body
 from drapeline.bodies.smpl_files import convert_to_pickle
 from drapeline.frames import PARENTS, REST_POSE
 
@@ -48,15 +47,6 @@ def blended_body(toy_body):
     """The toy with pose blend shapes, so that they are tested too."""
     noise = np.random.default_rng(1).normal(0, 0.002, toy_body.posedirs.shape)
     return replace(toy_body, posedirs=noise.astype(np.float32))
-
-
-def test_axis_angle_equals_scipy_and_is_smooth_at_zero():
-    vectors = np.random.default_rng(0).normal(size=(50, 3))
-    expected = Rotation.from_rotvec(vectors).as_matrix()
-    np.testing.assert_allclose(axis_angle_to_matrix(torch.tensor(vectors)), expected, atol=1e-12)
-    zero = torch.zeros(3, dtype=torch.float64, requires_grad=True)
-    axis_angle_to_matrix(zero)[0, 1].backward()
-    np.testing.assert_allclose(zero.grad, [0, 0, -1])
 
 
 def test_posing_equals_its_slow_twin(blended_body, poses):
@@ -107,33 +97,6 @@ def test_turning_the_root_turns_everything(toy_body, poses):
     np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
 
 
-def test_skin_agrees_with_posed_vertices(blended_body, poses):
-    rest, joints = shaped(blended_body, np.ones(10))
-    vertices, _ = skin(
-        *(torch.from_numpy(a) for a in (rest, joints, blended_body.weights)),
-        torch.tensor(poses, dtype=torch.float32),
-        torch.from_numpy(blended_body.posedirs),
-    )
-    expected, _ = posed_vertices(blended_body, np.ones(10), poses)
-    np.testing.assert_allclose(vertices.numpy() - joints[0], expected, atol=1e-5)
-
-
-def test_gradients_of_skinning():
-    rng = np.random.default_rng(0)
-
-    def tensor(*shape, scale=1.0):
-        return torch.tensor(rng.normal(0, scale, shape), requires_grad=True)
-
-    arguments = (
-        tensor(1, 3),
-        tensor(24, 3),
-        tensor(1, 24),
-        tensor(2, 72, scale=0.5),
-        tensor(1, 3, 207, scale=0.1),
-    )
-    assert torch.autograd.gradcheck(skin, arguments, fast_mode=True)
-
-
 def test_smplx_opens_the_baked_file_and_agrees(baked_bodies, tmp_path, poses):
     for gender, body in baked_bodies.items():
         save_body(tmp_path / f"{gender}.npz", body)
@@ -143,7 +106,7 @@ def test_smplx_opens_the_baked_file_and_agrees(baked_bodies, tmp_path, poses):
         shape, trans = np.linspace(-2, 2, 10), np.ones((5, 3))
         ours, joints = posed_vertices(body, shape, poses, trans)
         pose = torch.tensor(poses, dtype=torch.float32)
-        root = torch.from_numpy(shaped(body, shape)[1][0])
+        root = torch.from_numpy(shape_body(body, shape)[1][0])
         result = theirs(
             betas=torch.tensor(shape, dtype=torch.float32).expand(5, -1),
             global_orient=pose[:, :3],

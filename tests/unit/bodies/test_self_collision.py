@@ -7,7 +7,7 @@ import pytest
 from trimesh.creation import icosphere
 
 from drapeline.bodies.model import posed_vertices
-from drapeline.bodies.parts import PAIRS, PART_NAMES, topology_of
+from drapeline.bodies.parts import PAIRS, PART_NAMES, body_parts
 from drapeline.bodies.self_collision import segment_triangle_crossings, solve_self_collisions
 from drapeline.frames import JOINT_NAMES, REST_POSE
 
@@ -41,13 +41,13 @@ def collisions(solution, frame):
 
 
 @pytest.fixture(scope="module")
-def topology(toy_body):
-    return topology_of(toy_body)
+def parts(toy_body):
+    return body_parts(toy_body)
 
 
-def solve(body, topology, *poses, **options):
+def solve(body, parts, *poses, **options):
     vertices, _ = posed_vertices(body, np.zeros(10), np.stack(poses))
-    return vertices, solve_self_collisions(vertices, topology, gap_m=GAP_M, **options)
+    return vertices, solve_self_collisions(vertices, parts, gap_m=GAP_M, **options)
 
 
 def test_segments_cross_triangles_where_geometry_says():
@@ -61,29 +61,29 @@ def test_segments_cross_triangles_where_geometry_says():
     np.testing.assert_allclose(points, [[0.2, 0.3, 0]])
 
 
-def test_open_pose_is_left_alone(toy_body, topology):
-    _, solution = solve(toy_body, topology, REST_POSE, arms_down(0.8))
+def test_open_pose_is_left_alone(toy_body, parts):
+    _, solution = solve(toy_body, parts, REST_POSE, arms_down(0.8))
     assert len(solution.frame) == 0
     assert not solution.depth_m.any()
     assert not solution.unsolved().any()
 
 
-def test_arm_that_grazes_the_torso_is_pressed_away(toy_body, topology):
-    vertices, solution = solve(toy_body, topology, REST_POSE, arms_down(1.38))
+def test_arm_that_grazes_the_torso_is_pressed_away(toy_body, parts):
+    vertices, solution = solve(toy_body, parts, REST_POSE, arms_down(1.38))
     found = collisions(solution, 1)
     assert any("torso" in pair for pair in found)
     assert collisions(solution, 0) == {}
     assert set(solution.frame) == {1}
     assert not solution.unsolved().any()
-    again = solve_self_collisions(corrected(vertices, solution), topology, gap_m=GAP_M)
+    again = solve_self_collisions(corrected(vertices, solution), parts, gap_m=GAP_M)
     assert again.depth_m.max() < 0.5 * solution.depth_m.max()
     assert 0 < np.linalg.norm(solution.delta, axis=1).max() < 0.05
 
 
 def test_separated_parts_lie_a_gap_apart():
     """Two balls for a body, left and right thigh; they overlap by 10 mm."""
-    vertices, topology = two_balls(radius_m=0.05, apart_m=0.09)
-    solution = solve_self_collisions(vertices[None], topology, gap_m=GAP_M)
+    vertices, parts = two_balls(radius_m=0.05, apart_m=0.09)
+    solution = solve_self_collisions(vertices[None], parts, gap_m=GAP_M)
     moved = corrected(vertices[None], solution)[0]
     half = len(vertices) // 2
     assert moved[half:, 0].min() - moved[:half, 0].max() == pytest.approx(GAP_M, abs=1e-4)
@@ -93,7 +93,7 @@ def test_separated_parts_lie_a_gap_apart():
 
 
 def two_balls(radius_m, apart_m):
-    """Vertices and topology of a left thigh at the origin and a right one along x."""
+    """Vertices and parts of a left thigh at the origin and a right one along x."""
     ball = icosphere(subdivisions=4, radius=radius_m)
     count = len(ball.vertices)
     hips = [JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")]
@@ -102,32 +102,32 @@ def two_balls(radius_m, apart_m):
         faces=np.concatenate([ball.faces, ball.faces + count]).astype(np.int32),
         segmentation=np.repeat(hips, count),
     )
-    return body.v_template, topology_of(body)
+    return body.v_template, body_parts(body)
 
 
-def test_arms_pressed_into_the_torso_are_too_deep(toy_body, topology):
-    _, solution = solve(toy_body, topology, arms_down(1.75))
+def test_arms_pressed_into_the_torso_are_too_deep(toy_body, parts):
+    _, solution = solve(toy_body, parts, arms_down(1.75))
     unsolved = {PAIRS[i].first for i in np.flatnonzero(solution.unsolved()[0])}
     assert unsolved & {"left_forearm", "left_upper_arm", "left_hand"}
     assert unsolved & {"right_forearm", "right_upper_arm", "right_hand"}
 
 
-def test_ignored_parts_are_not_looked_at(toy_body, topology):
+def test_ignored_parts_are_not_looked_at(toy_body, parts):
     arms = {f"{s}_{p}" for s in ("left", "right") for p in ("hand", "forearm", "upper_arm")}
-    _, solution = solve(toy_body, topology, arms_down(1.75), ignored=frozenset(arms))
+    _, solution = solve(toy_body, parts, arms_down(1.75), ignored=frozenset(arms))
     assert not any(set(pair) & arms for pair in collisions(solution, 0))
 
 
-def test_solution_moves_with_the_body(toy_body, topology):
-    vertices, solution = solve(toy_body, topology, arms_down(1.38))
+def test_solution_moves_with_the_body(toy_body, parts):
+    vertices, solution = solve(toy_body, parts, arms_down(1.38))
     turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=np.float32)
-    turned = solve_self_collisions(vertices @ turn.T + 3, topology, gap_m=GAP_M)
+    turned = solve_self_collisions(vertices @ turn.T + 3, parts, gap_m=GAP_M)
     np.testing.assert_allclose(turned.depth_m.max(), solution.depth_m.max(), atol=1e-4)
     assert len(turned.vertex) == pytest.approx(len(solution.vertex), abs=4)
 
 
-def test_parts_cover_the_body_and_pairs_are_unique(toy_body, topology):
-    owned = np.concatenate(topology.part_vertices)
+def test_parts_cover_the_body_and_pairs_are_unique(toy_body, parts):
+    owned = np.concatenate(parts.part_vertices)
     np.testing.assert_array_equal(np.sort(owned), np.arange(len(toy_body.v_template)))
     pairs = [frozenset((pair.first, pair.second)) for pair in PAIRS]
     assert len(set(pairs)) == len(pairs)
@@ -136,10 +136,10 @@ def test_parts_cover_the_body_and_pairs_are_unique(toy_body, topology):
 
 def test_real_body_with_hanging_arms_is_solved(baked_bodies):
     for body in baked_bodies.values():
-        topology = topology_of(body)
-        vertices, solution = solve(body, topology, arms_down(0.9), arms_down(1.42))
+        parts = body_parts(body)
+        vertices, solution = solve(body, parts, arms_down(0.9), arms_down(1.42))
         assert collisions(solution, 0) == {}
         assert any("torso" in pair for pair in collisions(solution, 1))
         assert not solution.unsolved().any()
-        again = solve_self_collisions(corrected(vertices, solution), topology, gap_m=GAP_M)
+        again = solve_self_collisions(corrected(vertices, solution), parts, gap_m=GAP_M)
         assert again.depth_m.max() < 0.005

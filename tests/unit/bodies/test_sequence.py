@@ -1,4 +1,4 @@
-"""A motion on a body: floor, corrections, outcomes, files."""
+"""A body in motion: its vertices, its collision faces, its file."""
 
 from dataclasses import fields
 
@@ -6,61 +6,56 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import posed_vertices
-from drapeline.bodies.placement import ground_contact, leg_length_m, place_on_floor
-from drapeline.bodies.sampling import sample_shape
 from drapeline.bodies.sequence import (
+    BodySequence,
+    ClipLabels,
     body_sequence_vertices,
     collision_faces,
-    first_free_sequence,
     load_body_sequence,
-    make_body_sequence,
     save_body_sequence,
 )
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, REST_POSE
-from drapeline.seeding import rng_for
 
 
-def arms_down(angles_rad):
-    poses = np.tile(REST_POSE, (len(angles_rad), 1))
-    for side, sign in (("left", -1), ("right", 1)):
-        poses[:, 3 * JOINT_NAMES.index(f"{side}_shoulder") + 2] = sign * np.array(angles_rad)
-    return poses
+@pytest.fixture
+def record():
+    """Four frames, of which two have corrected vertices."""
+    rng = np.random.default_rng(0)
+    return BodySequence(
+        shape=rng.uniform(-1, 1, 10),
+        gender=1,
+        poses=REST_POSE + rng.normal(0, 0.1, (4, 72)),
+        trans=rng.normal(size=(4, 3)),
+        outcome="removed",
+        reason="",
+        thinned=1,
+        redrawn=2,
+        removed_segments=np.array([JOINT_NAMES.index("left_hand")], dtype=np.int32),
+        fix_frame=np.array([1, 1, 3], dtype=np.int32),
+        fix_vertex=np.array([7, 9, 7], dtype=np.int32),
+        fix_delta=np.eye(3, dtype=np.float32),
+        collided_frames=2,
+        leftover_frames=0,
+        deepest_m=0.01,
+        penetration_m=0.002,
+        foot_sliding_m_s=0.1,
+        labels=ClipLabels("walk_s1", "walk", "7", "07_01.bvh", 30),
+    )
 
 
-def sequence(body, angles_rad, **options):
-    trans = np.tile([1.0, 2.0, 0.95], (len(angles_rad), 1))
-    shape = options.pop("shape", np.zeros(10))
-    return make_body_sequence(body, shape, arms_down(angles_rad), trans, gender=0, **options)
+def test_corrections_are_added_to_their_vertices_in_their_frames(toy_body, record):
+    plain, _ = posed_vertices(toy_body, record.shape, record.poses)
+    change = body_sequence_vertices(toy_body, record) - plain
+    assert np.argwhere(np.abs(change).max(axis=2) > 1e-3).tolist() == [[1, 7], [1, 9], [3, 7]]
+    np.testing.assert_allclose(change[[1, 1, 3], [7, 9, 7]], np.eye(3), atol=1e-6)
 
 
-def test_free_sequence_is_the_posed_body(toy_body):
-    record = sequence(toy_body, [0.2, 0.4, 0.6])
-    assert record.outcome == "free"
-    assert record.reason == ""
-    assert record.collided_frames == 0
-    expected, _ = posed_vertices(toy_body, np.zeros(10), record.poses)
-    np.testing.assert_array_equal(body_sequence_vertices(toy_body, record), expected)
-    np.testing.assert_array_equal(collision_faces(toy_body, record), toy_body.faces)
-
-
-def test_shallow_collisions_are_solved_and_replayed(toy_body):
-    record = sequence(toy_body, [0.4, 1.38, 0.6])
-    assert record.outcome == "solved"
-    assert record.collided_frames == 1
-    plain, _ = posed_vertices(toy_body, np.zeros(10), record.poses)
-    change = np.abs(body_sequence_vertices(toy_body, record) - plain).max(axis=(1, 2))
-    assert change[1] > 0.002
-    assert change[[0, 2]].max() == 0
-    assert record.deepest_m == pytest.approx(np.linalg.norm(record.fix_delta, axis=1).max(), 0.01)
-
-
-def test_slices_and_world_frame(toy_body):
-    record = sequence(toy_body, [0.4, 1.38, 0.6])
+def test_slices_and_world_frame(toy_body, record):
     whole = body_sequence_vertices(toy_body, record, world=True)
     np.testing.assert_allclose(
-        body_sequence_vertices(toy_body, record, world=True, frames=slice(1, 2)),
-        whole[1:2],
+        body_sequence_vertices(toy_body, record, world=True, frames=slice(1, 3)),
+        whole[1:3],
         atol=1e-6,  # sums of matrix products depend on the number of rows
     )
     np.testing.assert_allclose(
@@ -68,118 +63,32 @@ def test_slices_and_world_frame(toy_body):
     )
 
 
-def test_deep_collision_is_rejected_with_its_reason(toy_body):
-    record = sequence(toy_body, [0.4, 1.8])
-    assert record.outcome == "rejected"
-    assert "overlap by" in record.reason
-    assert "frame 1" in record.reason
+def test_cloth_does_not_collide_with_removed_segments(toy_body, record):
+    kept = {tuple(face) for face in collision_faces(toy_body, record).tolist()}
+    removed = toy_body.segmentation == JOINT_NAMES.index("left_hand")
+    expected = {tuple(f) for f in toy_body.faces.tolist() if not removed[f].any()}
+    assert kept == expected
+    assert len(kept) < len(toy_body.faces)
 
 
-@pytest.mark.parametrize(
-    ("removable", "limb"), [("hands", {"wrist", "hand"}), ("forearms", {"elbow", "wrist", "hand"})]
-)
-def test_bare_limbs_are_left_out_instead(toy_body, removable, limb):
-    poses = arms_down([0.4, 1.2])
-    for side, sign in (("left", -1), ("right", 1)):
-        poses[1, 3 * JOINT_NAMES.index(f"{side}_elbow") + 2] = sign * 2.0
-    record = make_body_sequence(
-        toy_body, np.zeros(10), poses, np.zeros((2, 3)), gender=0, removable=removable
-    )
-    assert record.outcome == "removed"
-    names = {JOINT_NAMES[j] for j in record.removed_segments}
-    assert names == {f"{side}_{joint}" for side in ("left", "right") for joint in limb}
-    kept = collision_faces(toy_body, record)
-    gone = np.isin(toy_body.segmentation, record.removed_segments)
-    assert 0 < len(kept) < len(toy_body.faces)
-    assert not gone[kept].any()
-
-
-def test_another_shape_is_taken_only_where_one_is_rejected(toy_body):
-    trans = np.tile([1.0, 2.0, 0.95], (2, 1))
-    for angles, redrawn, outcome in (([0.2, 0.4], 0, "free"), ([0.4, 1.8], 2, "rejected")):
-        shapes = iter([np.full(10, value) for value in (0.0, 0.1, 0.2)])
-        record = first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender=0)
-        assert (record.redrawn, record.outcome) == (redrawn, outcome)
-        assert len(list(shapes)) == 2 - redrawn
-        assert record.shape[0] == pytest.approx(0.1 * redrawn)
-
-
-def test_fat_body_is_made_thinner(toy_body):
-    """The toy's second coefficient adds volume, SMPL's may do either: the sign is found."""
-    shape = np.zeros(10)
-    shape[1] = 3.0
-    angle = next(
-        a for a in np.arange(1.3, 1.8, 0.02)
-        if sequence(toy_body, [a], shape=shape).outcome in ("thinned", "rejected")
-    )  # fmt: skip
-    record = sequence(toy_body, [0.3, angle], shape=shape)
-    assert record.outcome == "thinned"
-    assert record.thinned >= 1
-    assert record.shape[1] == pytest.approx(3.0 - record.thinned)
-
-
-def test_no_body_is_made_thinner_than_shapes_are_drawn(toy_body):
-    """At an angle at which the body of mean corpulence has to be thinner, and may or may not."""
-    assert sequence(toy_body, [1.6]).outcome == "thinned"
-    record = sequence(toy_body, [1.6], shape_range=0.5)
-    assert (record.outcome, record.thinned) == ("rejected", 0)
-    np.testing.assert_array_equal(record.shape, np.zeros(10))
-
-
-def test_feet_stand_on_the_floor(toy_body):
-    record = sequence(toy_body, [0.2] * 4, reference_leg_length_m=0.5)
-    world = body_sequence_vertices(toy_body, record, world=True)
-    assert world[..., 2].min() == pytest.approx(0, abs=1e-5)
-    assert record.penetration_m == pytest.approx(0, abs=1e-5)
-    assert record.foot_sliding_m_s == pytest.approx(0, abs=1e-5)
-
-
-def test_path_is_scaled_by_leg_length():
-    vertices = np.zeros((3, 2, 3))
-    vertices[:, 1, 2] = -0.9
-    trans = np.array([[5.0, 6, 0.6], [6, 6, 0.6], [5, 8, 0.8]])
-    path = place_on_floor(vertices, trans, 1.5)
-    np.testing.assert_allclose(path[0, :2], [5, 6])
-    np.testing.assert_allclose(np.diff(path, axis=0), 1.5 * np.diff(trans, axis=0))
-    assert path[:, 2].min() == pytest.approx(0.9)
-
-
-def test_ground_numbers_of_a_known_slide():
-    """A foot on the floor that moves 1 cm per frame slides at 0.3 m/s; the other is in the air."""
-    vertices = np.zeros((5, 2, 3))
-    vertices[:, 0, 0] = 0.01 * np.arange(5)
-    vertices[:, 1, 2] = 0.3
-    trans = np.zeros((5, 3))
-    trans[:, 2] = [0, -0.002, 0, 0, 0]
-    ground = ground_contact(vertices, trans, [np.array([0]), np.array([1])])
-    assert ground.foot_sliding_m_s == pytest.approx(0.3)
-    assert ground.penetration_m == pytest.approx(0.002)
-    assert ground.mean_penetration_m == pytest.approx(0.0004)
-
-
-def test_leg_length_of_the_toy(toy_body):
-    assert leg_length_m(toy_body, np.zeros(10)) == pytest.approx(0.79, abs=0.005)
-
-
-def test_record_survives_its_file(toy_body, tmp_path):
-    record = sequence(toy_body, [0.4, 1.38], action="walk", subject="7", start_frame=30)
+def test_a_record_survives_its_file(record, tmp_path):
     save_body_sequence(tmp_path / "a.npz", record)
     back = load_body_sequence(tmp_path / "a.npz")
+    assert back.labels == record.labels
     for field in fields(record):
         np.testing.assert_array_equal(getattr(back, field.name), getattr(record, field.name))
         assert type(getattr(back, field.name)) is type(getattr(record, field.name))
 
 
-def test_file_without_a_field_is_refused(tmp_path):
+def test_labels_are_plain_keys_of_the_file(record, tmp_path):
+    save_body_sequence(tmp_path / "a.npz", record)
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["sequence"] == "walk_s1"
+        assert arrays["start_frame"] == 30
+        assert "labels" not in arrays
+
+
+def test_a_file_without_a_field_is_refused(tmp_path):
     np.savez(tmp_path / "a.npz", shape=np.zeros(10))
     with pytest.raises(InputError, match="lacks"):
         load_body_sequence(tmp_path / "a.npz")
-
-
-def test_shapes_are_uniform_and_reproducible():
-    shapes = np.array([sample_shape(rng_for(0, "shape", i), 3.0) for i in range(2000)])
-    assert shapes.shape == (2000, 10)
-    assert np.abs(shapes).max() <= 3
-    np.testing.assert_allclose(shapes.mean(axis=0), 0, atol=0.2)
-    np.testing.assert_allclose(shapes.std(axis=0), 3 / np.sqrt(3), rtol=0.05)
-    np.testing.assert_array_equal(shapes[5], sample_shape(rng_for(0, "shape", 5), 3.0))

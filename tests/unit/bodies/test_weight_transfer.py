@@ -1,9 +1,10 @@
-"""Interpolated skinning weights against slow twins and simple truths."""
+"""Skinning weights of garments against slow twins and simple truths."""
 
 import numpy as np
 import pytest
 
-from drapeline.bodies.weight_transfer import interpolated_weights
+from drapeline.bodies.weight_transfer import interpolated_weights, nearest_weights
+from drapeline.geometry.mesh import vertex_normals
 
 FACES = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4]])
 
@@ -113,3 +114,47 @@ def test_more_neighbours_make_less_of_a_cliff_between_two_legs():
 
     assert cliff(1) == pytest.approx(1)
     assert cliff(80) < 0.1
+
+
+@pytest.fixture(scope="module")
+def shell(toy_body):
+    """A shell two centimetres outside of the toy's torso and thighs: vertices, faces, mask."""
+    rest = toy_body.v_template.astype(np.float64)
+    mask = (np.abs(rest[:, 1] + 0.25) < 0.3) & (np.abs(rest[:, 0]) < 0.3)
+    vertices = rest + 0.02 * vertex_normals(rest, toy_body.faces)
+    return vertices, toy_body.faces[mask[toy_body.faces].all(1)], mask
+
+
+def test_nearest_weights_are_smooth_sums_of_the_body_beneath(toy_body, shell):
+    vertices, faces, _ = shell
+    found = nearest_weights(vertices, faces, toy_body.v_template, toy_body.faces, toy_body.weights)
+    used = np.unique(faces)
+    np.testing.assert_allclose(found[used].sum(axis=1), 1, atol=1e-5)
+    assert found.min() >= 0
+    assert not np.delete(found, used, axis=0).any()
+    beneath = toy_body.weights[used]
+    assert np.abs(found[used] - beneath).mean() < 0.05
+    assert np.ptp(found[used], axis=0).max() <= np.ptp(beneath, axis=0).max() + 1e-6
+
+
+def test_cloth_between_two_walls_takes_after_the_one_it_faces():
+    """It is nearer to the left wall, which looks the other way."""
+    grid = np.stack(np.meshgrid(np.arange(6), np.arange(6), indexing="ij"), -1).reshape(-1, 2)
+    corner = (np.arange(5)[:, None] * 6 + np.arange(5)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + 6, corner + 7], axis=1),
+            np.stack([corner, corner + 7, corner + 1], axis=1),
+        ]
+    )
+
+    def wall(x):
+        return np.column_stack([np.full(36, x), 0.02 * grid])
+
+    body = np.concatenate([wall(0.0), wall(0.05)])
+    body_faces = np.concatenate([faces[:, ::-1], faces + 36])  # one looks left, the other right
+    weights = np.repeat(np.eye(2), 36, axis=0)
+    found = nearest_weights(wall(0.01), faces, body, body_faces, weights)
+    np.testing.assert_allclose(found, np.tile([0, 1], (36, 1)), atol=0.3)
+    turned = nearest_weights(wall(0.01), faces[:, ::-1], body, body_faces, weights)
+    assert turned[:, 0].min() > 0.9

@@ -8,7 +8,8 @@ import pytest
 from drapeline.dataset.info_mat import read_info, write_info
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, load_obj, save_obj
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import load_obj, save_obj
 from tiny_sample import GARMENTS, body_truth, write_tiny_sample
 
 

@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import posed_vertices, shaped
+from drapeline.bodies.model import posed_vertices, shape_body
 from drapeline.dataset.scans import read_body_parameters, read_frames, read_scans
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
@@ -100,7 +100,7 @@ def test_one_npz_holds_all_frames_even_or_ragged(tmp_path, truth):
 
 
 def test_smpl_translations_are_moved_to_the_root_joint(tmp_path, truth, bodies, toy_body):
-    root = shaped(toy_body, SHAPE)[1][0]
+    root = shape_body(toy_body, SHAPE)[1][0]
     path = save_body(tmp_path, truth, trans=None, transl=truth[1] - root, gender=np.array(0))
     loaded = read_body_parameters(path, bodies)
     np.testing.assert_allclose(loaded.trans, truth[1], atol=1e-6)

@@ -16,7 +16,8 @@ from drapeline.dataset.writer import (
 )
 from drapeline.errors import InputError
 from drapeline.frames import PARENTS, REST_POSE
-from drapeline.geometry.mesh import Mesh, load_obj, triangulate
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache, PointCacheWriter, point_cache_writer
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, read_json, save_npz

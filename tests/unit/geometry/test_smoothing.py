@@ -1,10 +1,18 @@
-"""Fairing against its dense twin, and what it takes out and leaves."""
+"""Neighbour averages, smoothing and fairing of a tube and of a sheet."""
 
 import numpy as np
 import pytest
 
-from drapeline.geometry.mesh import boundary_edges, edges, triangulate
-from drapeline.geometry.smoothing import averaging_matrix, fairing
+from drapeline.geometry.mesh import boundary_edges, edge_lengths, edges, triangulate
+from drapeline.geometry.smoothing import (
+    averaging_matrix,
+    blur,
+    equalise_edges,
+    fairing,
+    smooth,
+    spread_pushes,
+    uniform_laplacian,
+)
 from drapeline.seeding import rng_for
 from tiny_sample import tube
 
@@ -19,11 +27,11 @@ def cloth():
     return mesh.vertices.astype(np.float64), mesh.faces, row
 
 
-def evened(faces, values):
-    return fairing(faces, averaging_matrix(faces, len(values)), 30.0)(values)
+def remove_bumps(faces, values):
+    return fairing(faces, len(values), 30.0)(values)
 
 
-def test_it_is_the_minimum_of_its_energy(cloth):
+def test_fairing_is_the_minimum_of_its_energy(cloth):
     vertices, faces, _ = cloth
     count = len(vertices)
     given = vertices + rng_for(0, "fairing").normal(0, 0.01, vertices.shape)
@@ -39,14 +47,14 @@ def test_it_is_the_minimum_of_its_energy(cloth):
     for vertex, around in enumerate(near):
         away[vertex, around] = -1 / len(around)
     for strength in (0.5, 30.0):
-        found = fairing(faces, averaging_matrix(faces, count), strength)(given)
+        found = fairing(faces, count, strength)(given)
         expected = np.linalg.solve(np.eye(count) + strength * away.T @ away, given)
         np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
-def test_what_is_straight_keeps_its_place_and_rims_are_not_drawn_in(cloth):
+def test_what_is_straight_keeps_its_place_and_boundaries_are_not_drawn_in(cloth):
     vertices, faces, _ = cloth
-    found = evened(faces, vertices)
+    found = remove_bumps(faces, vertices)
     np.testing.assert_allclose(found[:, 2], vertices[:, 2], atol=1e-9)
 
 
@@ -54,12 +62,91 @@ def test_what_is_straight_keeps_its_place_and_rims_are_not_drawn_in(cloth):
 def test_folds_of_few_edges_go_and_wide_ones_stay(cloth, rows, low, high):
     vertices, faces, row = cloth
     fold = 0.01 * np.sin(2 * np.pi * row / rows)
-    left = evened(faces, vertices[:, 0] + fold) - evened(faces, vertices[:, 0])
+    left = remove_bumps(faces, vertices[:, 0] + fold) - remove_bumps(faces, vertices[:, 0])
     inner = (row > 10) & (row < ROWS - 11)
     assert low <= np.dot(left[inner], fold[inner]) / np.dot(fold[inner], fold[inner]) <= high
 
 
-def test_triangles_and_quads_have_the_rims_they_have(cloth):
+def test_triangles_and_quads_keep_the_same_boundaries(cloth):
     vertices, faces, _ = cloth
-    found = evened(triangulate(faces), vertices)
+    found = remove_bumps(triangulate(faces), vertices)
     np.testing.assert_allclose(found[:, 2].min(), vertices[:, 2].min(), atol=2e-3)
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    """A square of 5 x 5 vertices with unit edges, row by row."""
+    y, x = np.divmod(np.arange(25.0), 5)
+    corner = (np.arange(4)[:, None] * 5 + np.arange(4)).ravel()
+    faces = np.stack([corner, corner + 1, corner + 6, corner + 5], axis=1)
+    return np.column_stack([x, y, 0 * x]), faces
+
+
+def test_averages_are_over_edge_neighbours_and_nothing_for_loose_vertices(sheet):
+    vertices, faces = sheet
+    average = averaging_matrix(faces, len(vertices) + 1).toarray()
+    assert np.flatnonzero(average[12]).tolist() == [7, 11, 13, 17]
+    np.testing.assert_allclose(average[2] @ np.append(vertices[:, 1], 9.0), 1 / 3)
+    assert not average[25].any()
+
+
+def test_averages_along_boundaries_leave_the_outline_where_it_is(sheet):
+    vertices, faces = sheet
+    average = averaging_matrix(faces, len(vertices), along_boundaries=True)
+    moved = average @ vertices
+    side = (vertices == 0).any(axis=1) & (np.abs(vertices[:, :2] - 2) < 2).any(axis=1)
+    np.testing.assert_allclose(moved[side & (vertices[:, 0] == 0), 0], 0)
+    np.testing.assert_allclose(moved[6:9], vertices[6:9])
+
+
+def test_the_laplacian_of_a_plane_vanishes_inside(sheet):
+    vertices, faces = sheet
+    out = (uniform_laplacian(faces, len(vertices)) @ vertices).reshape(5, 5, 3)
+    np.testing.assert_allclose(out[1:4, 1:4], 0, atol=1e-12)
+    np.testing.assert_allclose(out.sum(axis=(0, 1)), 0, atol=1e-12)
+    np.testing.assert_allclose(out[0, 0], [-1, -1, 0])
+
+
+def test_blurring_goes_half_way_to_the_mean(sheet):
+    vertices, faces = sheet
+    peak = np.zeros(25)
+    peak[12] = 1
+    out = blur(peak, averaging_matrix(faces, len(vertices)), 1)
+    assert out[12] == 0.5
+    np.testing.assert_allclose(out[[7, 11, 13, 17]], 1 / 8)
+    assert blur(peak, averaging_matrix(faces, len(vertices)), 0) is peak
+
+
+def test_spread_pushes_reach_further_and_never_get_shorter(sheet):
+    vertices, faces = sheet
+    push = np.zeros((25, 3))
+    push[12] = [0, 0, 2]
+    out = spread_pushes(push, averaging_matrix(faces, len(vertices)), 2)
+    assert (np.linalg.norm(out, axis=1) >= np.linalg.norm(push, axis=1)).all()
+    np.testing.assert_array_equal(out[12], push[12])
+    steps = np.abs(vertices[:, :2] - 2).sum(axis=1)
+    np.testing.assert_array_equal(out[:, 2] > 0, steps <= 2)
+
+
+def test_smoothing_holds_what_has_no_weight_and_flattens_the_rest(sheet):
+    vertices, faces = sheet
+    bumpy = vertices + [0, 0, 1] * (np.arange(25) == 12)[:, None]
+    inner = ((vertices[:, :2] > 0) & (vertices[:, :2] < 4)).all(axis=1)
+    average = averaging_matrix(faces, len(vertices))
+    out = smooth(bumpy, average, np.where(inner, 0.5, 0.0), 100)
+    np.testing.assert_array_equal(out[~inner], bumpy[~inner])
+    np.testing.assert_allclose(out, vertices, atol=1e-6)
+    lifted = smooth(bumpy, average, np.where(inner, 0.5, 0.0), 3, lambda p: np.maximum(p, 0.25))
+    assert (lifted[inner, 2] >= 0.25).all()
+
+
+def test_equalising_brings_a_vertex_to_where_its_edges_are_alike(sheet):
+    vertices, faces = sheet
+    free = np.arange(25) == 12
+    shifted = vertices + [0.6, -0.3, 0] * free[:, None]
+    out = equalise_edges(shifted, faces, free, 20)
+    around = edges(faces)[(edges(faces) == 12).any(axis=1)]
+    np.testing.assert_allclose(edge_lengths(out, around), 1, atol=1e-6)
+    np.testing.assert_array_equal(out[~free], vertices[~free])
+    kept = equalise_edges(shifted, faces, free, 20, lambda p: np.maximum(p, [2.5, 0, 0]))
+    assert kept[12, 0] == 2.5

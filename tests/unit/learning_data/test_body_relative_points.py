@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import posed_vertices
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.learning_data.body_relative_points import body_relative_points, joint_transforms

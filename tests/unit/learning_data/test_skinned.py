@@ -9,7 +9,7 @@ import pytest
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.weight_transfer import garment_weights
+from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import CloudSettings
 from drapeline.errors import InputError
@@ -77,7 +77,7 @@ def test_a_turned_wearer_turns_the_outfit(toy_body, skirt, top):
 def test_a_skirt_goes_from_leg_to_leg_without_a_crease(toy_body):
     skirt = garment("Skirt", tube(0.25, -0.6, 0.0, around=64, rows=40))
     rest = rest_body(toy_body, SHAPE)
-    plain = garment_weights(
+    plain = nearest_weights(
         skirt.vertices, triangulate(skirt.faces), rest, toy_body.faces, toy_body.weights
     )
     found = worn_weights(skirt, rest, toy_body)
@@ -98,7 +98,7 @@ def test_other_garments_keep_their_weights(toy_body, skirt):
     trousers = dataclasses.replace(skirt, name="Trousers")
     np.testing.assert_array_equal(
         worn_weights(trousers, rest, toy_body),
-        garment_weights(
+        nearest_weights(
             skirt.vertices, triangulate(skirt.faces), rest, toy_body.faces, toy_body.weights
         ),
     )

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drapeline.bodies.kinematics import rest_to_pose
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.moving import MovingGarment, load_moving, moving_files_test_first
@@ -22,7 +22,6 @@ from drapeline.metrics.dynamic import (
 )
 from drapeline.metrics.table import HIGH, LOW, find_value
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.registration.to_body.dynamic_offsets import moved
 from drapeline.seeding import rng_for
 from drapeline.storage import write_json
 from gcvae_files import torso_registration
@@ -44,7 +43,7 @@ def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
     registered = torso_registration(body, shape)
     vertex = registered.vertex
     still = rest_body(body, shape)[vertex] + registered.offsets[vertex] + [wrinkle, 0, 0]
-    cloth = moved(still, rest_to_pose(body, shape, poses), registered.weights)
+    cloth = skin_points(still, rest_to_pose(body, shape, poses), registered.weights)
     return MovingGarment(
         f"{split}{seed}",
         split,
@@ -71,7 +70,7 @@ def test_cloth_inside_the_body_is_seen_in_its_pose(toy_body, topology):
     moving = moving_garment(toy_body, "test", "Tshirt")
     frames = np.array([3])
     body = rest_body(toy_body, moving.shape)[moving.registered.vertex]
-    inside = moved(
+    inside = skin_points(
         body * [0.7, 0.7, 1],
         rest_to_pose(toy_body, moving.shape, moving.poses[frames]),
         moving.registered.weights,

@@ -1,5 +1,4 @@
 import csv
-import json
 import zipfile
 from pathlib import Path
 
@@ -10,82 +9,17 @@ from scipy.spatial.transform import Rotation
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
 from drapeline.motions.clips import CLIPS, INSIDE_WHEEL, write_clips
-from drapeline.motions.deepmimic import FRAME_SIZE, read_deepmimic
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import frame_count, import_motion
-from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.motion import load_motion
-from drapeline.motions.retarget import retarget
-from drapeline.motions.skeleton import reference_joints
+from motion_files import deepmimic_frame, write_deepmimic
 
 SHIPPED = Path(__file__).parents[3] / "workflow" / "resources" / "motions"
-COLUMN = {"right_knee": 20, "left_knee": 34, "right_elbow": 29, "left_elbow": 43}
-
-
-def frame(duration=1 / 60, x=0.0, **hinges):
-    """A standing frame: hanging arms, root 0.85 m up."""
-    row = np.zeros(FRAME_SIZE)
-    row[0:4] = duration, x, 0.85, 0.0
-    row[[4, 8, 12, 16, 21, 25, 30, 35, 39]] = 1.0  # quaternions, w first
-    for name, angle in hinges.items():
-        row[COLUMN[name]] = angle
-    return row.tolist()
-
-
-def clip(path, frames, loop="none"):
-    path.write_text(json.dumps({"Loop": loop, "Frames": frames}))
-    return path
-
-
-def joints_of(path):
-    take, _ = read_deepmimic(path)
-    poses, trans = retarget(take, load_joint_map(BUILT_IN / "deepmimic.yaml"))
-    joints, _ = reference_joints(poses, trans)
-    return {name: joints[0, index] for index, name in enumerate(JOINT_NAMES)}
-
-
-def direction(place, start, end):
-    vector = place[end] - place[start]
-    return vector / np.linalg.norm(vector)
-
-
-def test_zero_angles_stand_with_hanging_arms(tmp_path):
-    place = joints_of(clip(tmp_path / "a.txt", [frame(), frame()]))
-    for side in ("left", "right"):
-        for start, end in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee")):
-            found = direction(place, f"{side}_{start}", f"{side}_{end}")
-            np.testing.assert_allclose(found, [0, 0, -1], atol=1e-6)
-    assert place["left_hip"][0] > 0 > place["right_hip"][0]
-    assert place["left_foot"][1] < place["left_ankle"][1]  # toes ahead, towards -Y
-
-
-def test_knees_bend_back_and_elbows_forward_on_their_own_side(tmp_path):
-    bent = frame(right_knee=-1.2, left_elbow=1.0)
-    place = joints_of(clip(tmp_path / "a.txt", [bent, bent]))
-    shin = direction(place, "right_knee", "right_ankle")
-    np.testing.assert_allclose(shin, [0, np.sin(1.2), -np.cos(1.2)], atol=1e-6)
-    np.testing.assert_allclose(direction(place, "left_knee", "left_ankle"), [0, 0, -1], atol=1e-6)
-    forearm = direction(place, "left_elbow", "left_wrist")
-    np.testing.assert_allclose(forearm, [0, -np.sin(1.0), -np.cos(1.0)], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("frames", "message"),
-    [
-        ([], "frames of shape"),
-        ([[1, 2, 3]] * 3, r"frames of shape \(3, 3\)"),
-        ([frame(), frame(left_knee=float("nan"))], "frame 1 holds a value that is not a number"),
-        ([frame(), [1.0]], "not readable as a DeepMimic clip"),
-    ],
-)
-def test_malformed_clips_are_named(tmp_path, frames, message):
-    with pytest.raises(InputError, match=rf"a\.txt: {message}"):
-        read_deepmimic(clip(tmp_path / "a.txt", frames))
 
 
 def test_every_clip_of_a_wheel_is_converted_and_listed(tmp_path):
-    swing = [frame(x=0.02 * k, left_elbow=0.5 + 0.4 * np.sin(k / 5)) for k in range(64)]
-    text = clip(tmp_path / "clip.txt", swing, loop="wrap").read_text()
+    swing = [deepmimic_frame(x=0.02 * k, left_elbow=0.5 + 0.4 * np.sin(k / 5)) for k in range(64)]
+    text = write_deepmimic(tmp_path / "clip.txt", swing, loop="wrap").read_text()
     with zipfile.ZipFile(tmp_path / "pybullet.whl", "w") as wheel:
         for entry in CLIPS:
             wheel.writestr(INSIDE_WHEEL.format(name=entry.name), text)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from drapeline.motions.looping import closed_cycle, loop_to
+from drapeline.motions.looping import close_cycle, loop_to
 from drapeline.motions.motion import Cycle, Motion
 
 
@@ -34,7 +34,7 @@ def steps_deg(poses):
 
 def test_an_exact_cycle_is_left_alone():
     poses, trans, times = round_of()
-    looped, path, cycle = closed_cycle(poses, trans, times, fps=30)
+    looped, path, cycle = close_cycle(poses, trans, times, fps=30)
     assert cycle.turn_rad == pytest.approx(0.4)
     np.testing.assert_allclose(looped, poses[:-1:2], atol=1e-9)
     np.testing.assert_allclose(path, trans[:-1:2], atol=1e-9)
@@ -42,7 +42,7 @@ def test_an_exact_cycle_is_left_alone():
 
 def test_rounds_follow_the_same_arc_for_ever():
     poses, trans, times = round_of(turn_rad=np.pi / 2)
-    motion = as_motion(*closed_cycle(poses, trans, times, fps=30))
+    motion = as_motion(*close_cycle(poses, trans, times, fps=30))
     four = loop_to(motion, 4 * len(motion) + 1)
     assert len(four) == 121
     np.testing.assert_allclose(four.trans[-1], four.trans[0], atol=1e-9)  # a whole circle
@@ -52,7 +52,7 @@ def test_rounds_follow_the_same_arc_for_ever():
 
 def test_a_mismatch_is_blended_without_a_jump():
     poses, trans, times = round_of(mismatch_rad=0.5)
-    motion = as_motion(*closed_cycle(poses, trans, times, fps=30))
+    motion = as_motion(*close_cycle(poses, trans, times, fps=30))
     long = loop_to(motion, 90)
     steps = steps_deg(long.poses)[:, 1]
     assert steps[29] < 1.2 * steps[:29].max()
@@ -61,14 +61,14 @@ def test_a_mismatch_is_blended_without_a_jump():
 
 def test_a_straight_cycle_does_not_turn():
     poses, trans, times = round_of(turn_rad=0.1)
-    _, _, cycle = closed_cycle(poses, trans, times, fps=30, straight=True)
+    _, _, cycle = close_cycle(poses, trans, times, fps=30, straight=True)
     assert cycle.turn_rad == 0.0
 
 
 @pytest.mark.parametrize("frames", [1, 29, 30, 31, 100])
 def test_the_asked_number_of_frames_is_given(frames):
     poses, trans, times = round_of()
-    motion = as_motion(*closed_cycle(poses, trans, times, fps=30))
+    motion = as_motion(*close_cycle(poses, trans, times, fps=30))
     assert len(loop_to(motion, frames)) == frames
 
 

@@ -8,7 +8,7 @@ from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
 from drapeline.motions.bvh import read_bvh
 from drapeline.motions.joint_map import JointMap, built_in_map
-from drapeline.motions.retarget import between, retarget
+from drapeline.motions.retarget import retarget, rotation_between
 from drapeline.motions.skeleton import (
     REFERENCE_OFFSETS,
     Y_UP_TO_Z_UP,
@@ -213,7 +213,7 @@ def test_up_axis_can_be_given():
 
 
 def test_between_opposite_directions_is_half_a_turn():
-    turn = between(np.array([0, 0, 1.0]), np.array([0, 0, -1.0]))
+    turn = rotation_between(np.array([0, 0, 1.0]), np.array([0, 0, -1.0]))
     np.testing.assert_allclose(turn @ [0, 0, 1], [0, 0, -1], atol=1e-12)
     assert np.linalg.det(turn) == pytest.approx(1)
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from drapeline.outfits.garment_types import OUTFIT_TYPES
-from drapeline.outfits.outfit import sample_outfit
+from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.outfits.templates import build_templates
 from drapeline.seeding import rng_for
 
@@ -80,4 +81,25 @@ def skirt_numbers():
         "skirt_fullness": 0.03,
         "skirt_phase": 0.4,
         **{f"skirt_wander{k}": float(w) for k, w in enumerate(np.linspace(0.1, 0.9, 4))},
+    }
+
+
+@pytest.fixture(scope="session")
+def garments(templates, upper_numbers, trousers_numbers, skirt_numbers):
+    """name -> (pattern, openings, Euler characteristic 2 - openings)."""
+    top = {k: v for k, v in upper_numbers.items() if not k.startswith("sleeve")}
+    top |= {"strap_m": 0.04, "scye_m": 0.015, "neck_width_m": 0.09, "drop_m": 0.01}
+    sheets = {
+        "Tshirt": (dict(upper=upper_numbers), 4),
+        "polo": (dict(upper=upper_numbers | {"front": "polo", "placket_m": 0.12}), 4),
+        "open": (dict(upper=upper_numbers | {"front": "open"}), 3),
+        "Top": (dict(upper=top), 4),
+        "Trousers": (dict(trousers=trousers_numbers), 3),
+        "Skirt": (dict(skirt=skirt_numbers), 2),
+        "Jumpsuit": (dict(upper=upper_numbers, trousers=trousers_numbers), 5),
+        "Dress": (dict(upper=top, skirt=skirt_numbers), 4),
+    }
+    return {
+        name: (cut_garment(templates.form, EDGE_M, **parts), openings)
+        for name, (parts, openings) in sheets.items()
     }

@@ -36,7 +36,7 @@ def test_the_form_s_distance_agrees_with_the_body_s(templates, toy_body):
     x = templates.form.landmarks["elbow_x"] - 0.08
     z = templates.form.landmarks["shoulder"] + np.linspace(0.06, 0.15, 8)
     points = np.column_stack([np.full(8, x), np.zeros(8), z])
-    exact, _ = SignedDistance(body, toy_body.faces).outside(points)
+    exact, _ = SignedDistance(body, toy_body.faces).query(points)
     np.testing.assert_allclose(templates.form.upper.value(points), exact, atol=0.015)
 
 
@@ -45,8 +45,8 @@ def test_points_are_lifted_and_landed_on_levels_of_a_ball():
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1)
     ball = Field(np.full(3, axis[0]), (np.linalg.norm(grid, axis=-1) - 0.15).astype(np.float32))
     points = np.array([[0.1, 0.02, 0.0], [0.0, 0.2, 0.05], [0.05, 0.05, -0.13]])
-    lifted = ball.lifted(points, 0.02)
+    lifted = ball.lift(points, 0.02)
     assert ball.value(lifted).min() > 0.02 - 5e-4
     np.testing.assert_array_equal(lifted[1], points[1])
-    radius = np.linalg.norm(ball.landed(points, 0.01), axis=1)
+    radius = np.linalg.norm(ball.land(points, 0.01), axis=1)
     np.testing.assert_allclose(radius, 0.16, atol=1e-3)

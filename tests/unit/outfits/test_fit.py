@@ -7,7 +7,7 @@ import trimesh
 from drapeline.bodies.rest_body import signed_tightness, tightness_shape
 from drapeline.geometry.signed_distance import SignedDistance
 from drapeline.geometry.smoothing import averaging_matrix
-from drapeline.outfits.fit import laid_over, left_body, resized
+from drapeline.outfits.fit import lay_over, leave_body, resize
 
 
 def tube(radius, *, low=-0.5, high=0.5, around=40, rows=30):
@@ -51,8 +51,8 @@ def test_the_first_tightness_term_carries_the_sign_of_the_gender(gender, sign):
 def test_cloth_leaves_a_ball_by_the_gap_and_elsewhere_stays(solid):
     points, faces = tube(0.29)
     average = averaging_matrix(faces, len(points))
-    moved = left_body(points, average, solid, 0.005)
-    distance, _ = solid.outside(moved)
+    moved = leave_body(points, average, solid, 0.005)
+    distance, _ = solid.query(moved)
     assert distance.min() >= 0.005 - 1e-5
     far = np.abs(points[:, 2]) > 0.4
     np.testing.assert_array_equal(moved[far], points[far])
@@ -60,7 +60,7 @@ def test_cloth_leaves_a_ball_by_the_gap_and_elsewhere_stays(solid):
 
 def test_cloth_outside_is_left_alone(solid):
     points, faces = tube(0.4)
-    moved = left_body(points, averaging_matrix(faces, len(points)), solid, 0.005)
+    moved = leave_body(points, averaging_matrix(faces, len(points)), solid, 0.005)
     np.testing.assert_array_equal(moved, points)
 
 
@@ -68,7 +68,7 @@ def test_resizing_follows_a_uniform_move_exactly(ball):
     points, faces = tube(0.32)
     average = averaging_matrix(faces, len(points))
     shift = np.array([0.01, -0.02, 0.03])
-    moved = resized(points, average, ball[0], ball[0] + shift, 20)
+    moved = resize(points, average, ball[0], ball[0] + shift, 20)
     np.testing.assert_allclose(moved, points + shift, atol=1e-12)
 
 
@@ -76,7 +76,7 @@ def test_resizing_filters_the_body_s_detail(ball):
     points, faces = tube(0.32)
     average = averaging_matrix(faces, len(points))
     rough = np.random.default_rng(0).normal(scale=0.01, size=ball[0].shape)
-    moved = resized(points, average, ball[0], ball[0] + rough, 60)
+    moved = resize(points, average, ball[0], ball[0] + rough, 60)
     assert np.linalg.norm(moved - points, axis=1).mean() < 0.004
 
 
@@ -84,7 +84,7 @@ def test_resizing_filters_the_body_s_detail(ball):
 def test_the_outer_layer_clears_the_inner_one(radius):
     inner, _ = tube(0.2, low=-0.5, high=0.0)
     points, faces = tube(radius, low=-0.2, high=0.4)
-    moved = laid_over(points, averaging_matrix(faces, len(points)), inner, 0.0, 0.006)
+    moved = lay_over(points, averaging_matrix(faces, len(points)), inner, 0.0, 0.006)
     around = np.hypot(moved[:, 0], moved[:, 1])
     assert around[moved[:, 2] < 0].min() >= 0.2 + 0.005
     np.testing.assert_allclose(moved[:, 2], points[:, 2])

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, boundary_loops, save_obj
-from drapeline.outfits.outfit import sample_outfit
-from drapeline.outfits.user_garment import own_garment, top_loop
+from drapeline.geometry.mesh import Mesh, boundary_loops
+from drapeline.geometry.obj import save_obj
+from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.user_garment import load_user_garment, top_loop
 from drapeline.seeding import rng_for
 
 
@@ -35,7 +36,7 @@ def saved(tmp_path, mesh, vertices=None, faces=None):
 
 
 def test_a_sound_garment_comes_back_with_a_texture_map(tmp_path, skirt, toy_body):
-    mesh = own_garment(saved(tmp_path, skirt), toy_body)
+    mesh = load_user_garment(saved(tmp_path, skirt), toy_body)
     np.testing.assert_array_equal(mesh.faces, skirt.faces)
     assert mesh.uv.min() >= 0
     assert mesh.uv.max() <= 1
@@ -67,34 +68,34 @@ def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_bod
 def test_centimetres_are_recognised(tmp_path, skirt, toy_body):
     path = saved(tmp_path, skirt, vertices=skirt.vertices * 100)
     with pytest.raises(InputError, match=r"mine\.obj.* 60 m long.*centimetres.*expected metres"):
-        own_garment(path, toy_body)
+        load_user_garment(path, toy_body)
 
 
 def test_a_garment_away_from_the_body_is_refused(tmp_path, skirt, toy_body):
     path = saved(tmp_path, skirt, vertices=skirt.vertices + np.float32([0, 0, 3]))
     with pytest.raises(InputError, match=r"mine\.obj.* m from the rest body.*expected it on"):
-        own_garment(path, toy_body)
+        load_user_garment(path, toy_body)
 
 
 def test_non_manifold_edges_are_named(tmp_path, skirt, toy_body):
     extra = np.array([[0, 1, 100, 101], [0, 1, 150, 151]], dtype=np.int32)
     path = saved(tmp_path, skirt, faces=np.concatenate([skirt.faces, extra]))
     with pytest.raises(InputError, match=r"mine\.obj.*non-manifold.*vertices 1 and 2 with 3 faces"):
-        own_garment(path, toy_body)
+        load_user_garment(path, toy_body)
 
 
 def test_faces_turned_against_each_other_are_refused(tmp_path, skirt, toy_body):
     faces = skirt.faces.copy()
     faces[5] = faces[5][::-1]
     with pytest.raises(InputError, match="turned the same way"):
-        own_garment(saved(tmp_path, skirt, faces=faces), toy_body)
+        load_user_garment(saved(tmp_path, skirt, faces=faces), toy_body)
 
 
 def test_values_that_are_no_numbers_are_refused(tmp_path, skirt, toy_body):
     vertices = skirt.vertices.copy()
     vertices[7, 1] = np.nan
     with pytest.raises(InputError, match="vertex 8 is not finite"):
-        own_garment(saved(tmp_path, skirt, vertices=vertices), toy_body)
+        load_user_garment(saved(tmp_path, skirt, vertices=vertices), toy_body)
 
 
 def test_a_closed_surface_is_no_garment(tmp_path, toy_body):
@@ -102,9 +103,9 @@ def test_a_closed_surface_is_no_garment(tmp_path, toy_body):
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     mesh = Mesh(box * 0.4, np.array(faces, dtype=np.int32))
     with pytest.raises(InputError, match="closed surface"):
-        own_garment(saved(tmp_path, mesh), toy_body)
+        load_user_garment(saved(tmp_path, mesh), toy_body)
 
 
 def test_a_missing_file_is_named(tmp_path, toy_body):
     with pytest.raises(InputError, match=r"nothing\.obj"):
-        own_garment(tmp_path / "nothing.obj", toy_body)
+        load_user_garment(tmp_path / "nothing.obj", toy_body)

@@ -11,7 +11,6 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.fabrics import FABRICS
-from drapeline.outfits.user_garment import mean_edge_m
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit

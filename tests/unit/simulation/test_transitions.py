@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import posed_vertices
-from drapeline.bodies.sequence import make_body_sequence
 from drapeline.frames import REST_POSE
 from drapeline.simulation.transitions import (
     body_frames,

@@ -11,9 +11,9 @@ import numpy as np
 import torch
 from scipy import sparse
 
-from drapeline.bodies.model import BodyModel, shaped
+from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.skinning import skin
+from drapeline.bodies.skinning import skin_body
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.body_relative_points import joint_transforms
 from drapeline.models.layers.point_search import farthest_points
@@ -47,9 +47,9 @@ class BodySurface:
     def pose(self, shape: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (F, M, 3) in metres and unit normals (F, M, 3) for poses (F, 72) in rad."""
         body, used = self._body, self._used
-        vertices, joints = shaped(body, shape)
+        vertices, joints = shape_body(body, shape)
         directions = body.posedirs[used] if body.has_posedirs else None
-        around, _ = skin(
+        around, _ = skin_body(
             vertices[used] - joints[0],
             joints - joints[0],
             body.weights[used],

@@ -6,7 +6,7 @@ import torch
 from scipy import sparse
 from torch import nn
 
-from drapeline.geometry.mesh import edge_graph, edges
+from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.models.layers.point_search import nearest_neighbours
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
@@ -68,9 +68,7 @@ class UniformLaplacian(_Laplacian):
     """
 
     def __init__(self, faces: np.ndarray, count: int) -> None:
-        graph = edge_graph(edges(faces), count)
-        degree = np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)
-        super().__init__(sparse.diags(1 / degree) @ graph - sparse.identity(count))
+        super().__init__(averaging_matrix(faces, count) - sparse.identity(count))
 
 
 def laplacian_difference(

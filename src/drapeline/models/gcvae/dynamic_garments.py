@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.bodies.kinematics import mirrored_poses
+from drapeline.bodies.kinematics import mirror_poses
 from drapeline.learning_data.dynamic import DynamicData
 from drapeline.models.gcvae.load import load_vae
 from drapeline.models.gcvae.vae import GarmentVae
@@ -44,7 +44,7 @@ class DynamicGarments:
 
         Their static codes are those of the rows: garments are symmetric in rest pose.
         """
-        return self._cvar(rows, mirrored_poses(self.data.poses[rows, : self.frames]))
+        return self._cvar(rows, mirror_poses(self.data.poses[rows, : self.frames]))
 
     def _cvar(self, rows: np.ndarray, poses: np.ndarray) -> np.ndarray:
         garments = self.data.garment_index[rows]

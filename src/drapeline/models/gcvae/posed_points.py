@@ -10,7 +10,7 @@ from drapeline.models.gcvae.body_template import STATIC_CVAR
 from drapeline.models.gcvae.codes import decode_codes
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.models.gcvae.vae import DynamicVae
-from drapeline.registration.to_body.dynamic_offsets import dressed
+from drapeline.registration.to_body.dynamic_offsets import points_from_offsets
 from drapeline.registration.to_body.topology import Topology
 
 
@@ -38,7 +38,7 @@ def decode_points(
         len(rows), -1
     )
     decoded = decode_codes(model, z, cvar, garments.topology(rows))
-    return dressed(
+    return points_from_offsets(
         moving.registered,
         np.stack([offsets for offsets, _ in decoded]),
         body,

@@ -16,7 +16,7 @@ def linear_blend_skinning(
             frame has a garment of its own.
         weights: (B, N, 24), rows sum to 1.
         transforms: (B, T, 24, 3 or 4, 4) motion of each joint's part from the rest pose, as
-            `bodies.kinematics.rest_to_pose` has it; a fourth row is not looked at.
+            `bodies.rest_body.rest_to_pose` has it; a fourth row is not looked at.
 
     Returns:
         (B, T, N, 3) metres, root frame.

@@ -1,12 +1,12 @@
-"""Curves and outlines that panels are hung on."""
+"""Curves and outlines that give panels their shape."""
 
 import numpy as np
 
 from drapeline.outfits.dress_form import ANGLES, STEP_M, Tube
 
 
-def spaced(curve: np.ndarray, edges: int) -> np.ndarray:
-    """Points (edges + 1, 3) at equal distances along a polyline (P, 3)."""
+def space_evenly(curve: np.ndarray, edges: int) -> np.ndarray:
+    """Resample a polyline (P, 3) or (P, 2) at `edges` + 1 points of equal distances."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
     at = np.linspace(0, length[-1], edges + 1)
     return np.stack([np.interp(at, length, curve[:, k]) for k in range(curve.shape[1])], axis=1)
@@ -23,14 +23,16 @@ def smoothstep(x: np.ndarray) -> np.ndarray:
     return x * x * (3 - 2 * x)
 
 
-def hung(tube: Tube, *, down: float, up: float, top_m: float) -> Tube:
-    """The outline of cloth that hangs over a tube rather than clinging to it.
+def hang(tube: Tube, *, down: float, up: float, top_m: float) -> Tube:
+    """Let cloth hang over a tube rather than cling to it.
 
     Going down, cloth comes back towards the body by no more than `down` metres per metre, going
     up by no more than `up`: hollows under a bust or belly are bridged.
 
     Args:
-        top_m: cloth hangs from here; slices above keep their outline.
+        tube: outline of the body.
+        down, up: metres per metre.
+        top_m: where the cloth hangs from; slices above keep their outline.
     """
     radius = tube.radius.copy()
     last = int(np.clip((top_m - tube.start_m) / STEP_M, 0, len(radius) - 1))
@@ -41,8 +43,8 @@ def hung(tube: Tube, *, down: float, up: float, top_m: float) -> Tube:
     return Tube(tube.start_m, tube.centre, radius)
 
 
-def straightened(tube: Tube, slope: float) -> Tube:
-    """The outline of a sleeve or trouser leg, whose radius changes by no more than `slope`.
+def straighten(tube: Tube, slope: float) -> Tube:
+    """Let the radius of a limb change by no more than `slope` metres per metre, as sleeves' do.
 
     Bulges of muscles, elbows and knees are bridged on both sides.
     """
@@ -84,8 +86,8 @@ def limb_loop(
 
 def _arc(tube: Tube, along_m: float, extra_m: float, a: float, b: float, edges: int) -> np.ndarray:
     angle = np.linspace(a, b, ANGLES)
-    radius = tube.at(np.full(ANGLES, along_m), angle % (2 * np.pi)) + extra_m
+    radius = tube.radius_at(np.full(ANGLES, along_m), angle % (2 * np.pi)) + extra_m
     outline = tube.centre_at(along_m) + radius[:, None] * np.stack(
         [np.sin(angle), np.cos(angle)], axis=1
     )
-    return spaced(outline, edges)
+    return space_evenly(outline, edges)

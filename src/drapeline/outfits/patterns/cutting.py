@@ -4,11 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
-from drapeline.geometry.mesh import boundary_loops
 from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
-from drapeline.outfits.patterns.curves import smoothstep
 from drapeline.outfits.patterns.lower import (
     SkirtCut,
     TrousersCut,
@@ -18,16 +15,10 @@ from drapeline.outfits.patterns.lower import (
     trousers_half_ring,
 )
 from drapeline.outfits.patterns.panels import Pattern
-from drapeline.outfits.patterns.separation import kept_apart
 from drapeline.outfits.patterns.upper import UpperCut, build_upper, chest_half_ring
 from drapeline.outfits.patterns.width_profile import WidthLine
-from drapeline.outfits.settling import draped, fold_seeds
 
 Numbers = Mapping[str, Any]
-_FOLD_M = 0.0015
-_CALM_M = 0.04  # ends of a garment stay clean over this distance
-_DRAPE_GAP_M = 0.006
-_DRAPE_STEPS = 30
 _TORSO_M = 0.53  # the torso that distances in the ranges are meant for
 
 
@@ -38,7 +29,7 @@ def size_of(form: DressForm) -> float:
 
 def _mean_diameter(tube: Tube, along_m: float) -> float:
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
-    return 2 * float(tube.at(np.full(ANGLES, along_m), angle).mean())
+    return 2 * float(tube.radius_at(np.full(ANGLES, along_m), angle).mean())
 
 
 def _mix(a: float, b: float, share: float) -> float:
@@ -150,45 +141,3 @@ def cut_garment(
         if upper is not None:
             del pattern.marks["hem"]
     return pattern
-
-
-def drape_on_form(
-    rng: np.random.Generator,
-    form: DressForm,
-    pattern: Pattern,
-    edge_length_m: float,
-    fullness: float,
-) -> np.ndarray:
-    """Vertices of a garment after it has hung on the dress form for a moment.
-
-    Args:
-        rng: where folds begin.
-        fullness: excess of cloth around the body in shares.
-    """
-    points, faces = pattern.vertices, pattern.faces()
-    nudge = fold_seeds(rng, faces, len(points), edge_length_m, _FOLD_M * (0.2 + 60 * fullness))
-    ends = np.concatenate(boundary_loops(faces))
-    calm = smoothstep(KDTree(points[ends]).query(points)[0] / _CALM_M)
-    if "skirt_hem" in pattern.marks:
-        calm = np.maximum(calm, smoothstep((form.landmarks["hip"] - points[:, 2]) / _CALM_M))
-    held = np.zeros(len(points), dtype=bool)
-    if "hem" not in pattern.marks and "left_armhole" not in pattern.marks:
-        held[pattern.marks["waist"]] = True
-    high = points[:, 2] > form.landmarks["waist"]
-    apart = kept_apart(pattern)
-
-    def keep_out(p: np.ndarray) -> np.ndarray:
-        for part, field in ((high, form.upper), (~high, form.lower)):
-            if part.any():
-                p[part] = field.lifted(p[part], _DRAPE_GAP_M)
-        return apart(p)
-
-    return draped(
-        points,
-        faces,
-        held,
-        keep_out,
-        fullness=fullness * calm,
-        nudge=nudge * calm[:, None],
-        steps=_DRAPE_STEPS,
-    )

@@ -5,18 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.frames import REST_POSE
-from drapeline.geometry.smoothing import averaging_matrix, smoothed
+from drapeline.geometry.smoothing import averaging_matrix, smooth
 from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
 from drapeline.outfits.patterns.curves import (
     curve_length,
-    hung,
+    hang,
     limb_loop,
     ring,
     smoothstep,
-    straightened,
+    straighten,
 )
 from drapeline.outfits.patterns.panels import Pattern
-from drapeline.outfits.patterns.separation import BETWEEN_LEGS_M, kept_apart
+from drapeline.outfits.patterns.separation import BETWEEN_LEGS_M, separator
 from drapeline.outfits.patterns.width_profile import WidthLine
 
 GAP_M = 0.008
@@ -96,33 +96,35 @@ def build_trousers(
     half = half_ring
     fork = form.landmarks["crotch"] + 0.045
     crotch = form.landmarks["crotch"] - cut.rise
-    hips = hung(form.torso, down=0.05, up=0.45, top_m=cut.waist)
+    hips = hang(form.torso, down=0.05, up=0.45, top_m=cut.waist)
     rows = max(2, round((cut.waist - fork) / e))
     heights = np.linspace(cut.waist, fork, rows + 1)
     rings = np.stack([ring(hips, z, GAP_M + cut.ease, 2 * half) for z in heights])
-    ids = _sewn(pattern, rings, waist_ids)
+    ids = _sew(pattern, rings, waist_ids)
     bridge = _bridge(pattern, ids[-1], half, crotch, e)
     for side in ("left", "right"):
         _leg(pattern, form, cut, ids, bridge, side, e)
     _settle_legs(pattern, form, bridge, fork)
 
 
-def _sewn(pattern: Pattern, rings: np.ndarray, waist_ids: np.ndarray | None) -> np.ndarray:
+def _sew(pattern: Pattern, rings: np.ndarray, waist_ids: np.ndarray | None) -> np.ndarray:
     """Ids (R, E) of rings (R, E, 3) from the waist down, the first merged with existing ones."""
     if waist_ids is None:
-        ids = pattern.add(rings)
+        ids = pattern.add_vertices(rings)
     else:
         # The lower part starts where the upper one ends and finds its own shape further down.
         shift = pattern.vertices[waist_ids] - rings[0]
         below = rings[0, 0, 2] - rings[1:, :1, 2:]
         rings = rings[1:] + shift * (1 - smoothstep(below / _SEAM_M))
-        ids = np.concatenate([waist_ids[None], pattern.add(rings)])
+        ids = np.concatenate([waist_ids[None], pattern.add_vertices(rings)])
     pattern.marks["waist"] = ids[0]
     return ids
 
 
-def _bridge(pattern: Pattern, fork_ring: np.ndarray, half: int, crotch: float, e: float):
-    """Vertices under the crotch from the back's middle to the front's, ends left off."""
+def _bridge(
+    pattern: Pattern, fork_ring: np.ndarray, half: int, crotch: float, e: float
+) -> np.ndarray:
+    """Add the vertices under the crotch from the back's middle to the front's, without ends."""
     points = pattern.vertices
     front, back = points[fork_ring[half // 2]], points[fork_ring[half + half // 2]]
     turn = np.linspace(0, np.pi, 41)
@@ -133,10 +135,18 @@ def _bridge(pattern: Pattern, fork_ring: np.ndarray, half: int, crotch: float, e
     edges = max(4, 2 * round(curve_length(curve) / e / 2))
     at = np.linspace(0, np.pi, edges + 1)[1:-1]
     inner = np.column_stack([np.interp(at, turn, curve[:, k]) for k in range(3)])
-    return pattern.add(inner)
+    return pattern.add_vertices(inner)
 
 
-def _leg(pattern, form: DressForm, cut: TrousersCut, hips, bridge, side: str, e: float) -> None:
+def _leg(
+    pattern: Pattern,
+    form: DressForm,
+    cut: TrousersCut,
+    hips: np.ndarray,
+    bridge: np.ndarray,
+    side: str,
+    e: float,
+) -> None:
     """One leg's two panels, hips included."""
     half = hips.shape[1] // 2
     quarter, inner = half // 2, (len(bridge) + 1) // 2
@@ -149,14 +159,14 @@ def _leg(pattern, form: DressForm, cut: TrousersCut, hips, bridge, side: str, e:
         outer = np.concatenate([fork[half + quarter :], fork[: quarter + 1]])
         loop = np.concatenate([outer, bridge[::-1]])
     start = pattern.vertices[loop] * [sign, 1, 1]
-    limb = straightened(form.leg, 0.1)
+    limb = straighten(form.leg, 0.1)
     length = start[:, 2].mean() - cut.cuff
     rows = max(1, round(length / e))
     grid = [
         _leg_row(form, limb, cut, start, row / rows, quarter, 1 if sign > 0 else -1) * [sign, 1, 1]
         for row in range(1, rows + 1)
     ]
-    ids = np.concatenate([loop[None], pattern.add(np.stack(grid))])
+    ids = np.concatenate([loop[None], pattern.add_vertices(np.stack(grid))])
     pattern.marks[f"{side}_leg_cuff"] = ids[-1]
     pattern.marks[f"{side}_leg"] = ids[1:].ravel()
     # Columns from the inseam over the first half to the outer side, and on to the inseam.
@@ -171,12 +181,18 @@ def _leg(pattern, form: DressForm, cut: TrousersCut, hips, bridge, side: str, e:
             [hips[:-1, half + quarter :], hips[:-1, : quarter + 1]], axis=1
         )
     whole = np.concatenate([above, turned])[::-1]
-    pattern.panel(whole[:, : middle + 1], middle)
-    pattern.panel(whole[:, middle:], 0)
+    pattern.add_panel(whole[:, : middle + 1], middle)
+    pattern.add_panel(whole[:, middle:], 0)
 
 
 def _leg_row(
-    form, limb: Tube, cut, start: np.ndarray, share: float, quarter: int, turn: int
+    form: DressForm,
+    limb: Tube,
+    cut: TrousersCut,
+    start: np.ndarray,
+    share: float,
+    quarter: int,
+    turn: int,
 ) -> np.ndarray:
     """Row of a left leg between the fork (0) and the cuff (1); the cuff is square to the leg."""
     axis_x = limb.centre_at(np.array(cut.cuff))[0]
@@ -185,7 +201,7 @@ def _leg_row(
         cuff_z = cut.cuff + _LEG_TILT * (x - axis_x)
         z = start[:, 2] + (cuff_z - start[:, 2]) * share
         mean = float(z.mean())
-        own = limb.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
+        own = limb.radius_at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
         along = max(0.0, (form.landmarks["hip"] - mean) * np.hypot(1, _LEG_TILT))
         extra = max(GAP_M, cut.leg(along) / 2 - own)
         # The outline starts at the outer side; the row starts a quarter before it.
@@ -208,15 +224,15 @@ def _settle_legs(pattern: Pattern, form: DressForm, bridge: np.ndarray, fork: fl
     moved = near > 0
     on_middle = np.isin(np.arange(len(points)), bridge)
     on_middle |= np.abs(points[:, 0]) < 1e-6
-    apart = kept_apart(pattern)
+    separate = separator(pattern)
 
     def lift(p: np.ndarray) -> np.ndarray:
         whole = points.copy()
-        whole[moved] = form.lower.lifted(p, GAP_M)
+        whole[moved] = form.lower.lift(p, GAP_M)
         whole[on_middle, 0] = 0
-        return apart(whole)[moved]
+        return separate(whole)[moved]
 
-    pattern.vertices = smoothed(points, average, 0.8 * near, 25, lift)
+    pattern.vertices = smooth(points, average, 0.8 * near, 25, lift)
 
 
 def _skirt_extra(form: DressForm, cut: SkirtCut, share: float) -> float:
@@ -239,14 +255,14 @@ def build_skirt(
         half_ring: edges of half the ring, even.
         waist_ids: (2 half_ring,) existing vertices to sew the waist to, or None.
     """
-    hips = hung(form.skirt, down=0.02, up=0.45, top_m=cut.waist)
+    hips = hang(form.skirt, down=0.02, up=0.45, top_m=cut.waist)
     rows = max(2, round((cut.waist - cut.hem) / edge_length_m))
     grid = [_skirt_ring(form, cut, hips, row / rows, 2 * half_ring) for row in range(rows + 1)]
-    ids = _sewn(pattern, np.stack(grid), waist_ids)
+    ids = _sew(pattern, np.stack(grid), waist_ids)
     pattern.marks["skirt_hem"] = ids[-1]
     closed = np.column_stack([ids, ids[:, :1]])[::-1]
-    pattern.panel(closed[:, : half_ring + 1], half_ring // 2)
-    pattern.panel(closed[:, half_ring:], half_ring // 2)
+    pattern.add_panel(closed[:, : half_ring + 1], half_ring // 2)
+    pattern.add_panel(closed[:, half_ring:], half_ring // 2)
 
 
 def _skirt_ring(form: DressForm, cut: SkirtCut, hips: Tube, share: float, edges: int) -> np.ndarray:

@@ -37,13 +37,13 @@ class Pattern:
     def vertices(self, points: np.ndarray) -> None:
         self.blocks = [points]
 
-    def add(self, points: np.ndarray) -> np.ndarray:
+    def add_vertices(self, points: np.ndarray) -> np.ndarray:
         """Add positions (..., 3); returns their ids (...)."""
         start = self.count
         self.blocks.append(np.asarray(points, dtype=np.float64).reshape(-1, 3))
         return np.arange(start, self.count).reshape(points.shape[:-1])
 
-    def panel(self, ids: np.ndarray, straight: int) -> None:
+    def add_panel(self, ids: np.ndarray, straight: int) -> None:
         """Add a panel; a cell becomes a quad where all four corners exist."""
         self.panels.append((ids, straight))
 
@@ -59,14 +59,14 @@ class Pattern:
         points = self.vertices
         flats, faces, start = [], [], 0
         for ids, straight in self.panels:
-            flat = _flattened(points, ids, straight)
+            flat = _flatten(points, ids, straight)
             used = ids >= 0
             number = np.full(ids.shape, -1)
             number[used] = start + np.arange(used.sum())
             flats.append(flat[used])
             faces.append(_cells(number))
             start += int(used.sum())
-        return _packed(flats), np.concatenate(faces).astype(np.int32)
+        return _pack(flats), np.concatenate(faces).astype(np.int32)
 
 
 def _cells(ids: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ def _cells(ids: np.ndarray) -> np.ndarray:
     return corners[(corners >= 0).all(axis=1)]
 
 
-def _flattened(points: np.ndarray, ids: np.ndarray, straight: int) -> np.ndarray:
+def _flatten(points: np.ndarray, ids: np.ndarray, straight: int) -> np.ndarray:
     """(R, C, 2) metres; strictly increasing along rows and columns, hence without folds."""
     grid = points[ids]
     exists = ids >= 0
@@ -92,7 +92,7 @@ def _flattened(points: np.ndarray, ids: np.ndarray, straight: int) -> np.ndarray
     return np.stack([u, np.broadcast_to(v[:, None], u.shape)], axis=-1)
 
 
-def _packed(flats: list[np.ndarray]) -> np.ndarray:
+def _pack(flats: list[np.ndarray]) -> np.ndarray:
     """Shelves of panels, filled left to right, scaled into the unit square as a whole."""
     flats = [flat - flat.min(axis=0) for flat in flats]
     sizes = np.array([flat.max(axis=0) for flat in flats]) + _UV_MARGIN_M

@@ -1,19 +1,20 @@
 """Upper-body patterns: front, back and sleeves of t-shirts, shirts, polos and tops."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from drapeline.geometry.smoothing import averaging_matrix, evened, smoothed
+from drapeline.geometry.smoothing import Constraint, averaging_matrix, equalise_edges, smooth
 from drapeline.outfits.dress_form import ANGLES, DressForm, Tube
 from drapeline.outfits.patterns.curves import (
     curve_length,
-    hung,
+    hang,
     limb_loop,
     ring,
     smoothstep,
-    spaced,
-    straightened,
+    space_evenly,
+    straighten,
 )
 from drapeline.outfits.patterns.panels import Pattern
 from drapeline.outfits.patterns.width_profile import WidthLine
@@ -90,7 +91,7 @@ def build_upper(
         half_ring: edges of half the chest ring, even; from the edge length if None.
     """
     underarm = form.landmarks["armpit"] - cut.drop
-    trunk = hung(form.torso, down=cut.shaping, up=0.5, top_m=underarm)
+    trunk = hang(form.torso, down=cut.shaping, up=0.5, top_m=underarm)
     armholes = {name: _armhole(form, cut, underarm, trunk, y) for name, y in _FACES}
     necks = {name: _neckline(form, cut, y) for name, y in _FACES}
     counts = _count(form, cut, underarm, armholes, necks, edge_length_m, half_ring)
@@ -104,19 +105,19 @@ def build_upper(
             points[border_ids] = curve
             free[border_ids] = False
     for ids in (front, back):
-        pattern.panel(ids, counts.half // 2)
+        pattern.add_panel(ids, counts.half // 2)
     average = averaging_matrix(pattern.faces(), len(points))
     lift = _lifter(form, cut, underarm)
     for ids in (front, back):
         _fill_columns(points, ids, free)
         _follow_armholes(points, ids, free, counts)
     points = lift(points)
-    points = smoothed(points, average, np.where(free, 1.0, 0.0), 12, lift)
-    pattern.vertices = evened(points, pattern.faces(), free, 8, lift)
+    points = smooth(points, average, np.where(free, 1.0, 0.0), 12, lift)
+    pattern.vertices = equalise_edges(points, pattern.faces(), free, 8, lift)
     _mark_rings(pattern, front, back, counts)
     pattern.panels = pattern.panels[:-2]
     _front_panels(pattern, cut, front, counts, edge_length_m)
-    pattern.panel(back, counts.half // 2)
+    pattern.add_panel(back, counts.half // 2)
     if cut.sleeve_x is not None:
         for side in ("left", "right"):
             _sleeve(pattern, form, cut, side, edge_length_m)
@@ -140,14 +141,14 @@ def _ridge(form: DressForm, x_m: np.ndarray) -> np.ndarray:
     top = np.where(inside, z, z[0]).max(axis=2)  # (X, Y)
     weight = np.exp((top - top.max(axis=1, keepdims=True)) / 0.004)
     middle = (weight * y).sum(axis=1) / weight.sum(axis=1)
-    return form.upper.landed(np.column_stack([x_m, middle, top.max(axis=1)]), GAP_M)
+    return form.upper.land(np.column_stack([x_m, middle, top.max(axis=1)]), GAP_M)
 
 
 def _armhole(form: DressForm, cut: UpperCut, underarm: float, trunk: Tube, y: float) -> np.ndarray:
     """Left armhole's front (y = -1) or back (y = 1) half from underarm to shoulder, (P, 3)."""
     axis_y = trunk.centre[0, 1]
-    side_x = float(trunk.at(np.array([underarm]), np.pi / 2)[0]) + GAP_M + cut.ease
-    low = form.upper.lifted(np.array([[side_x, axis_y, underarm]]), GAP_M + cut.ease)
+    side_x = float(trunk.radius_at(np.array([underarm]), np.pi / 2)[0]) + GAP_M + cut.ease
+    low = form.upper.lift(np.array([[side_x, axis_y, underarm]]), GAP_M + cut.ease)
     high = _ridge(form, np.array([cut.shoulder_x]))
     turn = np.linspace(0, np.pi, 41)[:, None]
     share = (1 - np.cos(turn)) / 2
@@ -156,8 +157,8 @@ def _armhole(form: DressForm, cut: UpperCut, underarm: float, trunk: Tube, y: fl
     inner = curve[1:-1]
     for _ in range(4):
         ease = cut.ease * (1 - share[1:-1, 0])
-        inner = form.upper.lifted(inner, GAP_M + ease) if cut.sleeve_x else inner
-        inner = form.upper.landed(inner, GAP_M) if not cut.sleeve_x else inner
+        inner = form.upper.lift(inner, GAP_M + ease) if cut.sleeve_x else inner
+        inner = form.upper.land(inner, GAP_M) if not cut.sleeve_x else inner
         curve = np.concatenate([low, inner, high])
         inner = (curve[:-2] + 2 * curve[1:-1] + curve[2:]) / 4
     return curve
@@ -171,17 +172,23 @@ def _neckline(form: DressForm, cut: UpperCut, y: float) -> np.ndarray:
     power = {"crew": 2.0, "scoop": 2.6, "v": 1.25}[cut.neckline] if y < 0 else 2.4
     x = high[0] * (1 - t)
     z = high[2] - depth * (1 - (1 - t) ** power) ** (1 / power if cut.neckline != "v" else 1)
-    surface = form.upper.landed(np.array([[0.0, 0.3 * y, high[2] - depth]]), GAP_M)[0, 1]
+    surface = form.upper.land(np.array([[0.0, 0.3 * y, high[2] - depth]]), GAP_M)[0, 1]
     guess = np.column_stack([x, high[1] + (surface - high[1]) * np.sin(t * np.pi / 2) ** 0.7, z])
     half = guess.copy()
-    half[1:] = form.upper.landed(guess[1:], GAP_M)
+    half[1:] = form.upper.land(guess[1:], GAP_M)
     half[:, 0] = np.maximum(half[:, 0], 0)
     half[-1, 0] = 0.0
     return np.concatenate([half, half[-2::-1] * [-1, 1, 1]])
 
 
 def _count(
-    form, cut, underarm, armholes, necks, edge_length_m: float, half_ring: int | None
+    form: DressForm,
+    cut: UpperCut,
+    underarm: float,
+    armholes: Mapping[str, np.ndarray],
+    necks: Mapping[str, np.ndarray],
+    edge_length_m: float,
+    half_ring: int | None,
 ) -> _Counts:
     e = edge_length_m
     half = half_ring or chest_half_ring(form, cut, e)
@@ -201,7 +208,9 @@ def _count(
     return _Counts(half, bottom, side, shoulder, *notches, rows, min(rows - 1, round(0.06 / e)))
 
 
-def _torso(pattern: Pattern, trunk: Tube, cut: UpperCut, underarm: float, n: _Counts):
+def _torso(
+    pattern: Pattern, trunk: Tube, cut: UpperCut, underarm: float, n: _Counts
+) -> tuple[np.ndarray, np.ndarray]:
     """Grids of ids (rows + side + 1, half + 1) of front and back, seams shared."""
     height = np.linspace(cut.hem, underarm, n.rows + 1)
     rings = np.stack(
@@ -210,7 +219,7 @@ def _torso(pattern: Pattern, trunk: Tube, cut: UpperCut, underarm: float, n: _Co
             for z in height
         ]
     )
-    around = pattern.add(rings)
+    around = pattern.add_vertices(rings)
     shape = (n.rows + n.side + 1, n.half + 1)
     front, back = np.full(shape, -1), np.full(shape, -1)
     front[: n.rows + 1] = around[:, : n.half + 1]
@@ -225,7 +234,7 @@ def _torso(pattern: Pattern, trunk: Tube, cut: UpperCut, underarm: float, n: _Co
             for c in [*range(n.bottom, left + 1), *range(right, n.half - n.bottom + 1)]:
                 back[-1, n.half - c] = front[-1, c]
                 hole[-1, n.half - c] = True
-        grid[~hole] = pattern.add(np.zeros((int((~hole).sum()), 3)))
+        grid[~hole] = pattern.add_vertices(np.zeros((int((~hole).sum()), 3)))
     return front, back
 
 
@@ -258,10 +267,18 @@ def _follow_armholes(points: np.ndarray, ids: np.ndarray, free: np.ndarray, n: _
             points[column[loose]] += bend[loose] * (1 - offset / (middle - n.bottom))
 
 
-def _borders(form, cut, ids: np.ndarray, n: _Counts, armhole, neck, name: str):
+def _borders(
+    form: DressForm,
+    cut: UpperCut,
+    ids: np.ndarray,
+    n: _Counts,
+    armhole: np.ndarray,
+    neck: np.ndarray,
+    name: str,
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """(ids, positions) of armholes, neckline and shoulder seams of one panel."""
     mirror = np.array([-1.0, 1.0, 1.0])
-    curve = spaced(armhole, n.bottom + n.side)
+    curve = space_evenly(armhole, n.bottom + n.side)
     # Columns of the front run from the right to the left, those of the back the other way.
     left = -1.0 if name == "back" else 1.0
     first = np.concatenate([ids[n.rows, : n.bottom], ids[n.rows :, n.bottom]])
@@ -274,20 +291,21 @@ def _borders(form, cut, ids: np.ndarray, n: _Counts, armhole, neck, name: str):
     line = np.concatenate(
         [ids[top - notch : top + 1, a][::-1], ids[top - notch, a + 1 : b], ids[top - notch :, b]]
     )
-    ring_points = spaced(neck, len(line) - 1)  # left to right of the body
+    ring_points = space_evenly(neck, len(line) - 1)  # left to right of the body
     yield line, ring_points[::-1] if left > 0 else ring_points
     if name == "front":
-        seam = spaced(_ridge(form, np.linspace(cut.shoulder_x, cut.neck_x, 12)), n.shoulder)
+        seam = space_evenly(_ridge(form, np.linspace(cut.shoulder_x, cut.neck_x, 12)), n.shoulder)
         yield ids[top, n.bottom : a + 1], seam * mirror
         yield ids[top, b : n.half - n.bottom + 1], seam[::-1]
 
 
-def _lifter(form: DressForm, cut: UpperCut, underarm: float):
+def _lifter(form: DressForm, cut: UpperCut, underarm: float) -> Constraint:
+    """A function that keeps points off the dress form, further where there is more ease."""
     top = form.landmarks["shoulder"]
 
     def lift(points: np.ndarray) -> np.ndarray:
         share = smoothstep((top - points[:, 2]) / (top - underarm))
-        return form.upper.lifted(points, GAP_M + cut.ease * share)
+        return form.upper.lift(points, GAP_M + cut.ease * share)
 
     return lift
 
@@ -319,7 +337,7 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
     """One front panel, or two that part along the middle (a polo's placket, an open shirt)."""
     middle = n.half // 2
     if cut.front == "closed":
-        pattern.panel(front, middle)
+        pattern.add_panel(front, middle)
         return
     column = front[:, middle]
     exists = np.flatnonzero(column >= 0)
@@ -328,7 +346,7 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
         joined = int(max(n.rows // 2, exists[-1] - max(2, round(cut.placket / e))))
     parted = exists[exists > joined] if cut.front == "polo" else exists
     points = pattern.vertices
-    copies = pattern.add(points[column[parted]])
+    copies = pattern.add_vertices(points[column[parted]])
     points = pattern.vertices
     depth = np.arange(1, len(parted) + 1) / len(parted)
     gap = 0.002 + 0.006 * depth if cut.front == "polo" else 0.012 + 0 * depth
@@ -337,8 +355,8 @@ def _front_panels(pattern: Pattern, cut: UpperCut, front: np.ndarray, n: _Counts
     pattern.vertices = points
     right, left = front[:, : middle + 1], front[:, middle:].copy()
     left[parted, 0] = copies
-    pattern.panel(right, middle)
-    pattern.panel(left, 0)
+    pattern.add_panel(right, middle)
+    pattern.add_panel(left, 0)
     pattern.marks["placket"] = np.concatenate([column[parted], copies])
 
 
@@ -348,7 +366,7 @@ def _sleeve(
     loop = pattern.marks[f"{side}_armhole"]
     sign = 1.0 if side == "left" else -1.0
     start = pattern.vertices[loop] * [sign, 1, 1]
-    arm = straightened(form.arm, 0.07)
+    arm = straighten(form.arm, 0.07)
     length = cut.sleeve_x - start[:, 0].mean()
     rows = max(2, round(length / edge_length_m))
     shoulder_x = form.landmarks["shoulder_x"]
@@ -356,7 +374,7 @@ def _sleeve(
     for row in range(1, rows + 1):
         x = start[:, 0] + (cut.sleeve_x - start[:, 0]) * row / rows
         mean = x.mean()
-        own = arm.at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
+        own = arm.radius_at(np.full(ANGLES, mean), np.arange(ANGLES) * 2 * np.pi / ANGLES).mean()
         wide = cut.sleeve(max(0.0, mean - shoulder_x)) / 2
         extra = max(GAP_M, wide - own)
         outline = limb_loop(arm, mean, extra, np.pi, len(loop), 1 if sign > 0 else -1)
@@ -365,7 +383,7 @@ def _sleeve(
         blend = smoothstep((mean - start[:, 0].mean()) / 0.14)
         plane = start[:, 1:] + blend * (outline - start[:, 1:])
         grid.append(np.column_stack([sign * x, plane]))
-    ids = np.concatenate([loop[None], pattern.add(np.stack(grid))])
+    ids = np.concatenate([loop[None], pattern.add_vertices(np.stack(grid))])
     closed = np.column_stack([ids, ids[:, :1]])[::-1]
-    pattern.panel(closed, closed.shape[1] // 2)
+    pattern.add_panel(closed, closed.shape[1] // 2)
     pattern.marks[f"{side}_cuff"] = ids[-1]

@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points, unskin_points
 from drapeline.storage import load_npz, save_npz
 
 Version = Literal["posed", "unposed"]
@@ -59,33 +59,6 @@ def load_sample_garment(path: str | Path) -> SampleGarment:
     return SampleGarment(**{name: arrays[name] for name in names})
 
 
-def moved(points: np.ndarray, motions: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """K: points from the rest pose to poses by linear blend skinning.
-
-    Args:
-        points: (M, 3) or (N, M, 3) metres in rest.
-        motions: (N, 24, 3, 4) from `rest_to_pose`.
-        weights: (M, 24).
-
-    Returns:
-        (N, M, 3) float64, the root joint at the origin.
-    """
-    blended = _blended(motions, weights)
-    return (blended[..., :3] @ points[..., None])[..., 0] + blended[..., 3]
-
-
-def moved_back(points: np.ndarray, motions: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """K^-1: posed points (N, M, 3) back to the rest pose; the exact inverse of `moved`."""
-    blended = _blended(motions, weights)
-    return np.linalg.solve(blended[..., :3], (points - blended[..., 3])[..., None])[..., 0]
-
-
-def _blended(motions: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(N, M, 3, 4) each point's motion."""
-    flat = weights.astype(np.float64) @ motions.reshape(len(motions), 24, 12)
-    return flat.reshape(len(motions), len(weights), 3, 4)
-
-
 def dynamic_offsets(
     garment: SampleGarment,
     cloth: np.ndarray,
@@ -94,7 +67,7 @@ def dynamic_offsets(
     poses: np.ndarray,
     version: Version,
 ) -> np.ndarray:
-    """Offsets of frames.
+    """Offsets of a garment in some frames.
 
     Args:
         garment: its registration.
@@ -109,16 +82,17 @@ def dynamic_offsets(
     """
     points = garment.points(cloth)
     if version == "posed":
-        found = points - posed_vertices(body, shape, poses)[0][:, garment.vertex]
+        dynamic = points - posed_vertices(body, shape, poses)[0][:, garment.vertex]
     else:
         motions = rest_to_pose(body, shape, poses)
-        found = moved_back(points, motions, garment.weights) - _static(garment, body, shape)
+        rest = unskin_points(points, motions, garment.weights)
+        dynamic = rest - _static_points(garment, body, shape)
     out = np.zeros((len(poses), len(garment.mask), 3), dtype=np.float32)
-    out[:, garment.vertex] = found
+    out[:, garment.vertex] = dynamic
     return out
 
 
-def dressed(
+def points_from_offsets(
     garment: SampleGarment,
     offsets: np.ndarray,
     body: BodyModel,
@@ -126,19 +100,23 @@ def dressed(
     poses: np.ndarray,
     version: Version,
 ) -> np.ndarray:
-    """Registered points (N, M, 3) in motion from dynamic offsets (N, V, 3): the way back.
+    """Registered points in motion from dynamic offsets: the inverse of `dynamic_offsets`.
 
     Args:
         garment, body, shape, poses, version: as for `dynamic_offsets`.
-        offsets: what it returned, or a prediction.
+        offsets: (N, V, 3) what it returned, or a prediction.
+
+    Returns:
+        (N, M, 3) metres relative to the root joint.
     """
-    found = offsets[:, garment.vertex]
+    dynamic = offsets[:, garment.vertex]
     if version == "posed":
-        return posed_vertices(body, shape, poses)[0][:, garment.vertex] + found
+        return posed_vertices(body, shape, poses)[0][:, garment.vertex] + dynamic
     motions = rest_to_pose(body, shape, poses)
-    return moved(_static(garment, body, shape) + found, motions, garment.weights)
+    rest = _static_points(garment, body, shape) + dynamic
+    return skin_points(rest, motions, garment.weights)
 
 
-def _static(garment: SampleGarment, body: BodyModel, shape: np.ndarray) -> np.ndarray:
+def _static_points(garment: SampleGarment, body: BodyModel, shape: np.ndarray) -> np.ndarray:
     """C_s (M, 3): the registered points in the rest pose."""
     return rest_body(body, shape)[garment.vertex] + garment.offsets[garment.vertex]

@@ -26,7 +26,7 @@ POOLINGS = ("segments", "uniform")
 LEVELS = 6
 _BEFORE_LAST = 56
 # Weight of the length's term. Both terms are squared metres of distance times square metres of
-# surface; at 1 the quadric error would decide nothing.
+# surface; at 1 the quadric error would hardly count.
 _SPREAD = 0.1
 
 
@@ -35,8 +35,8 @@ class Hierarchy:
     """Pooling tables, by topology ("body", "skirt") and then by level, the finest first.
 
     Attributes:
-        parents: (n_l,) int32, vertex of the next level that each one becomes part of; five.
-        edges: (E_l, 2) int32 with i < j; six, as the following.
+        parents: five tables (n_l,) int32, vertex of the next level that each becomes part of.
+        edges: six tables (E_l, 2) int32 with i < j; the following are six tables too.
         positions: (n_l, 3) float32 metres, in the rest pose.
         vertices: (n_l,) int32, vertex of the body that stands for each.
     """
@@ -109,9 +109,9 @@ def build_hierarchy(topology: Topology, pooling: str, counts: Sequence[int]) -> 
         if pooling == "segments":
             last = topology.segments
         # The coarsest vertices of both topologies mean the same parts of the body.
-        levels[-1] = levels[-1] if last is None else _matched(*levels[-1], last)
+        levels[-1] = levels[-1] if last is None else _renumber(*levels[-1], last)
         last = levels[-1][0]
-        _add(out, name, levels, edges(faces), places)
+        _add_levels(out, name, levels, edges(faces), places)
     return out
 
 
@@ -150,7 +150,7 @@ def _tables(hierarchy: Hierarchy) -> dict[str, dict[str, list[np.ndarray]]]:
     }
 
 
-def _add(
+def _add_levels(
     out: Hierarchy,
     name: str,
     levels: list[tuple[np.ndarray, np.ndarray]],
@@ -169,10 +169,10 @@ def _add(
         out.parents[name].append(coarser[vertices].astype(np.int32))
 
 
-def _matched(
+def _renumber(
     label: np.ndarray, vertices: np.ndarray, wanted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Renumber a level so that its vertices cover the most of those of the same number."""
+    """Renumber a level so that its vertices overlap the wanted ones of the same number most."""
     overlap = np.zeros((len(vertices),) * 2)
     np.add.at(overlap, (label, wanted), 1)
     number = linear_sum_assignment(-overlap)[1]

@@ -1,9 +1,9 @@
 """The second topology: both legs in one tube, for skirts and dresses (CLOTH3D 4.1, figure 5).
 
-Along the inner-most line of each leg and across the crotch a strip of faces is taken out. What
-stood before it on the left leg is then joined to what stood before it on the right one, and the
-same behind: a tube that is open at the bottom. No vertex is lost. Smoothing the inner sides of
-the legs draws the tube tight, as a skirt hangs.
+Along the inner-most line of each leg and across the crotch a strip of faces is taken out. Its front
+edge on the left leg is then joined to its front edge on the right leg, and the same behind: the
+legs become a tube that is open at the bottom. No vertex is lost. Smoothing the inner sides of the
+legs draws the tube tight, as a skirt hangs.
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,13 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import ConvexHull
 
 from drapeline.geometry.mesh import boundary_loops, edge_counts, edges
+from drapeline.geometry.smoothing import averaging_matrix
 
 # Vertices that lie this deep below the hull around both legs belong to their inner sides.
 INNER_DEPTH_M = 0.004
 _SLICE_M = 0.02
 BOUNDARIES = 4  # a neck, two wrists, the hem around both ankles
-# On rough meshes the line may touch itself: then one a little in front or behind is tried.
+# On rough meshes the line may touch itself: then lines a little in front or behind are tried.
 _SHIFTS_M = (0.0, 0.002, -0.002, 0.004, -0.004, 0.006, -0.006, 0.009, -0.009, 0.012, -0.012)
 
 
@@ -57,7 +58,7 @@ def skirt_topology(rest: np.ndarray, faces: np.ndarray, hips: float) -> SkirtTop
     failure = ValueError()
     for shift in _SHIFTS_M:
         try:
-            joined, strip, chains = _joined(rest, faces, ahead > shift, hips)
+            joined, strip, chains = _join_legs(rest, faces, ahead > shift, hips)
         except ValueError as error:
             failure = error
         else:
@@ -68,38 +69,27 @@ def skirt_topology(rest: np.ndarray, faces: np.ndarray, hips: float) -> SkirtTop
     raise failure
 
 
-def smoothing(faces: np.ndarray, moved: np.ndarray) -> csr_matrix:
-    """(V, V) matrix that puts each moved vertex on the mean of its neighbours, others nowhere.
-
-    On a boundary the neighbours are those on the boundary, so that a hem stays a line.
-    """
-    count = len(moved)
-    pairs, sides = edge_counts(faces)
-    hem = np.zeros(count, dtype=bool)
-    hem[pairs[sides == 1]] = True
-    within = ~hem[pairs]  # (E, 2): whether each end counts this edge
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    counts = np.concatenate([within[:, 0] | (sides == 1), within[:, 1] | (sides == 1)])
-    both = both[counts & moved[both[:, 0]]]
-    degree = np.bincount(both[:, 0], minlength=count)
-    return csr_matrix((1 / degree[both[:, 0]], both.T), shape=(count, count))
-
-
 class Smoother:
-    """Laplacian smoothing of some vertices with the others fixed, carried to its end.
+    """Laplacian smoothing of some vertices with the others fixed, to convergence.
 
-    Moving each vertex to the mean of its neighbours again and again comes to rest where every one
-    lies there already: a sparse linear system, which is solved at once.
+    Moving each vertex to the mean of its neighbours again and again ends where all of them lie
+    there already: a sparse linear system, which is solved at once. Neighbours of vertices on a
+    boundary are those along it, so that a hem stays a line.
+
+    Args:
+        faces: (F, 3).
+        moved: (V,) bool, the vertices to smooth.
     """
 
     def __init__(self, faces: np.ndarray, moved: np.ndarray) -> None:
         self._moved, self._fixed = np.flatnonzero(moved), np.flatnonzero(~moved)
-        mean = smoothing(faces, moved)[self._moved]
+        mean = averaging_matrix(faces, len(moved), along_boundaries=True)[self._moved]
+        mean.sort_indices()  # a fixed order of summation, however the matrix was made
         self._pull = mean[:, self._fixed]
         self._solve = splu((eye_array(len(self._moved)) - mean[:, self._moved]).tocsc()).solve
 
     def __call__(self, vertices: np.ndarray) -> np.ndarray:
-        """(V, 3) -> (V, 3)."""
+        """Smooth vertices (V, 3)."""
         out = np.array(vertices)
         out[self._moved] = self._solve(self._pull @ vertices[self._fixed].astype(np.float64))
         return out
@@ -127,14 +117,14 @@ def _levels(rest: np.ndarray, faces: np.ndarray, top: float) -> np.ndarray:
     return np.linspace(bottom, top, max(4, round((top - bottom) / _SLICE_M)))
 
 
-def _joined(
+def _join_legs(
     rest: np.ndarray, faces: np.ndarray, before: np.ndarray, hips: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The second topology's faces, ids of the faces left out, and the vertices along these."""
     strip, *chains = _strip(rest, faces, before, hips)
     kept = np.delete(faces, strip, axis=0)
     used = {tuple(pair) for pair in edges(kept).tolist()}
-    added = [triangle for chain in chains for triangle in _zipped(rest, kept, chain, used)]
+    added = [triangle for chain in chains for triangle in _zip_chain(rest, kept, chain, used)]
     joined = np.concatenate([kept, np.array(added)]).astype(np.int32)
     if len(boundary_loops(joined)) != BOUNDARIES or edge_counts(joined)[1].max() > 2:
         raise ValueError("the legs do not make one tube")
@@ -161,7 +151,7 @@ def _strip(
                 ways.setdefault(pair, []).append(face)
     for start, owners in ways.items():
         if len(owners) == 1 and set(start) <= left:
-            strip, crossed = _followed(start, ways)
+            strip, crossed = _follow_strip(start, ways)
             if set(crossed[-1]) <= right:
                 return np.array(strip), *(
                     _chain([next(v for v in pair if before[v] == side) for pair in crossed])
@@ -171,7 +161,7 @@ def _strip(
 
 
 def _ahead(rest: np.ndarray, faces: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """(V,) metres that a vertex lies in front of the middle of the legs at its height."""
+    """(V,) metres by which a vertex lies in front of the middle of the legs at its height."""
     pairs = edges(faces)
     extent = [_section(rest, pairs, z)[:, 1] for z in levels]
     middle = np.array([(y.min() + y.max()) / 2 for y in extent])
@@ -184,7 +174,7 @@ def _pairs(corners: list[int]) -> list[tuple[int, int]]:
     return [(a, b), (b, c), (a, c)]
 
 
-def _followed(
+def _follow_strip(
     way: tuple[int, int], ways: dict[tuple[int, int], list[int]]
 ) -> tuple[list[int], list[tuple[int, int]]]:
     """Faces and the edges between them in order, from an edge on the boundary on to its end."""
@@ -209,13 +199,13 @@ def _chain(visited: list[int]) -> np.ndarray:
     return np.array(chain)
 
 
-def _zipped(
+def _zip_chain(
     rest: np.ndarray, faces: np.ndarray, chain: np.ndarray, used: set[tuple[int, int]]
 ) -> list[list[int]]:
     """Triangles between the two halves of a chain, from its ends at the ankles to its middle.
 
-    Of the two triangles that may come next the one with the more level new edge is taken: the
-    shorter one would lead to fans. `used` are the edges that the mesh has; new ones are added.
+    Of the two triangles that may come next, the one whose new edge is more level is taken; taking
+    the shorter edge would lead to fans. `used` are the edges of the mesh; new ones are added.
     """
     half = {pair for k in range(3) for pair in zip(faces[:, k - 1], faces[:, k], strict=True)}
     forward = (chain[0], chain[1]) in half
@@ -271,7 +261,7 @@ def _inner_leg(
 
 
 def _without_islands(moved: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Vertices that only moved ones surround, move as well."""
+    """Let vertices that only moved ones surround move as well: (V,) bool."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     fixed = np.bincount(both[:, 0], ~moved[both[:, 1]], len(moved))
     return moved | (fixed == 0)

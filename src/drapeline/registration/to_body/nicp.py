@@ -7,6 +7,7 @@ on the garment instead of to its thousands of vertices, and a last step lets the
 themselves follow, by translations only.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,11 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
-from drapeline.geometry.mesh import boundary_edges, edge_graph, edges, vertex_normals
+from drapeline.geometry.mesh import boundary_edges, edge_lengths, edges, vertex_normals
+from drapeline.geometry.smoothing import averaging_matrix, blur, uniform_laplacian
 from drapeline.geometry.sparse import symmetric_factor
+
+_PLANE_M = 0.01  # a tangent plane stands for the surface this far around its vertex
 
 
 @dataclass(frozen=True)
@@ -24,9 +28,10 @@ class NicpSettings:
     """How a garment is laid onto a body.
 
     Attributes:
-        stiffness: of the nodes, falling; one step each, of closest points and motions towards them.
-        nodes: at most this many.
-        samples: at most this many garment vertices look for their closest points.
+        stiffness: of the nodes, falling; for each there is one step of closest points and of
+            motions towards them.
+        nodes: largest number of nodes.
+        samples: largest number of garment vertices that look for their closest points.
         turn_m: distance that a turn of the normal by one radian counts for: it keeps a sleeve off
             the torso and one leg off the other.
         bend_m: distance at which two unlike affine motions are compared.
@@ -48,14 +53,16 @@ class NicpSettings:
 class Surface:
     """A body to lie on: closest points that face the same way.
 
+    Args:
+        vertices: (T, 3) metres, kept as an attribute in float64.
+        faces: (F, 3), kept as an attribute.
+        turn_m: see `NicpSettings`.
+
     Attributes:
-        vertices: (T, 3) float64 metres.
-        faces: (F, 3).
         normals: (T, 3).
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, turn_m: float) -> None:
-        """Index the vertices that faces use, by place and normal."""
         self.vertices = np.asarray(vertices, dtype=np.float64)
         self.faces = faces
         self.normals = vertex_normals(self.vertices, faces)
@@ -66,32 +73,28 @@ class Surface:
         self._open[boundary_edges(faces)] = True
 
     def closest(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where points (P, 3) with unit normals belong.
+        """Partners of points (P, 3) with unit normals (P, 3).
 
         Returns:
             The points' projections (P, 3) on the tangent plane of the vertex that is closest in
             place and normal, and whether that vertex is within the surface (P,): what reaches
             beyond its open ends has no partner.
         """
-        _, found = self._tree.query(np.hstack([points, self._turn_m * normals]))
-        near = self._ids[found]
+        _, nearest = self._tree.query(np.hstack([points, self._turn_m * normals]))
+        near = self._ids[nearest]
         normal = self.normals[near]
         gap = points - self.vertices[near]
         height = (gap * normal).sum(1, keepdims=True)
         along = gap - height * normal
-        # The plane stands for the surface only close to its vertex.
         reach = np.linalg.norm(along, axis=1, keepdims=True)
         along *= np.minimum(1, _PLANE_M / np.maximum(reach, 1e-9))
         return self.vertices[near] + along, ~self._open[near]
 
 
-_PLANE_M = 0.01
-
-
-def laid_on(
+def lay_on(
     vertices: np.ndarray, triangles: np.ndarray, surface: Surface, settings: NicpSettings
 ) -> np.ndarray:
-    """The garment deformed so that it lies on the surface.
+    """Deform a garment so that it lies on the surface.
 
     Args:
         vertices: (V, 3) metres, in rigid alignment with the surface.
@@ -105,10 +108,8 @@ def laid_on(
     rest = np.asarray(vertices, dtype=np.float64)
     count = len(rest)
     pairs = edges(triangles)
-    lengths = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1)
-    adjacency = edge_graph(pairs, count)
-    degree = np.asarray(adjacency.sum(axis=1)).ravel()
-    average = sp.diags(1 / np.maximum(degree, 1)) @ adjacency
+    lengths = edge_lengths(rest, pairs)
+    average = averaging_matrix(triangles, count)
     corner_of = sp.csr_matrix(
         (np.ones(triangles.size), (triangles.ravel(), np.arange(len(triangles)).repeat(3))),
         shape=(count, len(triangles)),
@@ -118,14 +119,13 @@ def laid_on(
     def outward(places: np.ndarray) -> np.ndarray:
         a, b, c = (places[triangles[:, i]] for i in range(3))
         normals = corner_of @ np.cross(b - a, c - a)
-        for _ in range(passes):
-            normals = (normals + average @ normals) / 2
+        normals = blur(normals, average, passes)
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
 
     nodes = _Nodes(rest, pairs, lengths, settings)
-    places = nodes.laid(rest, surface, outward)
+    places = nodes.lay(rest, surface, outward)
     # Uniform Laplacian: where cloth is spread over a wide body, it is spread evenly.
-    laplacian = sp.diags(degree) - adjacency
+    laplacian = uniform_laplacian(triangles, count)
     for _ in range(settings.fine_rounds):
         goal, inside = surface.closest(places, outward(places))
         system = sp.diags(inside.astype(float)) + settings.fine_stiffness * laplacian
@@ -142,27 +142,26 @@ class _Nodes:
     ) -> None:
         self._settings = settings
         count = len(rest)
-        self._chosen = _spread(rest, settings.nodes)
+        self._chosen = _farthest_points(rest, settings.nodes)
         # Garments are numbered ring by ring, so that even steps are evenly spread.
         self._points = np.arange(0, count, max(1, -(-count // settings.samples)))
-        places, cell = self._cells(count, pairs, lengths)
-        self._weights = self._shares(rest, cell, places, pairs)
-        self._smooth = self._stiffness(rest, cell, pairs)
+        cell = self._cells(count, pairs, lengths)
+        self._weights = self._shares(rest, cell, pairs)
+        self._smooth = self._stiffness(rest)
         self._base = self._design(rest, np.arange(count))
         self._data = self._base[self._points]
 
-    def _cells(self, count: int, pairs: np.ndarray, lengths: np.ndarray):
+    def _cells(self, count: int, pairs: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+        """(V,) number of the node that is nearest to each vertex over the cloth."""
         graph = sp.coo_matrix((lengths, pairs.T), shape=(count, count)).tocsr()
         distance, _, source = dijkstra(
             graph, directed=False, indices=self._chosen, min_only=True, return_predecessors=True
         )
-        cell = np.zeros(count, dtype=np.int64)
         lookup = np.zeros(count, dtype=np.int64)
         lookup[self._chosen] = np.arange(len(self._chosen))
-        cell[:] = lookup[np.where(np.isfinite(distance), source, self._chosen[0])]
-        return distance, cell
+        return lookup[np.where(np.isfinite(distance), source, self._chosen[0])]
 
-    def _shares(self, rest, cell, places, pairs) -> sp.csr_matrix:
+    def _shares(self, rest: np.ndarray, cell: np.ndarray, pairs: np.ndarray) -> sp.csr_matrix:
         """(V, M) weights: a vertex follows the nodes of its own cell and of those around it."""
         count, m = len(rest), len(self._chosen)
         key = np.unique(np.sort(cell[pairs], axis=1) @ np.array([m, 1]))
@@ -192,7 +191,7 @@ class _Nodes:
             (values.ravel(), (at, columns.ravel())), shape=(len(rows), 4 * len(self._chosen))
         )
 
-    def _stiffness(self, rest, cell, pairs) -> np.ndarray:
+    def _stiffness(self, rest: np.ndarray) -> np.ndarray:
         """(4 M, 4 M): what neighbouring motions differ by, at the middle between their nodes."""
         first, second = self._edges.T
         nodes = rest[self._chosen]
@@ -200,7 +199,7 @@ class _Nodes:
         m = len(self._chosen)
         ones, rows = np.ones((len(half), 1)), np.arange(len(half))[:, None]
 
-        def block(values, node, columns):
+        def block(values: np.ndarray, node: np.ndarray, columns: np.ndarray) -> sp.csr_matrix:
             at = 4 * node[:, None] + columns
             return sp.csr_matrix(
                 (values.ravel(), (np.broadcast_to(rows, at.shape).ravel(), at.ravel())),
@@ -216,8 +215,10 @@ class _Nodes:
             total = total + self._settings.bend_m**2 * (turn.T @ turn)
         return total.toarray() / len(half)
 
-    def laid(self, rest: np.ndarray, surface: Surface, outward) -> np.ndarray:
-        """Rest vertices (V, 3) after all steps."""
+    def lay(
+        self, rest: np.ndarray, surface: Surface, outward: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        """Places (V, 3) of the rest vertices after all steps; `outward` gives their normals."""
         places = rest
         diagonal = np.arange(self._base.shape[1])
         for stiffness in self._settings.stiffness:
@@ -233,8 +234,8 @@ class _Nodes:
         return places
 
 
-def _spread(points: np.ndarray, count: int) -> np.ndarray:
-    """Ids of at most `count` points far from one another, the first being point 0."""
+def _farthest_points(points: np.ndarray, count: int) -> np.ndarray:
+    """Ids of at most `count` points (P, 3) by farthest point sampling, starting with point 0."""
     if len(points) <= count:
         return np.arange(len(points))
     chosen = np.zeros(count, dtype=np.int64)

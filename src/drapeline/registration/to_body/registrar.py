@@ -14,8 +14,9 @@ from drapeline.geometry.mesh import boundary_edges, triangulate
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.error_table import Measure, error_rows
-from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
-from drapeline.registration.to_body.nicp import NicpSettings, Surface, laid_on
+from drapeline.registration.to_body.body_mesh import BodyMesh
+from drapeline.registration.to_body.correspondence import Correspondence, correspond
+from drapeline.registration.to_body.nicp import NicpSettings, Surface, lay_on
 from drapeline.registration.to_body.round_trip import round_trip
 from drapeline.registration.to_body.skirt_tube import SkirtTube
 from drapeline.registration.to_body.topology import Topology
@@ -39,10 +40,13 @@ class Registration(NamedTuple):
 
 
 class Registrar:
-    """Registers garments of all types on bodies of all shapes."""
+    """Registers garments of all types on bodies of all shapes.
+
+    Args:
+        topology: of the super-resolved bodies.
+    """
 
     def __init__(self, topology: Topology) -> None:
-        """Index both topologies."""
         self._topology = topology
         self._settings = NicpSettings()
         count = len(topology.rest)
@@ -74,7 +78,7 @@ class Registrar:
             mesh = self._skirt
             target = self._tube(body, garment, np.unique(boundary_edges(triangles)))
         surface = Surface(target, mesh.faces, self._settings.turn_m)
-        laid = laid_on(garment, triangles, surface, self._settings)
+        laid = lay_on(garment, triangles, surface, self._settings)
         match = correspond(target, mesh, laid, triangles)
         if not match.mask.any():
             raise InputError(f"{name}: covers no part of the body, expected a garment in its place")

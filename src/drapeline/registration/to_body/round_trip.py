@@ -14,7 +14,7 @@ LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
 def surface_distance(
     vertices: np.ndarray, triangles: np.ndarray, other: np.ndarray, other_triangles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """From the faces of one surface to the closest points of another, both ways by two calls.
+    """Distances from the faces of one surface to the closest points of another.
 
     Args:
         vertices, triangles: (V, 3) and (F, 3) measured from, at the middles of faces.
@@ -43,20 +43,27 @@ def round_trip(
     """Errors of garment -> offsets -> garment, means weighted by area.
 
     `area_lost_percent` is the share of the garment's area that lies further than `LOST_M` from
-    what is rebuilt. Holes are openings that the garment does not have, islands are pieces that
-    hang together with nothing; each is counted before the mask is cleaned, and after.
+    what is rebuilt. Holes are openings that the garment does not have, islands are loose pieces;
+    both are counted before the mask is cleaned, and after.
+
+    Args:
+        garment: (C, 3) in the rest pose, metres.
+        triangles: (G, 3) of the garment.
+        body: (V, 3) that it was registered on.
+        faces: (F, 3) of the body's topology.
+        match: the registration.
     """
     vertices, kept = body + match.offsets(garment, body), faces_within(faces, match.mask)
-    there, angle, area = surface_distance(garment, triangles, vertices, kept)
-    back, _, back_area = surface_distance(vertices, kept, garment, triangles)
+    forward, angle, area = surface_distance(garment, triangles, vertices, kept)
+    backward, _, kept_area = surface_distance(vertices, kept, garment, triangles)
     openings, pieces = _openings(kept), _pieces(kept)
     return [
-        Measure("garment_to_rebuilt_mean_mm", 1e3 * np.average(there, weights=area), "mm"),
-        Measure("garment_to_rebuilt_max_mm", 1e3 * there.max(), "mm"),
-        Measure("rebuilt_to_garment_mean_mm", 1e3 * np.average(back, weights=back_area), "mm"),
-        Measure("rebuilt_to_garment_max_mm", 1e3 * back.max(), "mm"),
+        Measure("garment_to_rebuilt_mean_mm", 1e3 * np.average(forward, weights=area), "mm"),
+        Measure("garment_to_rebuilt_max_mm", 1e3 * forward.max(), "mm"),
+        Measure("rebuilt_to_garment_mean_mm", 1e3 * np.average(backward, weights=kept_area), "mm"),
+        Measure("rebuilt_to_garment_max_mm", 1e3 * backward.max(), "mm"),
         Measure("normal_error_deg", np.average(angle, weights=area), "deg"),
-        Measure("area_lost_percent", 100 * area[there > LOST_M].sum() / area.sum(), "percent"),
+        Measure("area_lost_percent", 100 * area[forward > LOST_M].sum() / area.sum(), "percent"),
         Measure("holes_before", match.holes, "count"),
         Measure("islands_before", match.islands, "count"),
         Measure("holes_after", max(openings - _openings(triangles), 0), "count"),
@@ -65,7 +72,7 @@ def round_trip(
 
 
 def _openings(triangles: np.ndarray) -> int:
-    """Number of loops that the border consists of."""
+    """Number of loops that the boundary consists of."""
     return _count_pieces(boundary_edges(triangles))
 
 

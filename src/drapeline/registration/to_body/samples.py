@@ -7,7 +7,7 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.weight_transfer import garment_weights
+from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.geometry.mesh import faces_within
@@ -62,7 +62,7 @@ def _register(
             faces = faces_within(topology.faces_of(name), done.match.mask)
             vertex = np.flatnonzero(done.match.mask).astype(np.int32)
             points = body + done.offsets
-            weights = garment_weights(points, faces, body, topology.faces, model.weights)
+            weights = nearest_weights(points, faces, body, topology.faces, model.weights)
             SampleGarment(
                 mask=done.match.mask,
                 vertex=vertex,

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from drapeline.frames import JOINT_NAMES
-from drapeline.geometry.mesh import edges
+from drapeline.geometry.mesh import edge_lengths, edges
 
 MIDDLE, PAIRS = 5, 8  # seeds in the plane of symmetry, and seeds on both sides
 SEGMENTS = MIDDLE + 2 * PAIRS
@@ -31,7 +31,7 @@ _PASSES = 30
 
 
 def garment_variability(rest: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """What is known of garments before any is registered: how much their offsets vary.
+    """How much offsets vary over the body: an estimate from before any garment is registered.
 
     Args:
         rest: (V, 3) metres, in the rest pose, Z up.
@@ -109,7 +109,7 @@ def _graph(
     common = np.intersect1d(*codes)
     pairs = np.stack([common // count, common % count], axis=1)
     scale = np.sqrt(variability[pairs].mean(axis=1))
-    lengths = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1) * scale
+    lengths = edge_lengths(rest, pairs) * scale
     return csr_matrix((lengths, pairs.T), shape=(count, count))
 
 

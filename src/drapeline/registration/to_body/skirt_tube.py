@@ -2,9 +2,9 @@
 
 Smoothing the inner legs, as the paper does, leaves a handful of vertices to span the gap between
 the calves, up to 20 cm apart from one another, while the outer sides keep theirs a centimetre
-apart. A skirt is as wide in front as at its sides. So the tube is built anew: at each height it
-is the convex hull of both legs, and the vertices of the second topology stand around it at shares
-of its length that were found once, by a harmonic map between its upper end and its hem.
+apart. But a skirt is as wide in front as at its sides. So the tube is built anew: at each height
+it is the convex hull of both legs, and the vertices of the second topology stand around it at
+shares of its length that are computed once, by a harmonic map between its upper end and its hem.
 """
 
 import numpy as np
@@ -24,6 +24,9 @@ _BLEND_M = 0.06  # over this height the body turns into the tube
 class SkirtTube:
     """Places of the legs' vertices on the tube.
 
+    Args:
+        topology: of the super-resolved body; its vertices are spread over the mean body's tube.
+
     Attributes:
         moved: (M,) ids of the vertices that stand on the tube, all below the hips.
         share: (M,) in [0, 1), part of the way around from the front's middle.
@@ -31,7 +34,6 @@ class SkirtTube:
     """
 
     def __init__(self, topology: Topology) -> None:
-        """Spread the vertices of the second topology over the tube of the mean body."""
         rest = np.asarray(topology.rest, dtype=np.float64)
         faces = topology.skirt_faces
         inner_leg = np.flatnonzero(topology.inner_leg)
@@ -42,7 +44,7 @@ class SkirtTube:
         hem, top = self._levels(rest)
         height = (rest[:, 2] - hem) / (top - hem)
         share = _share(_sections(rest[self._low]), rest)
-        height[self._hem], share[self._hem] = 0, _even(share[self._hem])
+        height[self._hem], share[self._hem] = 0, _even_steps(share[self._hem])
         spread = _Harmonic(faces, np.setdiff1d(self.moved, self._hem), len(rest))
         height = spread(height)
         turn = np.exp(2j * np.pi * share)
@@ -51,12 +53,15 @@ class SkirtTube:
         self.height = height[self.moved]
 
     def __call__(self, vertices: np.ndarray, skirt: np.ndarray, boundary: np.ndarray) -> np.ndarray:
-        """The body in the rest pose with its legs in one tube as wide as a skirt.
+        """Put the legs of a body in one tube as wide as a skirt.
 
         Args:
-            vertices: (V, 3) body of any shape.
+            vertices: (V, 3) body of any shape in the rest pose.
             skirt: (C, 3) vertices of the garment.
             boundary: ids of those along its openings.
+
+        Returns:
+            (V, 3) float64.
         """
         out = np.array(vertices, dtype=np.float64)
         hem, top = self._levels(out)
@@ -65,7 +70,9 @@ class SkirtTube:
         end = hanging.max() if len(hanging) else top
         cloth = skirt[(skirt[:, 2] < top + _BLEND_M) & (skirt[:, 2] > hem)]
         sections = _sections(np.concatenate([out[self._low], cloth]))
-        place = np.column_stack([_places(_continued(sections, end), height, self.share), height])
+        place = np.column_stack(
+            [_places(_continue_below(sections, end), height, self.share), height]
+        )
         blend = np.clip((1 - self.height) * (top - hem) / _BLEND_M, 0, 1)
         blend = (blend * blend * (3 - 2 * blend))[:, None]
         out[self.moved] = (1 - blend) * out[self.moved] + blend * place
@@ -95,10 +102,10 @@ def _sections(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return heights, outlines
 
 
-def _continued(
+def _continue_below(
     sections: tuple[np.ndarray, np.ndarray], end: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sections below the height `end` as they would be if the skirt went on as it does above."""
+    """Extrapolate the sections below the height `end` from how the skirt widens above it."""
     heights, outlines = sections
     whole = int(np.searchsorted(heights, end + _LEVEL_M))
     if not 0 < whole < len(heights) - _SLOPE_LEVELS:
@@ -147,7 +154,7 @@ def _share(sections: tuple[np.ndarray, np.ndarray], points: np.ndarray) -> np.nd
     return gap.argmin(axis=1) / _AROUND
 
 
-def _even(share: np.ndarray) -> np.ndarray:
+def _even_steps(share: np.ndarray) -> np.ndarray:
     """Even steps around, in the direction and with the start that fit shares (n,) best."""
     steps = np.arange(len(share)) / len(share)
     turn = np.exp(2j * np.pi * share)
@@ -157,7 +164,13 @@ def _even(share: np.ndarray) -> np.ndarray:
 
 
 class _Harmonic:
-    """Values of free vertices that are the means of their neighbours'; the others are given."""
+    """Harmonic values: those of free vertices are their neighbours' means, others are given.
+
+    Args:
+        faces: (F, 3).
+        free: ids of the free vertices.
+        count: V, number of vertices.
+    """
 
     def __init__(self, faces: np.ndarray, free: np.ndarray, count: int) -> None:
         graph = edge_graph(edges(faces), count)
@@ -170,7 +183,7 @@ class _Harmonic:
         self._solve = symmetric_factor(sp.diags(degree) - graph[free][:, free]).solve
 
     def __call__(self, values: np.ndarray, *, periodic: bool = False) -> np.ndarray:
-        """(V,) solution; `periodic` values have a period of 1 and must be close to it already."""
+        """Solve for values (V,); `periodic` ones have period 1 and must be close already."""
         pull = self._given @ np.where(self._is_free, 0, values)
         if periodic:
             row, column = self._rows.row, self._rows.col

@@ -2,8 +2,8 @@
 
 CLOTH3D section 4.1 subdivides SMPL, interpolates its parameters and takes off what garments do
 not cover, which leaves 14,475 vertices. Here planes cut the body at neck, wrists and ankles, and
-the longest edge is halved until the mesh has as many vertices as asked for: edges of even length,
-and the same count for every body file. Every vertex lies in a triangle of the file's mesh, so
+the longest edge is halved until the mesh has the wanted number of vertices: edges get similar
+lengths, and every body file the same count. Every vertex lies in a triangle of the file's mesh, so
 that each of the file's parameters follows by one linear interpolation.
 """
 
@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
-from drapeline.geometry.mesh import boundary_loops, edge_counts, edge_graph, edges
+from drapeline.geometry.mesh import boundary_loops, edge_counts, edge_graph, edge_lengths, edges
 
 VERTICES = 14475
 BOUNDARIES = 5  # a neck, two wrists, two ankles
@@ -67,11 +67,11 @@ def build_super_body(bodies: Mapping[str, BodyModel], vertices: int = VERTICES) 
 
     Args:
         bodies: gender -> body; all have one mesh.
-        vertices: count asked for; 0 leaves the cut body unrefined.
+        vertices: number wanted; 0 leaves the cut body unrefined.
 
     Raises:
         InputError: the meshes differ, a part cannot be cut off with one boundary, or the cut body
-            has more vertices than asked for.
+            has more vertices than wanted.
     """
     first = next(iter(bodies.values()))
     for body in bodies.values():
@@ -82,7 +82,7 @@ def build_super_body(bodies: Mapping[str, BodyModel], vertices: int = VERTICES) 
             )
     template = np.mean([b.v_template.astype(np.float64) for b in bodies.values()], axis=0)
     joints = np.mean([b.J_regressor @ b.v_template for b in bodies.values()], axis=0)
-    surface = _cut(template, joints, first)
+    surface = _cut_off(template, joints, first)
     if vertices:
         if len(surface.points) > vertices:
             raise InputError(
@@ -94,7 +94,7 @@ def build_super_body(bodies: Mapping[str, BodyModel], vertices: int = VERTICES) 
     corners, shares = _places(surface.sources)
     owner = np.array(surface.owners)
     return SuperBody(
-        {g: _carried(b, faces, owner, corners, shares) for g, b in bodies.items()},
+        {g: _carry_over(b, faces, owner, corners, shares) for g, b in bodies.items()},
         corners,
         shares,
         mirror_of(np.array(surface.points), faces),
@@ -102,7 +102,7 @@ def build_super_body(bodies: Mapping[str, BodyModel], vertices: int = VERTICES) 
 
 
 def mirror_of(points: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
-    """(V,) id of the vertex on the other side of x = 0; None if mesh and mirror image differ.
+    """Ids (V,) of the vertices on the other side of x = 0; None if the mesh is not symmetric.
 
     A mesh with faces across x = 0 counts as not symmetric: refining cannot keep it so.
     """
@@ -113,13 +113,19 @@ def mirror_of(points: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     if ((across.max(axis=1) > _SYMMETRY_M) & (across.min(axis=1) < -_SYMMETRY_M)).any():
         return None
     here, there = (
-        {tuple(face) for face in _turned(f).tolist()} for f in (faces, mirror[faces][:, ::-1])
+        {tuple(face) for face in _start_at_smallest(f).tolist()}
+        for f in (faces, mirror[faces][:, ::-1])
     )
     return mirror if here == there else None
 
 
 def interpolation(corners: np.ndarray, shares: np.ndarray, count: int) -> csr_matrix:
-    """(V, count) matrix that carries values on a file's vertices to the refined ones."""
+    """Matrix (V, count) that interpolates values on a file's vertices to the refined ones.
+
+    Args:
+        corners, shares: of a `SuperBody`.
+        count: vertices of the file's mesh.
+    """
     rows = np.arange(len(corners)).repeat(3)
     return csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(corners), count))
 
@@ -141,13 +147,13 @@ class _Surface:
     owners: list[int]
 
 
-def _turned(faces: np.ndarray) -> np.ndarray:
+def _start_at_smallest(faces: np.ndarray) -> np.ndarray:
     """The same faces, each beginning with its smallest id."""
     start = faces.argmin(axis=1)[:, None]
     return np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
 
 
-def _cut(template: np.ndarray, joints: np.ndarray, body: BodyModel) -> _Surface:
+def _cut_off(template: np.ndarray, joints: np.ndarray, body: BodyModel) -> _Surface:
     mirror = mirror_of(template, body.faces)
     count = 0
     for snap in _SNAPS:
@@ -185,7 +191,7 @@ def _heights(
     """(V,) metres past the nearest cut's plane; -inf far from all of them."""
     count = len(template)
     pairs = edges(body.faces)
-    lengths = np.linalg.norm(template[pairs[:, 0]] - template[pairs[:, 1]], axis=1)
+    lengths = edge_lengths(template, pairs)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     mean_length = np.bincount(both[:, 0], np.tile(lengths, 2), count)
     mean_length /= np.maximum(np.bincount(both[:, 0], minlength=count), 1)
@@ -248,7 +254,7 @@ def _slice(points: np.ndarray, faces: np.ndarray, height: np.ndarray) -> _Surfac
 
 
 def _refine(surface: _Surface, vertices: int) -> _Surface:
-    """Halve the longest edge again and again, both of a mirrored pair at once."""
+    """Halve the longest edge again and again, and its mirror image with it."""
     points, faces = surface.points, surface.faces
     mirror = mirror_of(np.array(points), np.array(faces))
     other = None if mirror is None else mirror.tolist()
@@ -256,7 +262,7 @@ def _refine(surface: _Surface, vertices: int) -> _Surface:
     for index, (a, b, c) in enumerate(faces):
         for pair in ((a, b), (b, c), (c, a)):
             sides.setdefault(_key(*pair), []).append(index)
-    queue = [_ranked(points, pair) for pair in sides]
+    queue = [_rank(points, pair) for pair in sides]
     heapq.heapify(queue)
     while len(points) < vertices:
         if not queue:
@@ -282,8 +288,8 @@ def _key(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _ranked(points: list[list[float]], pair: tuple[int, int]) -> tuple[float, tuple[int, int]]:
-    """Longest first; rounded, so that which of two equal edges comes first is not chance."""
+def _rank(points: list[list[float]], pair: tuple[int, int]) -> tuple[float, tuple[int, int]]:
+    """Key that sorts the longest edge first; rounded, so that equal edges are ordered by ids."""
     a, b = points[pair[0]], points[pair[1]]
     square = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
     return -round(square, 12), pair
@@ -321,7 +327,7 @@ def _halve(
         sides[fresh[1]].append(added)
         fresh.append(_key(middle, tip))
     for key in fresh:
-        heapq.heappush(queue, _ranked(points, key))
+        heapq.heappush(queue, _rank(points, key))
     return middle
 
 
@@ -332,33 +338,34 @@ def _places(sources: Iterable[dict[int, float]]) -> tuple[np.ndarray, np.ndarray
     return both[..., 0].astype(np.int32), both[..., 1]
 
 
-def _carried(
+def _carry_over(
     body: BodyModel,
     faces: np.ndarray,
     owner: np.ndarray,
     corners: np.ndarray,
     shares: np.ndarray,
 ) -> BodyModel:
-    """The model on the refined surface."""
+    """Carry a body model over to the refined surface."""
     count = len(body.v_template)
     matrix = interpolation(corners, shares, count)
 
-    def carried(values: np.ndarray) -> np.ndarray:
+    def carry(values: np.ndarray) -> np.ndarray:
         return (matrix @ values.reshape(count, -1)).reshape(len(corners), *values.shape[1:])
 
-    weights = carried(body.weights)
-    moved = replace(
+    weights = carry(body.weights)
+    carried = replace(
         body,
-        v_template=carried(body.v_template).astype(np.float32),
-        shapedirs=carried(body.shapedirs).astype(np.float32),
-        posedirs=carried(body.posedirs).astype(np.float32),
+        v_template=carry(body.v_template).astype(np.float32),
+        shapedirs=carry(body.shapedirs).astype(np.float32),
+        posedirs=carry(body.posedirs).astype(np.float32),
         weights=(weights / weights.sum(axis=1, keepdims=True)).astype(np.float32),
         faces=faces,
         segmentation=body.segmentation[_heaviest(corners, shares)],
         name=f"{body.name}-super-{len(corners)}",
     )
     vt, ft = _texture(body, faces, owner, corners, shares)
-    return replace(moved, vt=vt, ft=ft, J_regressor=_regressor(body, moved, corners, shares))
+    regressor = _regressor(body, carried, corners, shares)
+    return replace(carried, vt=vt, ft=ft, J_regressor=regressor)
 
 
 def _heaviest(corners: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -367,13 +374,13 @@ def _heaviest(corners: np.ndarray, shares: np.ndarray) -> np.ndarray:
 
 
 def _regressor(
-    body: BodyModel, moved: BodyModel, corners: np.ndarray, shares: np.ndarray
+    body: BodyModel, carried: BodyModel, corners: np.ndarray, shares: np.ndarray
 ) -> np.ndarray:
     """(24, V) that gives the whole body's joints for every shape.
 
-    A joint is linear in 34 numbers of its row: the row's sum, the joint of the template and of
-    ten shapes. To the row's entries on vertices that are left the least change (in the sum of
-    squares) is made that brings these numbers back to those of the whole body.
+    A joint is linear in 34 numbers of its row: the row's sum, and the joint of the template and of
+    ten shapes. The row's entries on the remaining vertices are changed as little as possible (in
+    the sum of squares) to bring these numbers back to those of the whole body.
     """
 
     def system(model: BodyModel) -> np.ndarray:
@@ -384,7 +391,7 @@ def _regressor(
     kept = np.flatnonzero(shares.max(axis=1) == 1)
     rows = np.zeros((24, len(corners)))
     rows[:, kept] = body.J_regressor[:, _heaviest(corners, shares)[kept]]
-    basis = system(moved)
+    basis = system(carried)
     missing = body.J_regressor.astype(np.float64) @ system(body) - rows @ basis  # (24, 34)
     # lstsq's solution of an underdetermined system is the one of least norm.
     change = np.linalg.lstsq(basis.T, missing.T, rcond=1e-12)[0]  # (V, 24)

@@ -89,6 +89,7 @@ def skirt_body(topology: Topology, vertices: np.ndarray) -> np.ndarray:
     """Smooth the inner legs of a body in the rest pose, for skirts and dresses.
 
     Args:
+        topology: of the body.
         vertices: (V, 3) of any shape.
 
     Returns:

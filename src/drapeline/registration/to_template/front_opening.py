@@ -4,10 +4,9 @@ import numpy as np
 
 from drapeline.geometry.mesh import boundary_loops
 
-_FRONT_M = 0.04  # wider gaps are no front that has come open a little
-_APART_M = (
-    0.045  # along the boundary, two vertices of a gap's sides are at least this far apart ...
-)
+_FRONT_M = 0.04  # wider gaps are not a front that has come open a little
+# Along the boundary, two vertices on the sides of a gap are at least this far apart ...
+_APART_M = 0.045
 _APART_TIMES = 3.0  # ... and so many times further than across it
 _ONWARD = 0.8  # cosine at which a boundary runs away from the other side: the front has ended
 
@@ -23,7 +22,7 @@ def front_strip(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         Triangles between the two sides of the opening, turned as their neighbours are.
     """
     loops = boundary_loops(triangles)
-    # Cuffs lie furthest to the sides; a tight one is not to be sewn up.
+    # Cuffs lie furthest to the sides, and tight ones must not be sewn up.
     aside = sorted(loops, key=lambda loop: abs(vertices[loop, 0].mean()))
     cuffs = 2 if len(loops) > 2 else 0
     strips = [_strip(vertices, loop) for loop in aside[: len(loops) - cuffs]]
@@ -45,12 +44,12 @@ def _strip(vertices: np.ndarray, loop: np.ndarray) -> np.ndarray:
     first, second = sorted(start)
     count = len(loop)
     # From the narrowest place the strip runs both ways along the boundary.
-    inner = _zipped(points, np.arange(first, second + 1))
-    outer = _zipped(points, np.arange(second, first + count + 1) % count)
+    inner = _zip_arc(points, np.arange(first, second + 1))
+    outer = _zip_arc(points, np.arange(second, first + count + 1) % count)
     return loop[np.array(inner + outer, dtype=np.int64).reshape(-1, 3)]
 
 
-def _zipped(points: np.ndarray, arc: np.ndarray) -> list[tuple[int, int, int]]:
+def _zip_arc(points: np.ndarray, arc: np.ndarray) -> list[tuple[int, int, int]]:
     """Triangles over a part of the boundary (n,), from its ends inwards while they stay close."""
     made = []
     low, high = 0, len(arc) - 1

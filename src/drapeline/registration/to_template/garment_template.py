@@ -13,9 +13,9 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, boundary_loops, triangulate
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.outfits.outfit import make_outfit
+from drapeline.outfits.generate import make_outfit
 from drapeline.outfits.templates import Templates
-from drapeline.outfits.user_garment import own_garment
+from drapeline.outfits.user_garment import load_user_garment
 from drapeline.storage import load_npz, save_npz
 
 # The openings of each type, in the order of their numbers.
@@ -67,10 +67,10 @@ def make_template(
     bodies: Mapping[str, BodyModel],
     edge_length_m: float,
 ) -> GarmentTemplate:
-    """A garment of our own generator, all its numbers in the middle of their ranges.
+    """Make a template with our own generator, all numbers in the middle of their ranges.
 
-    It is made on the mean female body, whom all three types fit, or on the male one where there
-    is no other: a template lends its topology, and shapes come from the garments brought to it.
+    It is made on the mean female body, which all three types fit, or on the male one if there is
+    no other: a template provides the topology, and shapes come from the garments brought to it.
 
     Args:
         garment: one of `TEMPLATE_TYPES`.
@@ -99,17 +99,17 @@ def make_template(
 
 
 def template_from_mesh(garment: str, path: str | Path, body: BodyModel) -> GarmentTemplate:
-    """A user's own mesh as the template of a type.
+    """Make a template of a user's own mesh.
 
     Args:
         garment: one of `TEMPLATE_TYPES`.
         path: OBJ in metres, Z up, root-relative, on the body's mean shape in rest pose.
-        body: that it lies on.
+        body: the one it lies on.
 
     Raises:
         InputError: the mesh is unusable as a garment, or has other openings than its type.
     """
-    mesh: Mesh = own_garment(path, body)
+    mesh: Mesh = load_user_garment(path, body)
     return _template(garment, mesh.vertices, mesh.triangles, path)
 
 
@@ -133,7 +133,7 @@ def _template(
 def named_loops(
     vertices: np.ndarray, loops: list[np.ndarray], names: tuple[str, ...]
 ) -> dict[str, np.ndarray]:
-    """Which boundary loop is which opening, by its place on the body.
+    """Tell which boundary loop is which opening, by its place on the body.
 
     Args:
         vertices: (V, 3) in the rest pose, root frame.
@@ -141,18 +141,18 @@ def named_loops(
         names: openings of the garment's type.
 
     Returns:
-        Name -> loop. Cuffs lie furthest to either side, or below all else in trousers; of the
-        others the highest is the waist or neck and the lowest the hem. Openings that are missing
-        are left out, and loops too many are passed over.
+        Name -> loop. Cuffs lie furthest to either side; of the other loops the highest is the
+        waist or neck and the lowest the hem. Missing openings are left out, and surplus loops are
+        ignored.
     """
     rest = list(loops)
     middle = {id(loop): vertices[loop].mean(axis=0) for loop in loops}
-    found = {}
+    named = {}
 
     def take(name: str, axis: int, sign: float) -> None:
         if name in names and rest:
             best = max(range(len(rest)), key=lambda k: sign * middle[id(rest[k])][axis])
-            found[name] = rest.pop(best)
+            named[name] = rest.pop(best)
 
     take("waist", 2, 1.0)
     if "left_cuff" in names and len(rest) >= 2:
@@ -160,7 +160,7 @@ def named_loops(
         take("right_cuff", 0, -1.0)
     take("neck", 2, 1.0)
     take("hem", 2, -1.0)
-    return found
+    return named
 
 
 def _middle_numbers(garment: str) -> dict[str, Any]:

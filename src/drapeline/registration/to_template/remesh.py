@@ -1,7 +1,7 @@
 """A garment in the topology of its template (Garment4D, section 2.2).
 
-Where the template's vertices come to lie on a source garment laid onto it tells which corners
-they follow, in every frame of the source's sequence.
+Where the template's vertices lie on a source garment that was laid onto it tells which corners of
+the source they follow in every frame.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from drapeline.registration.to_template.garment_template import GarmentTemplate
 from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
 from drapeline.registration.to_template.template_fit import Fit, FitTarget
 
-_RIM_M = 0.02
+_BOUNDARY_M = 0.02
 _TURN_M = 0.1  # a place may be this much further away if it faces a radian better
 _REPAIRS = 20
 _REPAIRS_PER_RING = 5
@@ -49,10 +49,10 @@ class Residual(NamedTuple):
 
 
 def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable:
-    """For each template vertex its closest place on the deformed source.
+    """Find the closest place on the deformed source for each template vertex.
 
-    Vertices of an opening or seam go to the source's. Where faces come out turned over, vertices
-    about them are moved to between their neighbours.
+    Vertices of an opening or seam go to the source's. Where faces come out turned over, the
+    vertices about them are moved to between their neighbours.
 
     Args:
         fit: of `fit_to_template`.
@@ -63,10 +63,10 @@ def remesh_table(fit: Fit, template: GarmentTemplate | FitTarget) -> RemeshTable
     # An armpit is a place to start from, too blunt for a vertex to be tied to it.
     seams = zip(target.guides, fit.guides, strict=True)
     lines = [(ids, line) for ids, line in seams if len(ids) > 1]
-    lines += [(loop, _closed(fit.loops[name])) for name, loop in target.loops.items()]
+    lines += [(loop, _close(fit.loops[name])) for name, loop in target.loops.items()]
     for ids, line in lines:
         corners[ids], shares[ids] = _on_line(target.vertices[ids], fit.vertices, line)
-    table = _turned_back(RemeshTable(corners, shares), fit, target.template)
+    table = _repair_flips(RemeshTable(corners, shares), fit, target.template)
     return RemeshTable(table.corners.astype(np.int32), table.shares.astype(np.float32))
 
 
@@ -75,7 +75,7 @@ def _closest(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Corners (P, 3) and shares (P, 3) of the closest places on faces that face the same way.
 
-    Where the closest face looks the other way, the closest vertex that does not has the point.
+    Where the closest face looks the other way, the point goes to the closest vertex that does not.
     """
     place, face = closest_points(points, vertices, triangles)
     corners = triangles[face].astype(np.int64)
@@ -112,14 +112,15 @@ def _on_line(
     return corners, np.stack([1 - share, share, 0 * share], axis=1)
 
 
-def _closed(loop: np.ndarray) -> np.ndarray:
+def _close(loop: np.ndarray) -> np.ndarray:
     return np.append(loop, loop[0])
 
 
-def _turned_back(table: RemeshTable, fit: Fit, template: GarmentTemplate) -> RemeshTable:
-    """The table with vertices about faces that are turned over moved to between their neighbours.
+def _repair_flips(table: RemeshTable, fit: Fit, template: GarmentTemplate) -> RemeshTable:
+    """Move vertices about faces that are turned over to between their neighbours.
 
-    Those of openings stay. Where the faces' own vertices do not do, those around move too.
+    Vertices of openings stay. Where moving the faces' own vertices is not enough, those around
+    them move too. Returns the best table of all attempts.
     """
     graph = edge_graph(edges(template.faces), len(template.vertices))
     within = graph @ sp.diags((template.loop < 0).astype(float))
@@ -171,7 +172,7 @@ def flipped_faces(
 def residual(
     vertices: np.ndarray, faces: np.ndarray, template: GarmentTemplate, table: RemeshTable
 ) -> Residual:
-    """How far a garment and its remeshed self lie apart.
+    """Measure how far a garment and its remeshed self lie apart.
 
     Args:
         vertices, faces: (V, 3) metres and (F, 3) or (F, 4) of the source.
@@ -192,6 +193,6 @@ def residual(
     return Residual(
         float(there.mean()),
         float(back.mean()),
-        float(there[near < _RIM_M].mean()),
+        float(there[near < _BOUNDARY_M].mean()),
         int(flipped_faces(table, template.faces, vertices, triangles).sum()),
     )

@@ -1,7 +1,7 @@
 """Garments of any topology are brought to a template's (Garment4D, section 2.2).
 
-The source garment is deformed onto the template: its openings and seams first, then its
-surface, and at last by equation 3.
+The source garment is deformed onto the template in three steps: its openings and seams, its
+surface, and equation 3.
 """
 
 from dataclasses import dataclass
@@ -18,19 +18,21 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import (
     boundary_loops,
     edge_counts,
-    edge_graph,
+    edge_lengths,
     edges,
+    half_edges,
     triangulate,
     vertex_normals,
 )
+from drapeline.geometry.smoothing import uniform_laplacian
 from drapeline.geometry.sparse import symmetric_factor
 from drapeline.registration.to_template.front_opening import front_strip
 from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
 
 _HELD = 1e3  # weight of what must stay, against 1 of what is drawn
 _STARTS = 64  # places on an opening at which the match of two loops may begin
-_MM2 = 1e6  # equation 3 is minimised in mm^2, or the solver would take it for solved
-# Of the surface while it is drawn to the template, one round each.
+_MM2 = 1e6  # equation 3 is minimised in mm^2: in m^2 the solver would take it for solved
+# Stiffness of the surface while it is drawn to the template, for each round.
 _STIFFNESS = (10.0, 10.0, 3.0, 3.0, 1.0, 1.0)
 # Distance that a turn of the normal by one radian counts for: it keeps one trouser leg off the
 # other, and a sleeve off the torso.
@@ -75,10 +77,12 @@ class Fit(NamedTuple):
 
 
 class FitTarget:
-    """A template prepared to have garments laid onto it; worth keeping for many of them.
+    """A template prepared for the fit; worth keeping for many garments.
+
+    Args:
+        template: kept as an attribute.
 
     Attributes:
-        template: the template.
         vertices: (N, 3) float64.
         loops: opening -> ordered vertex ids.
         normals: (N, 3).
@@ -89,7 +93,6 @@ class FitTarget:
     """
 
     def __init__(self, template: GarmentTemplate) -> None:
-        """Index the template's openings, guides and points."""
         self.template = template
         self.vertices = template.vertices.astype(np.float64)
         self.normals = vertex_normals(self.vertices, template.faces)
@@ -106,12 +109,12 @@ class FitTarget:
 
     @cached_property
     def tree(self) -> cKDTree:
-        """Of `points`."""
+        """Search tree of `points`."""
         return cKDTree(self.points)
 
     @cached_property
     def boundary_trees(self) -> dict[str, cKDTree]:
-        """Of `boundaries`."""
+        """Search trees of `boundaries`."""
         return {name: cKDTree(boundary) for name, boundary in self.boundaries.items()}
 
 
@@ -147,17 +150,11 @@ def fit_to_template(
             f" expected the openings {', '.join(names)}"
         )
     guides = _guides(rest, triangles, loops)
-    places = _boundaries_matched(rest, triangles, loops, guides, target)
+    places = _match_boundaries(rest, triangles, loops, guides, target)
     held = np.concatenate([*loops.values(), *guides])
-    places = _drawn(places, triangles, held, target)
+    places = _draw_to_surface(places, triangles, held, target)
     equation = Equation3(triangles, loops, target, settings)
-    return Fit(equation.minimised(places), rest, triangles, loops, guides)
-
-
-def _laplacian(triangles: np.ndarray, count: int) -> sp.csr_matrix:
-    """(V, V) degree less adjacency."""
-    graph = edge_graph(edges(triangles), count)
-    return sp.diags(np.asarray(graph.sum(axis=1)).ravel()) - graph
+    return Fit(equation.minimise(places), rest, triangles, loops, guides)
 
 
 def _guides(
@@ -171,7 +168,7 @@ def _guides(
     if "left_cuff" not in loops:
         return []
     pairs = edges(triangles)
-    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    length = edge_lengths(vertices, pairs)
     if "hem" in loops:
         graph = sp.coo_matrix((length, pairs.T), shape=(len(vertices),) * 2).tocsr()
         paths = [_path(graph, loops["hem"], loops[c]) for c in ("left_cuff", "right_cuff")]
@@ -206,48 +203,48 @@ def _corner(line: np.ndarray) -> int:
     return int((away**2).sum(axis=1).argmax())
 
 
-def _boundaries_matched(
+def _match_boundaries(
     rest: np.ndarray,
     triangles: np.ndarray,
     loops: dict[str, np.ndarray],
     guides: list[np.ndarray],
     target: FitTarget,
 ) -> np.ndarray:
-    """Openings and guides on those of the template, the cloth between carried along smoothly."""
-    laplacian = _laplacian(triangles, len(rest))
+    """Move openings and guides onto those of the template; the cloth between follows smoothly."""
+    laplacian = uniform_laplacian(triangles, len(rest))
     weight, move = np.zeros(len(rest)), np.zeros_like(rest)
     for name, loop in loops.items():
         weight[loop] = _HELD
-        move[loop] = _along(rest[loop], target.vertices[target.loops[name]]) - rest[loop]
+        move[loop] = _match_ring(rest[loop], target.vertices[target.loops[name]]) - rest[loop]
     for guide, line in zip(guides, target.guides, strict=True):
         weight[guide] = _HELD
-        move[guide] = _stretched(rest[guide], target.vertices[line]) - rest[guide]
+        move[guide] = _stretch_along(rest[guide], target.vertices[line]) - rest[guide]
     return rest + symmetric_factor(laplacian + sp.diags(weight)).solve(weight[:, None] * move)
 
 
-def _along(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
+def _match_ring(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
     """Places (n, 3) on a closed line (m, 3) at the points' shares of their own line's length.
 
-    Both run the same way around; the start is the one that moves the points least, their middle
-    aside.
+    Both run the same way around. The start is chosen so that the points move least, a shift of
+    their middle aside.
     """
     share = _shares(points)[:-1]
     at = np.concatenate([_shares(ring), 1 + _shares(ring)[1:]])
     twice = np.concatenate([ring, ring, ring[:1]])
     own = points - points.mean(axis=0)
 
-    def nearest_of(starts: np.ndarray) -> tuple[float, np.ndarray]:
+    def best_of(starts: np.ndarray) -> tuple[float, np.ndarray]:
         places = (starts % 1)[:, None] + share
         moved = np.stack([np.interp(places, at, twice[:, k]) for k in range(3)], axis=-1)
         gap = moved - moved.mean(axis=1, keepdims=True) - own
         best = (gap**2).sum(axis=(1, 2)).argmin()
         return starts[best], moved[best]
 
-    first, _ = nearest_of(np.arange(_STARTS) / _STARTS)
-    return nearest_of(first + np.linspace(-1, 1, _STARTS + 1) / _STARTS)[1]
+    first, _ = best_of(np.arange(_STARTS) / _STARTS)
+    return best_of(first + np.linspace(-1, 1, _STARTS + 1) / _STARTS)[1]
 
 
-def _stretched(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+def _stretch_along(points: np.ndarray, line: np.ndarray) -> np.ndarray:
     """Places (n, 3) on a line (m, 3) with ends, at the points' shares of their own."""
     share, at = (_line_shares(p) for p in (points, line))
     return np.column_stack([np.interp(share, at, line[:, k]) for k in range(3)])
@@ -264,14 +261,14 @@ def _line_shares(line: np.ndarray) -> np.ndarray:
     return total / max(total[-1], 1e-12)
 
 
-def _drawn(
+def _draw_to_surface(
     places: np.ndarray,
     triangles: np.ndarray,
     held: np.ndarray,
     target: FitTarget,
 ) -> np.ndarray:
-    """Vertices, but for those held, drawn to the closest cloth that faces the same way."""
-    laplacian = _laplacian(triangles, len(places))
+    """Draw vertices, but for those held, to the closest cloth that faces the same way."""
+    laplacian = uniform_laplacian(triangles, len(places))
     weight = np.ones(len(places))
     weight[held] = _HELD
     tree = cKDTree(np.hstack([target.vertices, _TURN_M * target.normals]))
@@ -309,15 +306,14 @@ class Equation3:
         self._triangles, self._loops, self._target = triangles, loops, target
         self._settings = settings
         self._edges = edges(triangles)
-        half = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-        half = np.sort(half, axis=1).astype(np.int64)
+        half = np.sort(half_edges(triangles), axis=1).astype(np.int64)
         key = half[:, 0] * (int(half.max()) + 1) + half[:, 1]
         order = np.argsort(key, kind="stable")
         same = np.flatnonzero(key[order[1:]] == key[order[:-1]])
         self._hinges = np.stack([order[same], order[same + 1]], axis=1) // 3  # (H, 2) faces
 
     def __call__(self, places: np.ndarray) -> tuple[float, np.ndarray]:
-        """L_reg of vertices (V, 3) in m^2, and its gradient (V, 3); closest pairs held fixed."""
+        """L_reg of vertices (V, 3) in m^2, and its gradient (V, 3) with closest pairs fixed."""
         wanted, target = self._settings, self._target
         gradient = np.zeros_like(places)
         value = wanted.chamfer * _chamfer(
@@ -334,23 +330,23 @@ class Equation3:
         value += wanted.normal * self._normal_term(places, wanted.normal, gradient)
         return value, gradient
 
-    def minimised(self, places: np.ndarray) -> np.ndarray:
-        """Vertices (V, 3) after at most `iterations` of L-BFGS from `places`."""
+    def minimise(self, places: np.ndarray) -> np.ndarray:
+        """Vertices (V, 3) after at most `iterations` steps of L-BFGS from `places`."""
         if not self._settings.iterations:
             return places
 
-        def scaled(flat: np.ndarray) -> tuple[float, np.ndarray]:
+        def energy_mm2(flat: np.ndarray) -> tuple[float, np.ndarray]:
             value, gradient = self(flat.reshape(-1, 3))
             return _MM2 * value, _MM2 * gradient.ravel()
 
-        found = minimize(
-            scaled,
+        result = minimize(
+            energy_mm2,
             places.ravel(),
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": self._settings.iterations, "gtol": 0.0, "ftol": 1e-5},
         )
-        return found.x.reshape(-1, 3)
+        return result.x.reshape(-1, 3)
 
     def _edge_term(self, places: np.ndarray, weight: float, gradient: np.ndarray) -> float:
         along = places[self._edges[:, 1]] - places[self._edges[:, 0]]
@@ -387,12 +383,12 @@ def _chamfer(
     places: np.ndarray, points: np.ndarray, tree: cKDTree, weight: float, gradient: np.ndarray
 ) -> float:
     """Mean squared distances of two sets of points, both ways; the gradient is added in place."""
-    there, near = tree.query(places)
-    # A tree that is asked once is not worth balancing.
-    back, own = cKDTree(places, balanced_tree=False, compact_nodes=False).query(points)
+    forward, near = tree.query(places)
+    # A tree that is queried once is not worth balancing.
+    backward, own = cKDTree(places, balanced_tree=False, compact_nodes=False).query(points)
     gradient += (2 * weight / len(places)) * (places - points[near])
     _add(gradient, own, (2 * weight / len(points)) * (places[own] - points))
-    return float((there**2).mean() + (back**2).mean())
+    return float((forward**2).mean() + (backward**2).mean())
 
 
 def _add(total: np.ndarray, rows: np.ndarray, values: np.ndarray) -> None:

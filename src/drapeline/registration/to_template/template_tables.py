@@ -43,7 +43,7 @@ def write_tables(
 
     Args:
         folder: replaced as a whole.
-        garments: those of types without a template are passed over.
+        garments: those of types without a template are ignored.
         templates: by type.
         settings: of the registration.
 
@@ -53,20 +53,20 @@ def write_tables(
     Raises:
         InputError: names the outfit whose garment cannot be registered.
     """
-    wanted = [one for one in garments if one.garment in templates]
+    wanted = [item for item in garments if item.garment in templates]
     targets = {garment: FitTarget(template) for garment, template in templates.items()}
     tables: dict[str, dict[str, np.ndarray]] = {garment: {} for garment in templates}
     errors: list[dict[str, Any]] = []
-    for one in progress(wanted, total=len(wanted), label="garments"):
-        target = targets[one.garment]
+    for name, garment, vertices, faces in progress(wanted, total=len(wanted), label="garments"):
+        target = targets[garment]
         try:
-            table = remesh_table(fit_to_template(one.vertices, one.faces, target, settings), target)
+            table = remesh_table(fit_to_template(vertices, faces, target, settings), target)
         except InputError as error:
-            raise InputError(f"{one.name}/{one.garment}: {error}") from error
+            raise InputError(f"{name}/{garment}: {error}") from error
         for key in RemeshTable._fields:
-            tables[one.garment][f"{one.name}/{key}"] = getattr(table, key)
-        found = residual(one.vertices, one.faces, target.template, table)
-        errors += error_rows(one.garment, one.name, _measures(found))
+            tables[garment][f"{name}/{key}"] = getattr(table, key)
+        left = residual(vertices, faces, target.template, table)
+        errors += error_rows(garment, name, _measures(left))
     with atomic_folder(folder) as scratch:
         for garment, arrays in tables.items():
             save_npz(scratch / f"{garment}.npz", **arrays)
@@ -74,8 +74,8 @@ def write_tables(
     return len(wanted)
 
 
-def _measures(found: Residual) -> list[Measure]:
+def _measures(left: Residual) -> list[Measure]:
     return [
         Measure(name, float(value), _UNITS[name.rpartition("_")[2]])
-        for name, value in found._asdict().items()
+        for name, value in left._asdict().items()
     ]

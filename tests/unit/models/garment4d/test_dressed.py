@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from drapeline.bodies.kinematics import rest_to_pose
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.dressed import DressedSequences, propose_garment, skinning_weights
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.registration.to_body.dynamic_offsets import moved
 from garment4d_toys import skirt_faces
 
 SKINNING = SkinningSettings(neighbours=16, passes=5)
@@ -37,7 +36,7 @@ def test_proposals_are_the_skinned_garments_that_are_worn(toy_skirts, dressed):
     data, body = dressed.data, dressed.body(4)
     batch = dressed.batch(np.array([[4, 1]]), 3)
     motions = rest_to_pose(body.model, body.shape, data.poses[data.rows(4)][1:4])
-    expected = moved(toy_skirts[4].canonical, motions, dressed.weights(4))
+    expected = skin_points(toy_skirts[4].canonical, motions, dressed.weights(4))
     np.testing.assert_allclose(batch["proposal"][0], expected, atol=1e-5)
     # At rest nothing moves.
     rest = body.transforms(REST_POSE[None])

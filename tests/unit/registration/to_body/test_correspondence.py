@@ -3,24 +3,16 @@
 import numpy as np
 import pytest
 
-from drapeline.geometry.mesh import boundary_edges, faces_within
-from drapeline.registration.to_body.correspondence import BodyMesh, correspond
+from drapeline.geometry.mesh import faces_within
+from drapeline.registration.to_body.body_mesh import BodyMesh
+from drapeline.registration.to_body.correspondence import correspond
 from drapeline.registration.to_body.round_trip import round_trip
-
-
-def grid(width, height, step, x0=0.0, y0=0.0):
-    """A flat sheet in z = 0 that faces up."""
-    x, y = np.arange(width) * step + x0, np.arange(height) * step + y0
-    vertices = np.stack([*np.meshgrid(x, y, indexing="xy"), np.zeros((height, width))], -1)
-    corner = (np.arange(height - 1)[:, None] * width + np.arange(width - 1)).ravel()
-    lower = np.stack([corner, corner + 1, corner + width + 1], -1)
-    upper = np.stack([corner, corner + width + 1, corner + width], -1)
-    return vertices.reshape(-1, 3), np.concatenate([lower, upper])
+from topology_toys import flat_sheet
 
 
 @pytest.fixture(scope="module")
 def body():
-    vertices, faces = grid(41, 41, 0.01, -0.2, -0.2)
+    vertices, faces = flat_sheet(41, 41, 0.01, -0.2, -0.2)
     return vertices, BodyMesh(faces, len(vertices))
 
 
@@ -30,7 +22,7 @@ def values(measures):
 
 def test_a_patch_covers_what_lies_under_it_and_its_rim_is_met(body):
     vertices, mesh = body
-    laid, triangles = grid(10, 10, 0.02, -0.0837, -0.0911)
+    laid, triangles = flat_sheet(10, 10, 0.02, -0.0837, -0.0911)
     garment = laid + [0, 0, 0.05]
     match = correspond(vertices, mesh, laid, triangles)
     inside = ((vertices[:, :2] > laid.min(0)[:2]) & (vertices[:, :2] < laid.max(0)[:2])).all(1)
@@ -52,7 +44,7 @@ def test_a_patch_covers_what_lies_under_it_and_its_rim_is_met(body):
 
 def test_points_are_barycentric_and_follow_the_garment(body):
     vertices, mesh = body
-    laid, triangles = grid(10, 10, 0.02, -0.09, -0.09)
+    laid, triangles = flat_sheet(10, 10, 0.02, -0.09, -0.09)
     match = correspond(vertices, mesh, laid, triangles)
     np.testing.assert_allclose(match.bary[match.mask].sum(1), 1, atol=1e-5)
     assert (match.bary >= 0).all()
@@ -64,7 +56,7 @@ def test_points_are_barycentric_and_follow_the_garment(body):
 
 def test_cloth_that_faces_the_other_way_is_not_taken(body):
     vertices, mesh = body
-    laid, triangles = grid(10, 10, 0.02, -0.09, -0.09)
+    laid, triangles = flat_sheet(10, 10, 0.02, -0.09, -0.09)
     assert not correspond(vertices, mesh, laid, triangles[:, ::-1]).mask.any()
     above = np.concatenate([laid + [0, 0, 0.012], laid + [0, 0, 0.004]])
     both = np.concatenate([triangles, triangles[:, ::-1] + len(laid)])
@@ -74,7 +66,7 @@ def test_cloth_that_faces_the_other_way_is_not_taken(body):
 
 def test_a_hole_is_counted_and_filled(body):
     vertices, mesh = body
-    laid, triangles = grid(12, 12, 0.02, -0.11, -0.11)
+    laid, triangles = flat_sheet(12, 12, 0.02, -0.11, -0.11)
     triangles = triangles[np.abs(laid[triangles].mean(1)).max(1) > 0.03]
     match = correspond(vertices, mesh, laid, triangles)
     assert match.holes == 1
@@ -86,8 +78,8 @@ def test_a_hole_is_counted_and_filled(body):
 
 def test_an_island_is_counted_and_dropped(body):
     vertices, mesh = body
-    laid, triangles = grid(8, 8, 0.02, -0.15, -0.15)
-    other, more = grid(3, 3, 0.02, 0.1, 0.1)
+    laid, triangles = flat_sheet(8, 8, 0.02, -0.15, -0.15)
+    other, more = flat_sheet(3, 3, 0.02, 0.1, 0.1)
     match = correspond(
         vertices, mesh, np.concatenate([laid, other]), np.concatenate([triangles, more + len(laid)])
     )
@@ -97,9 +89,9 @@ def test_an_island_is_counted_and_dropped(body):
 
 def test_two_fronts_side_by_side_stay_apart(body):
     vertices, mesh = body
-    left, triangles = grid(8, 12, 0.02, -0.14, -0.11)
-    right, _ = grid(8, 12, 0.02, 0.0, -0.11)
-    yoke, band = grid(15, 3, 0.02, -0.14, 0.11)
+    left, triangles = flat_sheet(8, 12, 0.02, -0.14, -0.11)
+    right, _ = flat_sheet(8, 12, 0.02, 0.0, -0.11)
+    yoke, band = flat_sheet(15, 3, 0.02, -0.14, 0.11)
     laid = np.concatenate([left, right, yoke])
     # The fronts are sewn to the yoke above them, not to one another.
     sewn = np.arange(len(laid))
@@ -116,23 +108,3 @@ def test_two_fronts_side_by_side_stay_apart(body):
     found = values(round_trip(laid, faces, vertices, mesh.faces, match))
     assert found["holes_after"] == 0
     assert found["area_lost_percent"] < 0.5
-
-
-def test_the_mask_is_one_piece_with_simple_borders(body):
-    vertices, mesh = body
-    rng = np.random.default_rng(0)
-    mask = rng.random(len(vertices)) < 0.75
-    cleaned = mesh.cleaned(mask, np.zeros(len(mask), dtype=bool))
-    assert mesh.islands(cleaned) == 0
-    boundary = boundary_edges(faces_within(mesh.faces, cleaned))
-    assert np.bincount(boundary.ravel()).max() <= 2
-
-
-def test_holes_are_counted_by_pieces(body):
-    vertices, mesh = body
-    mask = np.ones(len(vertices), dtype=bool)
-    assert mesh.holes(mask) == 0
-    mask[np.linalg.norm(vertices - [0.1, 0, 0], axis=1) < 0.03] = False
-    mask[np.linalg.norm(vertices + [0.1, 0, 0], axis=1) < 0.03] = False
-    mask[np.linalg.norm(vertices - [0.2, 0.2, 0], axis=1) < 0.05] = False  # at the open end
-    assert mesh.holes(mask) == 2

@@ -1,21 +1,19 @@
-"""Offsets of garments in motion: kinematics there and back, in both versions."""
+"""Offsets of garments in motion, there and back in both versions."""
 
 import numpy as np
 import pytest
 
-from drapeline.bodies.kinematics import rest_to_pose
 from drapeline.bodies.model import posed_vertices
-from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.weight_transfer import garment_weights
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points
+from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.registration.to_body.dynamic_offsets import (
     SampleGarment,
-    dressed,
     dynamic_offsets,
     load_sample_garment,
-    moved,
-    moved_back,
+    points_from_offsets,
 )
 
 SHAPE = np.linspace(-1, 1, 10)
@@ -34,7 +32,7 @@ def garment(toy_body):
     vertex = np.flatnonzero(mask).astype(np.int32)
     shell = rest + 0.02 * vertex_normals(rest, toy_body.faces)
     faces = toy_body.faces[mask[toy_body.faces].all(1)]
-    weights = garment_weights(shell, faces, rest, toy_body.faces, toy_body.weights)
+    weights = nearest_weights(shell, faces, rest, toy_body.faces, toy_body.weights)
     offsets = np.where(mask[:, None], shell - rest, 0).astype(np.float32)
     return SampleGarment(
         mask,
@@ -46,28 +44,6 @@ def garment(toy_body):
     )
 
 
-def test_the_rest_pose_moves_nothing(toy_body):
-    motions = rest_to_pose(toy_body, SHAPE, REST_POSE[None])
-    np.testing.assert_allclose(motions[0], np.tile(np.eye(3, 4), (24, 1, 1)), atol=1e-12)
-
-
-def test_body_vertices_move_as_the_body_does(toy_body, poses):
-    motions = rest_to_pose(toy_body, SHAPE, poses)
-    rigid = toy_body.weights.max(axis=1) > 1 - 1e-6
-    expected = posed_vertices(toy_body, SHAPE, poses)[0]
-    found = moved(rest_body(toy_body, SHAPE), motions, toy_body.weights)
-    np.testing.assert_allclose(found[:, rigid], expected[:, rigid], atol=1e-5)
-
-
-def test_there_and_back_is_exact(toy_body, poses):
-    motions = rest_to_pose(toy_body, SHAPE, poses)
-    points = rest_body(toy_body, SHAPE) + np.random.default_rng(1).normal(0, 0.05, (5, 1, 3))
-    rigid = np.eye(24)[toy_body.weights.argmax(axis=1)]
-    for weights, tolerance in ((rigid, 1e-9), (toy_body.weights, 1e-5)):
-        back = moved_back(moved(points, motions, weights), motions, weights)
-        np.testing.assert_allclose(back, points, atol=tolerance)
-
-
 @pytest.mark.parametrize("version", ["posed", "unposed"])
 def test_offsets_there_and_back(toy_body, garment, poses, version):
     rng = np.random.default_rng(2)
@@ -77,14 +53,16 @@ def test_offsets_there_and_back(toy_body, garment, poses, version):
     offsets = dynamic_offsets(garment, cloth, toy_body, SHAPE, poses, version)
     assert offsets.shape == (5, count, 3)
     assert not offsets[:, ~garment.mask].any()
-    found = dressed(garment, offsets, toy_body, SHAPE, poses, version)
+    found = points_from_offsets(garment, offsets, toy_body, SHAPE, poses, version)
     np.testing.assert_allclose(found, cloth[:, garment.vertex], atol=1e-5)
 
 
 def test_cloth_that_follows_the_body_has_no_unposed_offsets(toy_body, garment, poses):
     rest = (rest_body(toy_body, SHAPE) + garment.offsets)[garment.vertex]
     cloth = np.zeros((5, len(toy_body.v_template), 3), np.float32)
-    cloth[:, garment.vertex] = moved(rest, rest_to_pose(toy_body, SHAPE, poses), garment.weights)
+    cloth[:, garment.vertex] = skin_points(
+        rest, rest_to_pose(toy_body, SHAPE, poses), garment.weights
+    )
     unposed = dynamic_offsets(garment, cloth, toy_body, SHAPE, poses, "unposed")
     assert np.abs(unposed).max() < 1e-5
     turned = poses.copy()
@@ -96,15 +74,6 @@ def test_in_rest_the_posed_offsets_are_the_static_ones(toy_body, garment):
     rest = (rest_body(toy_body, SHAPE) + garment.offsets).astype(np.float32)
     found = dynamic_offsets(garment, rest[None], toy_body, SHAPE, REST_POSE[None], "posed")
     np.testing.assert_allclose(found[0], garment.offsets, atol=1e-5)
-
-
-def test_weights_are_smooth_sums_of_the_body_beneath(toy_body, garment):
-    np.testing.assert_allclose(garment.weights.sum(1), 1, atol=1e-5)
-    assert garment.weights.min() >= 0
-    used = toy_body.weights[garment.mask]
-    assert np.abs(garment.weights - used).mean() < 0.05
-    rough = np.ptp(used, axis=0).max()
-    assert np.ptp(garment.weights, axis=0).max() <= rough + 1e-6
 
 
 def test_a_saved_garment_comes_back(garment, tmp_path):

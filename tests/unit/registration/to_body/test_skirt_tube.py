@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.geometry.mesh import boundary_edges, edges, triangulate, vertex_normals
-from drapeline.outfits.outfit import sample_outfit
+from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.skirt_tube import SkirtTube
@@ -28,7 +28,7 @@ def skirt(toy_body):
         toy_body,
         gender="female",
         shape=np.zeros(10),
-        kind="Skirt",
+        outfit_type="Skirt",
         edge_length_m=0.025,
     )
     return outfit.garments[0]

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.bodies.model import load_body, posed_vertices, save_body, shaped
+from drapeline.bodies.model import load_body, posed_vertices, save_body, shape_body
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
 from drapeline.geometry.mesh import boundary_loops, edge_counts
@@ -70,7 +70,7 @@ def test_both_sides_are_mirror_images_for_even_and_odd_counts(toy_body, count):
 
 def test_head_hands_and_feet_are_gone_and_the_rest_is_whole(pair):
     body, refined = pair
-    joints = shaped(body, np.zeros(10))[1]
+    joints = shape_body(body, np.zeros(10))[1]
     place = dict(zip(JOINT_NAMES, joints, strict=True))
     low, high = (
         refined.bodies["female"].v_template.min(0),
@@ -87,8 +87,8 @@ def test_joints_are_those_of_the_whole_body_for_every_shape(pair):
     body, refined = pair
     rng = np.random.default_rng(1)
     for shape in [np.zeros(10), *rng.uniform(-3, 3, (20, 10))]:
-        joints = shaped(refined.bodies["female"], shape)[1]
-        np.testing.assert_allclose(joints, shaped(body, shape)[1], atol=1e-5)
+        joints = shape_body(refined.bodies["female"], shape)[1]
+        np.testing.assert_allclose(joints, shape_body(body, shape)[1], atol=1e-5)
 
 
 def test_vertices_of_the_file_are_posed_as_in_the_whole_body(pair):
@@ -198,6 +198,6 @@ def test_the_real_bodies_have_the_papers_number_of_vertices(baked_bodies):
     rng = np.random.default_rng(3)
     for gender, body in baked_bodies.items():
         shape = rng.uniform(-3, 3, 10)
-        joints = shaped(refined.bodies[gender], shape)[1]
-        np.testing.assert_allclose(joints, shaped(body, shape)[1], atol=1e-5)
+        joints = shape_body(refined.bodies[gender], shape)[1]
+        np.testing.assert_allclose(joints, shape_body(body, shape)[1], atol=1e-5)
         assert edge_lengths(refined.bodies[gender]).max() < 0.03

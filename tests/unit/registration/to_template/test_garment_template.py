@@ -5,9 +5,10 @@ import pytest
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, boundary_loops, edges, face_normals, save_obj, triangulate
+from drapeline.geometry.mesh import Mesh, boundary_loops, edges, face_normals, triangulate
+from drapeline.geometry.obj import save_obj
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.outfits.outfit import sample_outfit
+from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_template.garment_template import (
     LOOP_NAMES,
@@ -80,7 +81,7 @@ def test_outfits_of_the_generator_fit_their_templates(toy_body, dress_forms, mad
         toy_body,
         gender="female",
         shape=rng_for(seed, "shape").uniform(-1, 1, 10),
-        kind=kind,
+        outfit_type=kind,
         edge_length_m=0.035,
     )
     garments = [g for g in outfit.garments if g.name in made]

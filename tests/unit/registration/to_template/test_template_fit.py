@@ -4,39 +4,17 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import boundary_loops, triangulate
-from drapeline.registration.to_template.front_opening import front_strip
-from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
-from drapeline.registration.to_template.remesh import flipped_faces, remesh_table, residual
-from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
+from drapeline.geometry.mesh import boundary_loops
+from drapeline.registration.to_template.garment_template import named_loops
+from drapeline.registration.to_template.remesh import remesh_table, residual
+from drapeline.registration.to_template.remesh_table import remesh
 from drapeline.registration.to_template.template_fit import (
     Equation3,
     FitSettings,
     FitTarget,
     fit_to_template,
 )
-from tiny_sample import tube
-
-
-def skirt(radius=0.2, low=-0.5, high=0.0, around=32, rows=14, flare=0.0):
-    """A round tube about Z that may widen downwards: vertices and outward triangles."""
-    mesh = tube(radius, low, high, around=around, rows=rows)
-    vertices = mesh.vertices.astype(float)
-    vertices[:, 1] /= 0.6
-    vertices[:, :2] *= 1 + flare * (high - vertices[:, 2:])
-    return vertices, triangulate(mesh.faces)
-
-
-def as_template(vertices, triangles, names=("waist", "hem")):
-    loop = np.full(len(vertices), -1, np.int32)
-    for name, ids in named_loops(vertices, boundary_loops(triangles), names).items():
-        loop[ids] = names.index(name)
-    return GarmentTemplate(vertices.astype(np.float32), triangles.astype(np.int32), loop, names)
-
-
-@pytest.fixture(scope="module")
-def template():
-    return as_template(*skirt(around=24, rows=11))
+from template_toys import round_skirt
 
 
 def test_a_template_fits_onto_itself(template):
@@ -56,7 +34,7 @@ def test_a_template_fits_onto_itself(template):
     ids=["short and wide", "long and flared", "coarse mini"],
 )
 def test_a_skirt_keeps_its_surface_ends_and_sides(template, source):
-    vertices, triangles = skirt(**source)
+    vertices, triangles = round_skirt(**source)
     table = remesh_table(fit_to_template(vertices, triangles, template), template)
     new = remesh(vertices, table)
     found = residual(vertices, triangles, template, table)
@@ -78,28 +56,8 @@ def test_a_skirt_keeps_its_surface_ends_and_sides(template, source):
     np.testing.assert_allclose(share, expected, atol=0.12)
 
 
-def test_rows_of_a_table_are_shares(template):
-    vertices, triangles = skirt(around=40, rows=20)
-    table = remesh_table(fit_to_template(vertices, triangles, template), template)
-    assert table.corners.dtype == np.int32
-    assert table.shares.dtype == np.float32
-    assert (table.shares >= 0).all()
-    np.testing.assert_allclose(table.shares.sum(axis=1), 1, atol=1e-6)
-
-
-def test_frames_follow_affine_motions_one_by_one_or_together(template):
-    vertices, triangles = skirt(around=40, rows=20)
-    table = remesh_table(fit_to_template(vertices, triangles, template), template)
-    rng = np.random.default_rng(0)
-    turn, shift = rng.normal(0, 1, (3, 3)), rng.normal(0, 1, 3)
-    frames = np.stack([vertices, vertices @ turn + shift])
-    both = remesh(frames, table)
-    np.testing.assert_allclose(both[1], both[0] @ turn + shift, atol=1e-6)
-    np.testing.assert_array_equal(both[1], remesh(frames[1], table))
-
-
 def test_the_numbering_of_the_source_does_not_matter(template):
-    vertices, triangles = skirt(radius=0.23, around=36, rows=15)
+    vertices, triangles = round_skirt(radius=0.23, around=36, rows=15)
     order = np.random.default_rng(0).permutation(len(vertices))
     shuffled, back = vertices[order], np.argsort(order)
     settings = FitSettings(iterations=5)
@@ -111,7 +69,7 @@ def test_the_numbering_of_the_source_does_not_matter(template):
 
 
 def test_a_garment_without_an_opening_is_refused(template):
-    vertices, triangles = skirt()
+    vertices, triangles = round_skirt()
     top = len(vertices)
     waist = boundary_loops(triangles)[1]
     lid = np.stack([np.roll(waist, -1), waist, np.full(len(waist), top)], axis=1)
@@ -125,7 +83,7 @@ def test_a_garment_without_an_opening_is_refused(template):
 
 @pytest.fixture(scope="module")
 def crooked(template):
-    vertices, triangles = skirt(radius=0.22, around=14, rows=6)
+    vertices, triangles = round_skirt(radius=0.22, around=14, rows=6)
     loops = named_loops(vertices, boundary_loops(triangles), template.loop_names)
     vertices = vertices + np.random.default_rng(4).normal(0, 0.01, vertices.shape)
     return vertices, triangles, loops
@@ -187,71 +145,4 @@ def test_edge_and_normal_terms_of_shapes_that_are_known(template):
 def test_minimising_lowers_equation_3(template, crooked):
     vertices, triangles, loops = crooked
     equation = Equation3(triangles, loops, FitTarget(template), FitSettings())
-    assert equation(equation.minimised(vertices))[0] < 0.5 * equation(vertices)[0]
-
-
-# Turned faces
-
-
-def test_faces_turned_over_are_counted(template):
-    vertices, faces = template.vertices.astype(float), template.faces
-    itself = RemeshTable(np.arange(len(vertices))[:, None].repeat(3, 1), np.full((1, 3), 1 / 3))
-    assert not flipped_faces(itself, faces, vertices, faces).any()
-    turned = faces.copy()
-    turned[[3, 40, 41]] = turned[[3, 40, 41], ::-1]
-    found = flipped_faces(itself, turned, vertices, faces)
-    assert np.flatnonzero(found).tolist() == [3, 40, 41]
-
-
-def test_a_folded_fit_comes_out_without_turned_faces(template):
-    vertices, triangles = skirt(around=40, rows=21)
-    fit = fit_to_template(vertices, triangles, template, FitSettings(iterations=0))
-    crumpled = fit.vertices.copy()
-    patch = np.linalg.norm(crumpled - [0.2, 0, -0.25], axis=1) < 0.07
-    crumpled[patch] = 2 * crumpled[patch].mean(axis=0) - crumpled[patch]
-    table = remesh_table(fit._replace(vertices=crumpled), template)
-    assert residual(vertices, triangles, template, table).flipped_faces == 0
-
-
-# Fronts
-
-
-def slit(vertices, triangles, chosen, gap=0.012):
-    """Part the tube at angle -90 degrees where `chosen` says so of a column's heights."""
-    angle = np.arctan2(vertices[:, 1], vertices[:, 0])
-    column = np.flatnonzero((np.abs(angle + np.pi / 2) < 1e-6) & chosen(vertices[:, 2]))
-    copies = len(vertices) + np.arange(len(column))
-    swap = np.arange(len(vertices) + len(column))
-    swap[column] = copies
-    left = vertices[triangles].mean(axis=1)[:, 0] > 0
-    cut = np.where(left[:, None], swap[triangles], triangles)
-    points = np.concatenate([vertices, vertices[column]])
-    points[column, 0] -= gap / 2
-    points[copies, 0] += gap / 2
-    return points, cut
-
-
-def half_edges(triangles):
-    return np.stack([triangles, np.roll(triangles, -1, axis=1)], -1).reshape(-1, 2)
-
-
-@pytest.mark.parametrize("front", ["open", "polo"])
-@pytest.mark.parametrize(("gap", "rows"), [(0.004, 25), (0.02, 25), (0.03, 25), (0.02, 12)])
-def test_an_open_front_is_closed(front, gap, rows):
-    vertices, triangles = skirt(around=40, rows=rows)
-    top = 0.1 if front == "open" else -0.3
-    points, cut = slit(vertices, triangles, lambda z: z > -9 if front == "open" else z > top, gap)
-    assert len(boundary_loops(cut)) == (1 if front == "open" else 2)
-    closed = np.concatenate([cut, front_strip(points, cut)])
-    loops = boundary_loops(closed)
-    assert len(loops) == 2
-    for loop in loops:  # nothing of hem and neck is sewn up
-        assert np.ptp(points[loop, 2]) < 0.025
-        assert len(loop) >= 40
-    _, uses = np.unique(half_edges(closed), axis=0, return_counts=True)
-    assert uses.max() == 1
-
-
-def test_a_closed_front_needs_no_strip():
-    vertices, triangles = skirt(radius=0.1)
-    assert len(front_strip(vertices, triangles)) == 0
+    assert equation(equation.minimise(vertices))[0] < 0.5 * equation(vertices)[0]

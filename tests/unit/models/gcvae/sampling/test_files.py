@@ -5,7 +5,7 @@ import struct
 import numpy as np
 
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import load_obj
+from drapeline.geometry.obj import load_obj
 from drapeline.models.gcvae.sampling.draw import sample_garments
 from drapeline.models.gcvae.sampling.files import load_samples, save_samples
 from gcvae_files import requests

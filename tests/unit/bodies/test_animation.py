@@ -1,0 +1,114 @@
+"""A motion on a body: corrections, outcomes, the floor."""
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.animation import first_free_sequence, make_body_sequence
+from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.sequence import ClipLabels, body_sequence_vertices, collision_faces
+from drapeline.frames import JOINT_NAMES, REST_POSE
+
+
+def arms_down(angles_rad):
+    poses = np.tile(REST_POSE, (len(angles_rad), 1))
+    for side, sign in (("left", -1), ("right", 1)):
+        poses[:, 3 * JOINT_NAMES.index(f"{side}_shoulder") + 2] = sign * np.array(angles_rad)
+    return poses
+
+
+def sequence(body, angles_rad, **options):
+    trans = np.tile([1.0, 2.0, 0.95], (len(angles_rad), 1))
+    shape = options.pop("shape", np.zeros(10))
+    return make_body_sequence(body, shape, arms_down(angles_rad), trans, gender=0, **options)
+
+
+def test_free_sequence_is_the_posed_body(toy_body):
+    record = sequence(toy_body, [0.2, 0.4, 0.6])
+    assert record.outcome == "free"
+    assert record.reason == ""
+    assert record.collided_frames == 0
+    expected, _ = posed_vertices(toy_body, np.zeros(10), record.poses)
+    np.testing.assert_array_equal(body_sequence_vertices(toy_body, record), expected)
+    np.testing.assert_array_equal(collision_faces(toy_body, record), toy_body.faces)
+
+
+def test_shallow_collisions_are_solved_and_replayed(toy_body):
+    record = sequence(toy_body, [0.4, 1.38, 0.6])
+    assert record.outcome == "solved"
+    assert record.collided_frames == 1
+    plain, _ = posed_vertices(toy_body, np.zeros(10), record.poses)
+    change = np.abs(body_sequence_vertices(toy_body, record) - plain).max(axis=(1, 2))
+    assert change[1] > 0.002
+    assert change[[0, 2]].max() == 0
+    assert record.deepest_m == pytest.approx(np.linalg.norm(record.fix_delta, axis=1).max(), 0.01)
+
+
+def test_deep_collision_is_rejected_with_its_reason(toy_body):
+    record = sequence(toy_body, [0.4, 1.8])
+    assert record.outcome == "rejected"
+    assert "overlap by" in record.reason
+    assert "frame 1" in record.reason
+
+
+@pytest.mark.parametrize(
+    ("removable", "limb"), [("hands", {"wrist", "hand"}), ("forearms", {"elbow", "wrist", "hand"})]
+)
+def test_bare_limbs_are_left_out_instead(toy_body, removable, limb):
+    poses = arms_down([0.4, 1.2])
+    for side, sign in (("left", -1), ("right", 1)):
+        poses[1, 3 * JOINT_NAMES.index(f"{side}_elbow") + 2] = sign * 2.0
+    record = make_body_sequence(
+        toy_body, np.zeros(10), poses, np.zeros((2, 3)), gender=0, removable=removable
+    )
+    assert record.outcome == "removed"
+    names = {JOINT_NAMES[j] for j in record.removed_segments}
+    assert names == {f"{side}_{joint}" for side in ("left", "right") for joint in limb}
+    kept = collision_faces(toy_body, record)
+    gone = np.isin(toy_body.segmentation, record.removed_segments)
+    assert 0 < len(kept) < len(toy_body.faces)
+    assert not gone[kept].any()
+
+
+def test_another_shape_is_taken_only_where_one_is_rejected(toy_body):
+    trans = np.tile([1.0, 2.0, 0.95], (2, 1))
+    for angles, redrawn, outcome in (([0.2, 0.4], 0, "free"), ([0.4, 1.8], 2, "rejected")):
+        shapes = iter([np.full(10, value) for value in (0.0, 0.1, 0.2)])
+        record = first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender=0)
+        assert (record.redrawn, record.outcome) == (redrawn, outcome)
+        assert len(list(shapes)) == 2 - redrawn
+        assert record.shape[0] == pytest.approx(0.1 * redrawn)
+
+
+def test_fat_body_is_made_thinner(toy_body):
+    """The toy's second coefficient adds volume, SMPL's may do either: the sign is found."""
+    shape = np.zeros(10)
+    shape[1] = 3.0
+    angle = next(
+        a for a in np.arange(1.3, 1.8, 0.02)
+        if sequence(toy_body, [a], shape=shape).outcome in ("thinned", "rejected")
+    )  # fmt: skip
+    record = sequence(toy_body, [0.3, angle], shape=shape)
+    assert record.outcome == "thinned"
+    assert record.thinned >= 1
+    assert record.shape[1] == pytest.approx(3.0 - record.thinned)
+
+
+def test_no_body_is_made_thinner_than_shapes_are_drawn(toy_body):
+    """At an angle at which the body of mean corpulence has to be thinner, and may or may not."""
+    assert sequence(toy_body, [1.6]).outcome == "thinned"
+    record = sequence(toy_body, [1.6], shape_range=0.5)
+    assert (record.outcome, record.thinned) == ("rejected", 0)
+    np.testing.assert_array_equal(record.shape, np.zeros(10))
+
+
+def test_feet_stand_on_the_floor(toy_body):
+    record = sequence(toy_body, [0.2] * 4, reference_leg_length_m=0.5)
+    world = body_sequence_vertices(toy_body, record, world=True)
+    assert world[..., 2].min() == pytest.approx(0, abs=1e-5)
+    assert record.penetration_m == pytest.approx(0, abs=1e-5)
+    assert record.foot_sliding_m_s == pytest.approx(0, abs=1e-5)
+
+
+def test_labels_are_kept(toy_body):
+    labels = ClipLabels("walk_s0", "walk", "7", "walk.bvh", 60)
+    assert sequence(toy_body, [0.4], labels=labels).labels == labels

@@ -1,0 +1,44 @@
+"""The rest pose that garments are made in, and tightness."""
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.kinematics import axis_angle_to_matrix
+from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.rest_body import rest_body, rest_to_pose, signed_tightness, tightness_shape
+from drapeline.frames import JOINT_NAMES, REST_POSE
+
+SHAPE = np.linspace(-1, 1, 10)
+
+
+def test_the_rest_body_stands_upright_with_its_legs_apart(toy_body):
+    vertices = rest_body(toy_body, SHAPE)
+    assert vertices.dtype == np.float64
+    _, joints = posed_vertices(toy_body, SHAPE, REST_POSE[None])
+    places = dict(zip(JOINT_NAMES, joints[0], strict=True))
+    np.testing.assert_allclose(places["pelvis"], 0, atol=1e-6)
+    assert np.ptp(vertices[:, 2]) > 1.5
+    legs = [places[f"{side}_ankle"] - places[f"{side}_hip"] for side in ("left", "right")]
+    for leg, sign in zip(legs, (1, -1), strict=True):
+        assert np.arctan2(leg[0], -leg[2]) == pytest.approx(sign * 0.15, abs=0.01)
+
+
+def test_the_rest_pose_moves_nothing(toy_body):
+    motions = rest_to_pose(toy_body, SHAPE, REST_POSE[None])
+    np.testing.assert_allclose(motions[0], np.tile(np.eye(3, 4), (24, 1, 1)), atol=1e-12)
+
+
+def test_a_turned_root_turns_all_parts_about_the_root(toy_body):
+    turned = REST_POSE.copy()
+    turned[:3] = [0.4, -1.0, 0.7]
+    motions = rest_to_pose(toy_body, SHAPE, turned[None])[0]
+    whole = axis_angle_to_matrix(turned[:3]) @ axis_angle_to_matrix(REST_POSE[:3]).T
+    np.testing.assert_allclose(motions[..., :3], np.tile(whole, (24, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(motions[..., 3], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gender", "first"), [("female", -0.5), ("male", 0.5)])
+def test_tightness_changes_two_coefficients_with_the_sign_of_the_gender(gender, first):
+    np.testing.assert_allclose(signed_tightness([0.5, -1.0], gender), [first, -1.0])
+    target = tightness_shape(SHAPE, np.array([0.5, -1.0]), gender)
+    np.testing.assert_allclose(target - SHAPE, [first, -1.0, *[0] * 8], atol=1e-12)

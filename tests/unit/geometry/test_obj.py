@@ -1,0 +1,82 @@
+"""OBJ files: their exact text, and what is read from files of others."""
+
+import numpy as np
+import pytest
+
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import load_obj, save_obj
+
+
+def test_obj_round_trip_and_its_exact_text(tmp_path):
+    mesh = Mesh(
+        np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.123456]], dtype=np.float32),
+        np.array([[0, 1, 2, 3]], dtype=np.int32),
+        np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32),
+        np.array([[0, 1, 2, 3]], dtype=np.int32),
+    )
+    path = tmp_path / "Skirt.obj"
+    save_obj(path, mesh)
+    text = path.read_text()
+    assert text.splitlines()[0] == "v 0.000000 0.000000 0.000000"
+    assert text.splitlines()[-1] == "f 1/1 2/2 3/3 4/4"
+    assert "  " not in text
+    assert all(line == line.strip() for line in text.splitlines())
+    again = load_obj(path)
+    for name in ("vertices", "faces", "uv", "uv_faces"):
+        np.testing.assert_allclose(getattr(again, name), getattr(mesh, name), atol=1e-6)
+
+
+@pytest.mark.parametrize("corners", [3, 4])
+@pytest.mark.parametrize("textured", [False, True])
+def test_a_tidy_obj_is_read_as_any_other_one_is(tmp_path, corners, textured):
+    rng = np.random.default_rng(corners)
+    faces = rng.integers(0, 50, (40, corners), dtype=np.int32)
+    uv = (rng.random((30, 2), dtype=np.float32), rng.integers(0, 30, (40, corners), dtype=np.int32))
+    mesh = Mesh(rng.normal(size=(50, 3)).astype(np.float32), faces, *(uv if textured else ()))
+    tidy, other = tmp_path / "tidy.obj", tmp_path / "other.obj"
+    save_obj(tidy, mesh)
+    other.write_text("# a comment\n" + tidy.read_text())
+    quick, slow = load_obj(tidy), load_obj(other)
+    np.testing.assert_array_equal(quick.faces, faces)
+    for name in ("vertices", "faces", "uv", "uv_faces"):
+        a, b = getattr(quick, name), getattr(slow, name)
+        assert type(a) is type(b)
+        np.testing.assert_array_equal(a, b)
+        assert a is None or (a.dtype == b.dtype and a.flags.c_contiguous)
+
+
+def test_obj_of_mixed_faces_becomes_triangles_and_negative_indices_count_back(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 2 0\nf 1 2 3 4\nf -3 -2 -1\n")
+    assert load_obj(path).faces.tolist() == [[0, 1, 2], [0, 2, 3], [2, 3, 4]]
+
+
+def test_digits_of_other_scripts_are_numbers_too(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0.0 0.0 0.\u0665\nf 1 1 1\n")
+    assert load_obj(path).vertices.tolist() == [[0, 0, 0.5]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "0 vertices and 0 faces, expected at least one"),
+        ("v 0 0 x\n", "line 1 is not OBJ: 'v 0 0 x'"),
+        ("v 0 0\nf 1 1 1\n", "fewer than three coordinates"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a face names vertex 9, expected 1 to 3"),
+        ("v 0.0 0.0 0.0\nf 1 1 2\n", "a face names vertex 2, expected 1 to 1"),
+        ("v 0.0 0.0 0.0\nf 1 1 4294967297\n", "vertex 4294967297, expected 1 to 1"),
+        ("v 0 0 0\nv 1 0 0\nf 1 2\n", "a face has 2 corners, expected at least three"),
+    ],
+)
+def test_unusable_obj_files_are_named(tmp_path, text, message):
+    path = tmp_path / "bad.obj"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_obj(path)
+
+
+def test_a_missing_obj_is_named(tmp_path):
+    with pytest.raises(InputError, match="none.obj: no such file"):
+        load_obj(tmp_path / "none.obj")

@@ -1,0 +1,10 @@
+"""A round skirt as a template."""
+
+import pytest
+
+from template_toys import as_template, round_skirt
+
+
+@pytest.fixture(scope="module")
+def template():
+    return as_template(*round_skirt(around=24, rows=11))
