@@ -8,7 +8,6 @@ import pytest
 from cloth_toys import FRAMES, Follower, dress, skirt
 from drapeline.bodies.sequence import body_sequence_vertices, collision_faces
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.simulation.attempts import SimulationSettings
@@ -204,7 +203,7 @@ def test_what_a_solver_is_given(simulate, dressed):
     # In frame 0 the garment is at rest; the body ends up in the sequence's last frame.
     moved = garment.vertices - skirt().vertices
     np.testing.assert_allclose(moved, np.tile(moved[0], (len(moved), 1)), atol=1e-6)
-    assert garment.edge_length_m == mean_edge_m(Mesh(skirt().vertices, skirt().faces))
+    assert garment.edge_length_m == mean_edge_length(skirt().vertices, skirt().faces)
     bodies = [*body_sequence_vertices(dressed.body, dressed.motion, world=True)]
     assert {tuple(v) for v in last.tolist()} <= {tuple(v) for v in bodies[-1].tolist()}
     # Hands, head and feet are out of reach, and half of the rest is left out.
