@@ -8,6 +8,7 @@ import pytest
 from cloth_toys import FRAMES, Follower, dress, skirt
 from drapeline.bodies.sequence import body_sequence_vertices, collision_faces
 from drapeline.errors import InputError
+from drapeline.geometry.mesh import mean_edge_length
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.simulation.attempts import SimulationSettings
