@@ -37,6 +37,7 @@ COVERED_BY = {
     "report/dataset/records": "unit/report/dataset/test_statistics.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
     "report/registration/registration_table": "rules/test_make_static_outfits.py",
+    "report/style": "workflow/test_extending.py",
     "simulation/solver": "unit/simulation/test_simulate.py",
 }
 
@@ -46,7 +47,6 @@ UNTESTED = {
     "models/gcvae/posed_points",
     "models/gcvae/refiner",
     "report/registration/registration_sheet",
-    "report/style",
 }
 
 

@@ -20,7 +20,7 @@ from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.fabrics import FABRICS, Fabric
 from drapeline.outfits.garment_types import OUTFIT_TYPES
-from drapeline.outfits.outfit import sample_numbers
+from drapeline.outfits.generate import sample_numbers
 from drapeline.report.style import FABRIC_COLOURS
 from drapeline.seeding import rng_for
 from drapeline.simulation.attempts import SimulationSettings
