@@ -73,9 +73,7 @@ rule train_svae_ours:
         mem_mb=12000,
         runtime=1440,
     params:
-        settings=override_settings(
-            vae_settings("svae"), config["gcvae"]["svae_ours"]
-        ),
+        settings=override_settings(vae_settings("svae"), config["gcvae"]["svae_ours"]),
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("svae"),
         code=source_hash("train_svae_ours"),
@@ -160,9 +158,7 @@ rule train_dvae_ours:
         mem_mb=12000,
         runtime=1440,
     params:
-        settings=override_settings(
-            vae_settings("dvae"), config["gcvae"]["dvae_ours"]
-        ),
+        settings=override_settings(vae_settings("dvae"), config["gcvae"]["dvae_ours"]),
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("dvae"),
         code=source_hash("train_dvae_ours"),
