@@ -97,7 +97,10 @@ def _export_gltf(folder: Path, name: str, parts: list[ScenePart]) -> None:
 def _export_caches(suffix: str) -> Callable[[Path, str, list[ScenePart]], None]:
     def export(folder: Path, name: str, parts: list[ScenePart]) -> None:
         for part in parts:
-            save_obj(folder / f"{part.name}.obj", _moved(part.mesh, to_y_up(part.mesh.vertices)))
+            save_obj(
+                folder / f"{part.name}.obj",
+                _with_vertices(part.mesh, to_y_up(part.mesh.vertices)),
+            )
             with point_cache_writer(
                 folder / f"{part.name}{suffix}",
                 len(part.mesh.vertices),
@@ -113,7 +116,7 @@ def _export_obj_sequence(folder: Path, name: str, parts: list[ScenePart]) -> Non
     for part in parts:
         for frame, points in enumerate(part.frames()):
             path = folder / part.name / f"{part.name}_{frame:04d}.obj"
-            save_obj(path, _moved(part.mesh, to_y_up(points)))
+            save_obj(path, _with_vertices(part.mesh, to_y_up(points)))
 
 
 FORMATS: dict[str, Callable[[Path, str, list[ScenePart]], None]] = {
@@ -126,7 +129,7 @@ FORMATS: dict[str, Callable[[Path, str, list[ScenePart]], None]] = {
 }
 
 
-def _moved(mesh: Mesh, points: np.ndarray) -> Mesh:
+def _with_vertices(mesh: Mesh, points: np.ndarray) -> Mesh:
     return Mesh(points, mesh.faces, mesh.uv, mesh.uv_faces)
 
 

@@ -65,7 +65,7 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[i
             target = np.array([root[0], root[1], place[2]])
             camera = look_at(target + [place[0], 0, 0], target, focal_px=FOCAL_PX, size=SIZE)
             cameras[str(frame)] = {"world_to_camera": camera.world_to_camera.tolist()}
-            seen = cast_rays([_moving(part, frame) for part in parts], camera)
+            seen = cast_rays([_moving_mesh(part, frame) for part in parts], camera)
             colour = scratch / f"{frame}_rgb.png"
             render_colour(colour, parts, frame, camera)
             _write_images(scratch, frame, seen, colour)
@@ -130,7 +130,7 @@ def _material(name: str, colour: Sequence[float], *, roughness: float) -> bpy.ty
     return material
 
 
-def _moving(part: ScenePart, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _moving_mesh(part: ScenePart, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices, faces and velocities in m/s (central differences; one-sided at the ends)."""
     start, stop = max(frame - 1, 0), min(frame + 2, part.frame_count)
     around = part.read(start, stop).astype(np.float64)

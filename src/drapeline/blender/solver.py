@@ -1,11 +1,11 @@
 """Where the rule `simulate_outfit` gets Blender's cloth."""
 
-from drapeline.blender.threads import seen_cores
+from drapeline.blender.threads import limit_visible_cores
 from drapeline.simulation.solver import ClothSolver
 
 
 def cloth_solver(threads: int) -> ClothSolver:
     """Blender's cloth on so many cores; nothing may have imported `bpy` before."""
-    with seen_cores(threads):
+    with limit_visible_cores(threads):
         from drapeline.blender.cloth import BlenderCloth
     return BlenderCloth()

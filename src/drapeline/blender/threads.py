@@ -1,4 +1,4 @@
-"""How many cores Blender's solvers take."""
+"""How many cores Blender uses."""
 
 import os
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def seen_cores(count: int) -> Iterator[None]:
+def limit_visible_cores(count: int) -> Iterator[None]:
     """Context for the first import of `bpy`: the machine seems to have `count` cores.
 
     Blender makes as many workers as it sees cores when it is loaded. Limits set later leave the

@@ -26,7 +26,8 @@ class HealthBounds:
         inside_share_mean, inside_share_max: share of garment vertices inside the body.
         depth_m: deepest vertex inside the body, 95th percentile over frames.
         stretch_low, stretch_high: mean 1st and 99th percentile of edge length over rest length.
-        slip_m: median way of the garment along the body since the first frame, at its largest.
+        slip_m: median displacement of the garment along the body since the first frame, at its
+            largest.
         layer_share_mean: share of outer garment vertices beneath the inner garment.
         self_share_mean: share of edges that pass through the garment's own faces.
     """
@@ -287,12 +288,14 @@ def inevitable_violations(
 
 def violations(measures: Mapping[str, float], bounds: HealthBounds) -> list[str]:
     """One phrase per measure that is outside its bound, with both values."""
-    found = []
+    phrases = []
     for name in bounds.__dataclass_fields__:
         if name not in measures:
             continue
         value, bound = measures[name], getattr(bounds, name)
         low = name == "stretch_low"
         if not (value >= bound if low else value <= bound):
-            found.append(f"{name} {value:.4g}, expected at {'least' if low else 'most'} {bound:g}")
-    return found
+            phrases.append(
+                f"{name} {value:.4g}, expected at {'least' if low else 'most'} {bound:g}"
+            )
+    return phrases
