@@ -72,6 +72,23 @@ def test_imports_go_one_way(path):
         assert names[0] != "snakemake", f"{path.name} knows Snakemake"
 
 
+# Inside models/ as well: what they share knows no model, and no model knows another.
+SHARED_BY_MODELS = {"training": {"training"}, "layers": {"layers", "training"}}
+SHARED_BY_MODELS["contract"] = {"contract"}
+SHARED_BY_MODELS["compare"] = {"contract", "compare"}
+MODEL_FILES = [path for path in MODULES if part_of(path) == "models"]
+
+
+@pytest.mark.parametrize("path", MODEL_FILES, ids=lambda p: str(p.relative_to(SOURCE)))
+def test_models_share_layers_and_training_and_nothing_else(path):
+    part = path.relative_to(SOURCE / "models").parts[0].removesuffix(".py")
+    allowed = SHARED_BY_MODELS.get(part, {part, "layers", "training", "contract"})
+    for name in imported_modules(path.read_text()):
+        names = name.split(".")
+        if names[:2] == ["drapeline", "models"]:
+            assert names[2] in allowed, f"{path.relative_to(SOURCE)} imports {name}"
+
+
 BANNED_CALLS = {
     "np.random.seed",
     "np.random.rand",

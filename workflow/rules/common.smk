@@ -78,7 +78,7 @@ EVALUATED_SPLITS = ["test"]
 # Rules files add to these two: what `all` makes, and which files of metrics each table holds, in
 # this order.
 DEFAULT_TARGETS = []
-METRIC_TABLES = {"metrics": []}
+METRIC_TABLES = {"metrics": [], "representations": []}
 
 
 wildcard_constraints:

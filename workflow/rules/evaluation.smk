@@ -1,4 +1,4 @@
-METRIC_TABLES["metrics"] += ["representations"]
+METRIC_TABLES["metrics"] += METRIC_TABLES["representations"]
 DEFAULT_TARGETS += [f"{RESULTS}/metrics.tsv", f"{RESULTS}/report/representations.html"]
 
 
@@ -25,37 +25,9 @@ rule collect_metrics:
         "../../scripts/collect_metrics.py"
 
 
-rule compare_representations:
-    input:
-        **SEQUENCES,
-        data=static_data(*EVALUATED_SPLITS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
-        fits=expand(f"{G4D}/fits/static/{{shard}}", shard=STATIC),
-        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/svae_ours"],
-    output:
-        f"{RESULTS}/metrics/representations.tsv",
-    log:
-        f"{LOGS}/compare_representations.log",
-    benchmark:
-        f"{BENCHMARKS}/compare_representations.tsv"
-    conda:
-        "../../envs/train.yaml"
-    threads: 1
-    resources:
-        mem_mb=4000,
-        runtime=60,
-    params:
-        components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
-        split=EVALUATED_SPLITS[0],
-        seed=config["seed"],
-        code=source_hash("compare_representations"),
-    script:
-        "../../scripts/compare_representations.py"
-
-
 rule tabulate_representations:
     input:
-        f"{RESULTS}/metrics/representations.tsv",
+        f"{RESULTS}/representations.tsv",
     output:
         report(
             f"{RESULTS}/report/representations.html",

@@ -240,5 +240,31 @@ rule evaluate_garment4d:
         "../../scripts/evaluate_garment4d.py"
 
 
+rule compare_garment4d:
+    input:
+        **SEQUENCES,
+        fits=expand(f"{G4D}/fits/static/{{shard}}", shard=STATIC),
+        data=static_data(*EVALUATED_SPLITS),
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+    output:
+        f"{RESULTS}/metrics/representations_garment4d.tsv",
+    log:
+        f"{LOGS}/compare_garment4d.log",
+    benchmark:
+        f"{BENCHMARKS}/compare_garment4d.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        split=EVALUATED_SPLITS[0],
+        seed=config["seed"],
+        code=source_hash("compare_garment4d"),
+    script:
+        "../../scripts/compare_garment4d.py"
+
+
 include: "garment4d_figures.smk"
 include: "garment4d_reconstruct.smk"

@@ -29,6 +29,7 @@ POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
 METRIC_TABLES["metrics"] += [
     f"garment4d_{garment}_default" for garment in TEMPLATE_TYPES
 ]
+METRIC_TABLES["representations"] += ["representations_garment4d"]
 METRIC_TABLES["metrics_garment4d_ablations"] = [
     f"garment4d_{garment}_ablations" for garment in TEMPLATE_TYPES
 ]

@@ -267,4 +267,30 @@ rule evaluate_dvae:
         "../../scripts/evaluate_dvae.py"
 
 
+rule compare_gcvae:
+    input:
+        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/svae_ours"],
+        data=static_data(*EVALUATED_SPLITS),
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+    output:
+        f"{RESULTS}/metrics/representations_gcvae.tsv",
+    log:
+        f"{LOGS}/compare_gcvae.log",
+    benchmark:
+        f"{BENCHMARKS}/compare_gcvae.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
+        split=EVALUATED_SPLITS[0],
+        seed=config["seed"],
+        code=source_hash("compare_gcvae"),
+    script:
+        "../../scripts/compare_gcvae.py"
+
+
 include: "gcvae_figures.smk"

@@ -18,6 +18,7 @@ METRIC_TABLES["metrics"] += [
     *[*GCVAE_BASELINES, "svae", "svae_ours"],
     *["dvae_unposed_4", "dvae_ours"],
 ]
+METRIC_TABLES["representations"] += ["representations_gcvae"]
 METRIC_TABLES["metrics_gcvae_ablations"] = [
     *[*GCVAE_BASELINES, *SVAE_VARIANTS, "svae_ours"],
     *[*DVAE_VARIANTS, "dvae_ours"],

@@ -13,6 +13,7 @@ from drapeline.metrics.static import (
     static_summary,
 )
 from drapeline.metrics.table import MetricRow
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codes import Codes, decode_codes
 from drapeline.models.gcvae.vae import Garments, StaticVae
 from drapeline.registration.to_body.topology import TOPOLOGIES
@@ -22,9 +23,8 @@ class StaticGarments(Garments, StaticRows, Protocol):
     """Registered garments in rest pose: what encoding reads and what evaluation reads."""
 
 
-def static_truth(model: StaticVae, garments: StaticGarments) -> Truth:
-    """The dataset as evaluation takes it, with the bodies and faces of the model's template."""
-    template = model.body_template
+def static_truth(template: BodyTemplate, garments: StaticGarments) -> Truth:
+    """The dataset as evaluation takes it, with the bodies and faces of a model's template."""
     return Truth(
         garments.offsets,
         garments.mask,
@@ -40,7 +40,7 @@ def measure_static(
     """Every metric of each row's reconstruction from the mean of its code (n, Z)."""
     decoded = decode_codes(model, codes.mean, garments.cvar(rows), garments.topology(rows))
     measures = measure_predictions(
-        static_truth(model, garments), zip(rows.tolist(), decoded, strict=True)
+        static_truth(model.body_template, garments), zip(rows.tolist(), decoded, strict=True)
     )
     return add_kl(measures, codes.kl_nat())
 

@@ -53,7 +53,7 @@ def static_cases(
         for static in load_static(shard)
         if static.name in wanted
     }
-    truth = static_truth(model, garments)
+    truth = static_truth(model.body_template, garments)
     chosen = np.array(rows)
     decoded = decode_codes(
         model, codes.mean[chosen], garments.cvar(chosen), garments.topology(chosen)

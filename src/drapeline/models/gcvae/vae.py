@@ -82,12 +82,7 @@ class GarmentVae(TrainableModule):
         settings: sizes, loss and training.
         body_template: graphs, faces, statistics and rest bodies.
         inputs: encoder channels per vertex.
-
-    Attributes:
-        checkpoint_type: names the class in its checkpoints.
     """
-
-    checkpoint_type: ClassVar[str]
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate, *, inputs: int) -> None:
         super().__init__()

@@ -1,20 +1,20 @@
-"""What all networks share that are trained: optimiser, logs, a stop at NaN.
+"""What all trained networks share: optimiser, logs, a stop at NaN.
 
-Lightning trains them, see `fitting`, but they know nothing of it: it takes seconds to import, and
-whoever only uses a trained network need not wait for it.
+They are trained by Lightning, see `lightning`, but know nothing of it: it takes seconds to import,
+which a job that only uses a trained network is spared.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import torch
 
 from drapeline.errors import InputError
 from drapeline.models.training.batches import Batch
 
-LAST, BEST = "last.ckpt", "best.ckpt"  # of a training's folder
+LAST, BEST = "last.ckpt", "best.ckpt"  # in the folder of a training
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class _Settings(Protocol):
 
 
 class Position(NamedTuple):
-    """Where a training is: its epoch, its step over all epochs, and the process among several."""
+    """Progress of a training: epoch, step over all epochs, and rank of the process."""
 
     epoch: int = 0
     step: int = 0
@@ -59,10 +59,12 @@ class TrainableModule(torch.nn.Module, ABC):
     """A module whose `settings.training` is a `Training`.
 
     Attributes:
+        checkpoint_type: names the class in its checkpoints.
         position: None when it is not being trained.
-        logged: by the steps, taken away by who trains.
+        logged: by the steps; the trainer collects it.
     """
 
+    checkpoint_type: ClassVar[str]
     settings: _Settings
 
     def __init__(self) -> None:
@@ -72,7 +74,7 @@ class TrainableModule(torch.nn.Module, ABC):
 
     @property
     def at(self) -> Position:
-        """Where its training is, or would begin."""
+        """Progress of its training; the start if it is not being trained."""
         return self.position or Position()
 
     @property
@@ -86,11 +88,11 @@ class TrainableModule(torch.nn.Module, ABC):
 
     @abstractmethod
     def validation_step(self, batch: Batch) -> None:
-        """Log what one batch of the validation rows comes to."""
+        """Log the results of one batch of the validation rows."""
 
     @abstractmethod
     def about(self) -> dict[str, Any]:
-        """All that is needed to build the module again, as plain values and tensors."""
+        """Everything needed to rebuild the module, as plain values and tensors."""
 
     def optimizer(self) -> torch.optim.Optimizer:
         """Adam, as printed in the papers."""
@@ -121,12 +123,12 @@ class TrainableModule(torch.nn.Module, ABC):
 
 
 def fastest_device() -> torch.device:
-    """What trained networks are run on: a CUDA device where there is one."""
+    """The device that trained networks are run on: CUDA where there is such a device."""
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def plain(value: Any) -> Any:
-    """Tuples as lists, so that a checkpoint holds nothing but plain values."""
+    """Tuples as lists, so that a checkpoint holds only plain values."""
     if isinstance(value, dict):
         return {key: plain(part) for key, part in value.items()}
     return [plain(part) for part in value] if isinstance(value, tuple | list) else value

@@ -1,13 +1,12 @@
-"""Rule `compare_representations`: held-out garments through the codes of all models."""
+"""Rule `compare_garment4d`: held-out garments as templates and as their principal components."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.compare import compare_representations
-from drapeline.models.gcvae.load import load_vae
-from drapeline.models.training.module import BEST
+from drapeline.models.compare import compare_representations, held_out_garments
+from drapeline.models.garment4d.representation import RegisteredTemplate, TemplatePca
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.garment_space import load_space
@@ -19,13 +18,12 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
+    spaces = {name: load_space(Path(given[name]) / "space.npz") for name in TEMPLATE_TYPES}
+    tables = {name: load_tables(given.fits, name) for name in TEMPLATE_TYPES}
+    outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
     rows = compare_representations(
-        StaticData(given.data),
-        [outfit for shard in given.outfits for outfit in load_static(shard)],
-        {Path(folder).name: load_vae(Path(folder) / BEST) for folder in given.models},
-        {name: load_space(Path(given[name]) / "space.npz") for name in TEMPLATE_TYPES},
-        {name: load_tables(given.fits, name) for name in TEMPLATE_TYPES},
-        components=params.components,
+        held_out_garments(StaticData(given.data), outfits, TEMPLATE_TYPES, params.split),
+        [RegisteredTemplate(spaces, tables), TemplatePca(spaces, tables)],
         split=params.split,
         seed=params.seed,
     )

@@ -1,0 +1,55 @@
+"""What a model brings so that the rest of the project can use it.
+
+A model has a folder of its own, `models/<name>/`, and imports no other model. The folder has
+
+- `settings.py`: frozen dataclasses for the model's block of the config;
+- `train.py`: from data and settings to the folder of a training, for networks by
+  `training.lightning.fit`, which resumes trainings and writes checkpoints;
+- `load.py`: trained modules from the checkpoints in that folder, without executing anything;
+- evaluation: rows of `metrics.table.MetricRow` for held-out garments, from codes, from
+  reconstructions, or from whatever else the model predicts;
+- for figures, what `report/` draws, in the types of `metrics.predictions` and
+  `metrics.reconstructions`; `report/` does not import models;
+- `representation.py`: each way in which the model holds a garment, as a `Representation`, by which
+  all models are compared on the same garments.
+
+Outside its folder it has a rules file with its name, a block of the config's schema with its name,
+a script per rule, and its pages in `report/models/`.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+from drapeline.geometry.mesh import Mesh
+
+
+class HeldOutGarment(NamedTuple):
+    """A static garment that no model was trained on.
+
+    Attributes:
+        row: its row in the static dataset.
+        outfit: name of its outfit.
+        garment: its type, one of `GARMENTS`.
+        mesh: as it was made, before any registration: triangles, root-relative metres.
+    """
+
+    row: int
+    outfit: str
+    garment: str
+    mesh: Mesh
+
+
+class Representation(Protocol):
+    """A way to hold a garment, such as a code, from which its mesh can be rebuilt.
+
+    Attributes:
+        variant: names the representation in the table of metrics.
+    """
+
+    variant: str
+
+    def rebuild(self, garments: Sequence[HeldOutGarment]) -> Iterator[Mesh]:
+        """Hold each garment in this way and give it back; in any topology, in the same frame."""
+
+    def code_numbers(self, garment: str) -> int | None:
+        """How many numbers the code of a garment of this type has; None if there is no code."""

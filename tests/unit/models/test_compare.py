@@ -1,0 +1,106 @@
+"""The comparison of all models, with representations whose error is known."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.table import ALL, find_value
+from drapeline.models.compare import MODEL, compare_representations, held_out_garments
+from drapeline.models.contract import HeldOutGarment
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.outfit import Garment, Outfit
+from drapeline.outfits.static import StaticOutfit
+
+NONE = np.zeros((0, 3), dtype=np.float32)
+
+
+def sheet(width):
+    """A flat sheet of two triangles."""
+    corners = np.float32([[0, 0, 0], [width, 0, 0], [width, 1, 0], [0, 1, 0]])
+    return Mesh(corners, np.int32([[0, 1, 2], [0, 2, 3]]))
+
+
+class Raised:
+    """Every garment a given height above itself."""
+
+    def __init__(self, variant, height_m, numbers=None):
+        self.variant, self.height_m, self.numbers = variant, height_m, numbers
+
+    def rebuild(self, garments):
+        for garment in garments:
+            yield replace(garment.mesh, vertices=garment.mesh.vertices + [0, 0, self.height_m])
+
+    def code_numbers(self, garment):
+        return self.numbers
+
+
+def compare(representations, count=4):
+    garments = [
+        HeldOutGarment(row, f"s{row:05d}", ("Skirt", "Tshirt")[row % 2], sheet(1 + row))
+        for row in range(count)
+    ]
+    return compare_representations(garments, representations, split="test", seed=3)
+
+
+def test_distances_are_those_of_the_rebuilt_garments_both_ways():
+    rows = compare([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
+    assert {(row.model, row.split, row.seed) for row in rows} == {(MODEL, "test", 3)}
+    for metric in ("surface_to_true_mm", "true_to_surface_mm"):
+        for variant, distance in (("exact", 0), ("raised", 20)):
+            for garment, n in ((ALL, 4), ("Skirt", 2), ("Tshirt", 2)):
+                row = find_value(rows, variant, "test", garment, metric)
+                assert row.value == pytest.approx(distance, abs=1e-4)
+                assert row.n == n
+
+
+def test_only_a_code_has_a_size():
+    rows = compare([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
+    assert find_value(rows, "raised", "test", ALL, "code_numbers").value == 7
+    assert find_value(rows, "exact", "test", ALL, "code_numbers") is None
+
+
+def test_a_representation_has_the_same_rows_whatever_it_is_compared_with():
+    """So that each model may be measured in a job of its own."""
+    both = compare([Raised("exact", 0.0), Raised("raised", 0.02)])
+    alone = compare([Raised("raised", 0.02)])
+    assert [row for row in both if row.variant == "raised"] == alone
+
+
+def test_a_representation_that_leaves_a_garment_out_is_refused():
+    class Short(Raised):
+        def rebuild(self, garments):
+            return super().rebuild(garments[1:])
+
+    with pytest.raises(ValueError, match="shorter"):
+        compare([Short("short", 0.0)])
+
+
+def test_garments_are_those_of_the_split_and_the_types_as_they_were_made():
+    data = SimpleNamespace(
+        garment=np.array([GARMENTS.index(name) for name in ("Skirt", "Top", "Dress", "Skirt")]),
+        outfit=np.array(["s1", "s1", "s2", "s3"]),
+        rows=lambda split: np.array([0, 1, 2] if split == "test" else [3]),
+    )
+    quads = np.array([[0, 1, 2, 3]])
+    worn = {
+        outfit: Outfit(
+            tuple(
+                Garment(name, sheet(width).vertices, quads, NONE, NONE, NONE, NONE)
+                for width, name in enumerate(names, 1)
+            ),
+            *(np.zeros(10), np.zeros(2), np.zeros(2), "female"),
+        )
+        for outfit, names in (("s3", ["Skirt"]), ("s2", ["Dress"]), ("s1", ["Top", "Skirt"]))
+    }
+    outfits = [StaticOutfit(name, "test", outfit) for name, outfit in worn.items()]
+    found = held_out_garments(data, outfits, ["Skirt", "Dress"], "test")
+    assert [(one.row, one.outfit, one.garment) for one in found] == [
+        (0, "s1", "Skirt"),
+        (2, "s2", "Dress"),
+    ]
+    assert found[0].mesh.faces.shape == (2, 3)
+    assert found[0].mesh.vertices.max() == 2
+    assert found[1].mesh.vertices.max() == 1
