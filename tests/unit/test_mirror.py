@@ -51,7 +51,7 @@ UNTESTED = (
 
 def mirrored_test(module: str) -> Path:
     folder, _, name = module.rpartition("/")
-    return TESTS / "unit" / folder / f"test_{name).py"
+    return TESTS / "unit" / folder / f"test_{name}.py"
 
 
 def modules_covered_by(path: Path) -> set[str]:

@@ -42,7 +42,7 @@ class _AcceptedSample:
 
 @dataclass(frozen=True)
 class _Recording:
-    """One garment of one sample: what all of its frames share, and the frames."""
+    """A garment of a sample: what all of its frames share, and the frames."""
 
     about: dict[str, Any]
     mask: np.ndarray
@@ -75,16 +75,16 @@ def collect_dynamic(
     Raises:
         InputError: no sample was accepted, or a file is unusable.
     """
-    found = [
-        one
+    accepted = [
+        found
         for sample, registration in samples.items()
-        for one in _accepted_sample(Path(sample), Path(registration), step)
+        for found in _accepted_sample(Path(sample), Path(registration), step)
     ]
-    if not found:
+    if not accepted:
         raise InputError(
             f"{output}: none of {len(samples)} samples was accepted, expected one or more"
         )
-    frames = [one.frames for one in found for _ in one.garments]
+    frames = [sample.frames for sample in accepted for _ in sample.garments]
     counts = [len(numbers) for numbers in frames]
     vertices = (len(next(iter(bodies.values())).v_template), 3)
     with atomic_folder(output) as scratch:
@@ -100,9 +100,9 @@ def collect_dynamic(
         }
         about: list[dict[str, Any]] = []
         start = 0
-        for one in progress(found, total=len(found), label="samples"):
-            for recording in _recordings(one, bodies, version):
-                end = start + len(one.frames)
+        for sample in progress(accepted, total=len(accepted), label="samples"):
+            for recording in _recordings(sample, bodies, version):
+                end = start + len(sample.frames)
                 for key in _FRAME_ARRAYS:
                     arrays[key][start:end] = getattr(recording, key)
                 for key in _GARMENT_ARRAYS:
@@ -132,16 +132,16 @@ def _accepted_sample(folder: Path, registration: Path, step: int) -> Iterator[_A
 
 
 def _recordings(
-    one: _AcceptedSample, bodies: Mapping[str, BodyModel], version: Version
+    accepted: _AcceptedSample, bodies: Mapping[str, BodyModel], version: Version
 ) -> Iterator[_Recording]:
-    status, frames = read_json(one.registration / "status.json"), one.frames
-    with Sample(one.folder) as sample:
+    status, frames = read_json(accepted.registration / "status.json"), accepted.frames
+    with Sample(accepted.folder) as sample:
         info, body = sample.info, bodies[sample.gender]
         back = frames[:, None] - HISTORY_STEP * np.arange(HISTORY_FRAMES)
         poses = info.poses[np.maximum(back, 0)].astype(np.float32)  # (n, 4, 72)
         rest = rest_body(body, info.shape)
-        for name in one.garments:
-            garment = load_sample_garment(one.registration / f"{name}.npz")
+        for name in accepted.garments:
+            garment = load_sample_garment(accepted.registration / f"{name}.npz")
             cloth = sample.vertices(name, frame="root")[frames]
             if version == "posed":
                 base = posed_vertices(body, info.shape, poses[:, 0])[0]
@@ -167,7 +167,7 @@ def _recordings(
 
 
 class DynamicData:
-    """What `collect_dynamic` wrote; a row is one frame of one garment.
+    """Frames of garments, as `collect_dynamic` writes them; a row is a frame of one garment.
 
     Attributes:
         version: "posed" or "unposed".

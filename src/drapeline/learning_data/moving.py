@@ -132,10 +132,10 @@ def moving_files_test_first(
     Raises:
         InputError: a file is unusable, or no sample was accepted.
     """
-    found = list(moving_files(samples, registrations, SPLITS))
-    if not found:
+    files = list(moving_files(samples, registrations, SPLITS))
+    if not files:
         raise InputError(
             f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
             " expected one or more"
         )
-    return sorted(found, key=lambda files: -SPLITS.index(files.split))
+    return sorted(files, key=lambda garment: -SPLITS.index(garment.split))

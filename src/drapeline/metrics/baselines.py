@@ -1,13 +1,24 @@
-"""Predictions that need no network: what a trained model has to beat.
+"""Predictions of garments in rest pose that need no network, and their metrics.
 
-The mean garment and the nearest neighbour know a garment's type and conditioning variables only;
-PCA, like the autoencoder, sees the garment itself and gives it back through a small code.
+The mean garment and the nearest neighbour know only a garment's type and conditioning variables;
+PCA, like an autoencoder, is given the garment itself and reconstructs it from a small code.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from drapeline.metrics.static import (
+    StaticRows,
+    Truth,
+    measure_predictions,
+    measure_truth,
+    static_summary,
+)
+from drapeline.metrics.table import MetricRow
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.rule_log import progress
 
 PCA_ROWS_MAX = 4000
 _BLOCK = 8192  # columns
@@ -36,7 +47,7 @@ def fit_mean_garment(
         mask: (N, V) bool.
         garment: (N,) type.
         train: (n,) rows to learn from.
-        types: number of types; one that no row has stays empty.
+        types: number of types; a type that no row has stays empty.
     """
     count = offsets.shape[1]
     total = np.zeros((types, count, 3))
@@ -65,12 +76,12 @@ def nearest_rows(
     """
     deviation = cvar[train].std(axis=0)
     scaled = cvar / np.where(deviation > 0, deviation, 1)
-    found = []
+    nearest = []
     for row in rows:
         same = train[garment[train] == garment[row]]
         pool = same if len(same) else train
-        found.append(pool[np.linalg.norm(scaled[pool] - scaled[row], axis=1).argmin()])
-    return np.array(found, dtype=np.int64)
+        nearest.append(pool[np.linalg.norm(scaled[pool] - scaled[row], axis=1).argmin()])
+    return np.array(nearest, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -114,12 +125,12 @@ def fit_pca(
     data = np.stack([offsets[row].ravel() for row in train])  # (n, 3V)
     mean = data.mean(axis=0)
     data -= mean
-    values, vectors = np.linalg.eigh(_products(data))
+    values, vectors = np.linalg.eigh(_row_products(data))
     count = min(components, len(train) - 1)
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
     kept = values > 1e-10 * max(values[0], 1e-30) if count else np.zeros(0, dtype=bool)
     values, vectors = values[kept], vectors[:, kept]
-    axes = _combined((vectors / np.sqrt(values)).T, data)
+    axes = _combine((vectors / np.sqrt(values)).T, data)
     covered = np.stack([mask[row] for row in train]).astype(np.float32)
     mask_mean = covered.mean(axis=0)
     # Coefficients are uncorrelated, so that each one's regression is independent of the others.
@@ -129,11 +140,11 @@ def fit_pca(
     return GarmentPca(mean, axes, mask_mean, mask_axes, float(values.sum()) / max(total, 1e-30))
 
 
-def _products(data: np.ndarray) -> np.ndarray:
+def _row_products(data: np.ndarray) -> np.ndarray:
     """(n, n) products of the rows of `data` (n, D), whose eigenvalues are those of the components.
 
-    n is far below D. Summed in 64 bit, block by block: what 32 bit leave out of a large component
-    is more than a small one holds.
+    n is far below D. Summed in 64 bits, block by block: rounding a large component to 32 bits loses
+    more than a small component holds.
     """
     total = np.zeros((len(data), len(data)))
     for block in _blocks(data):
@@ -141,8 +152,8 @@ def _products(data: np.ndarray) -> np.ndarray:
     return total
 
 
-def _combined(weights: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """(C, D) float32 sums of the rows of `data` (n, D), in 64 bit for the same reason."""
+def _combine(weights: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """(C, D) float32 weighted sums of the rows of `data` (n, D), in 64 bits for the same reason."""
     parts = [(weights @ block).astype(np.float32) for block in _blocks(data)]
     return np.concatenate(parts, axis=1)
 
@@ -169,7 +180,7 @@ def static_baselines(
 
     Args:
         offsets, mask, garment, cvar: (N, ...) of all rows.
-        train: (n,) rows to learn from; nothing else is looked at but the row asked for.
+        train: (n,) rows to learn from; of the others, only the row asked for is read.
         types: number of garment types.
         components: of the PCA.
     """
@@ -177,11 +188,51 @@ def static_baselines(
     pca = fit_pca(offsets, mask, train, components)
 
     def nearest(row: int) -> tuple[np.ndarray, np.ndarray]:
-        (found,) = nearest_rows(cvar, garment, train, [row])
-        return offsets[found], mask[found]
+        (neighbour,) = nearest_rows(cvar, garment, train, [row])
+        return offsets[neighbour], mask[neighbour]
 
     return {
         "mean_garment": lambda row: (mean.offsets[garment[row]], mean.mask[garment[row]]),
         "nearest_cvar": nearest,
         "pca": lambda row: pca.rebuild(offsets[row]),
     }
+
+
+def static_baseline_summary(
+    truth: Truth, garments: StaticRows, splits: Sequence[str], *, components: int, seed: int
+) -> list[MetricRow]:
+    """Metrics of the baselines, fitted to the training split, and of the ground truth itself.
+
+    Args:
+        splits: to measure on.
+        components: of the PCA, at most.
+        seed: of the intervals.
+    """
+    everything = np.arange(len(garments.garment))
+    predictors = static_baselines(
+        garments.offsets,
+        garments.mask,
+        garments.garment,
+        garments.cvar(everything),
+        garments.rows("train"),
+        types=len(GARMENTS),
+        components=components,
+    )
+    found = []
+    for split in splits:
+        rows = garments.rows(split)
+        measured = {"registered": measure_truth(truth, rows)}
+        for name, predict in predictors.items():
+            guessed = ((row, predict(row)) for row in progress(rows.tolist(), label=name))
+            measured[name] = measure_predictions(truth, guessed)
+        for name, measures in measured.items():
+            found += static_summary(
+                garments,
+                rows,
+                measures,
+                model="truth" if name == "registered" else "baseline",
+                variant=name,
+                split=split,
+                seed=seed,
+            )
+    return found

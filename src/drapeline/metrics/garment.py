@@ -1,4 +1,4 @@
-"""Metrics of one predicted garment against its ground truth (CLOTH3D 5.1), and of its shape alone.
+"""Metrics of a predicted garment against its ground truth (CLOTH3D 5.1), and of its shape alone.
 
 A garment is the vertices (V, 3) of the super-resolved body plus their offsets, in metres, and a
 mask (V,) that says which of them are garment.
@@ -13,7 +13,7 @@ from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, face_normals, faces_within
 
 DEEP_M = 0.01
-_BEFORE = 0.7  # cosine to the normal
+_OUTSIDE_COSINE_MIN = 0.7  # between a normal and the way from its face to the point
 
 
 def surface_error_mm(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
@@ -45,14 +45,14 @@ def mask_iou(predicted: np.ndarray, true: np.ndarray) -> float:
 
 
 def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
-    """The garment as a mesh of its own; mask vertices that no face joins are left out."""
+    """The garment as a mesh of its own, without vertices that are in no face within the mask."""
     garment = faces_within(faces, mask)
     used, corners = np.unique(garment, return_inverse=True)
     return Mesh(vertices[used].astype(np.float32), corners.reshape(garment.shape).astype(np.int32))
 
 
-def piece_of(mesh: Mesh) -> np.ndarray:
-    """(V,) number of the connected piece that each vertex belongs to, 0 for the largest."""
+def piece_indices(mesh: Mesh) -> np.ndarray:
+    """(V,) index of the connected piece that each vertex belongs to, 0 for the largest."""
     start, end = mesh.faces[:, :2].ravel(), mesh.faces[:, 1:3].ravel()
     count = len(mesh.vertices)
     links = coo_matrix((np.ones(len(start), dtype=bool), (start, end)), (count, count))
@@ -64,13 +64,13 @@ def piece_of(mesh: Mesh) -> np.ndarray:
 
 def largest_piece(mesh: Mesh) -> Mesh:
     """The connected piece with the most vertices."""
-    return garment_mesh(mesh.vertices, mesh.faces, piece_of(mesh) == 0)
+    return garment_mesh(mesh.vertices, mesh.faces, piece_indices(mesh) == 0)
 
 
 def surface_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
     """Mean distance of predicted vertices to the true surface, and of true ones to the predicted.
 
-    The first does not see what is missing, the second not what is too much. Both are NaN where
+    The first is blind to what is missing, the second to what is superfluous. Both are NaN if
     nothing was predicted.
     """
     if not len(predicted.faces):
@@ -84,8 +84,9 @@ def surface_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
 def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
     """Mean distance of the predicted surface to the true one over its area, and the other way.
 
-    Unlike `surface_distances_mm` it may compare meshes of any topologies, and sees what faces cut
-    off between vertices that lie on the other surface. Both are NaN where nothing was predicted.
+    Unlike `surface_distances_mm`, it may compare meshes of any topologies, and it notices where a
+    face cuts a corner between vertices that lie on the other surface. Both are NaN if nothing was
+    predicted.
     """
     if not len(predicted.faces):
         return float("nan"), float("nan")
@@ -95,8 +96,8 @@ def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
 def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
     """Mean distance of a surface to another over its area.
 
-    Vertices, edge middles and face centres count as in the rule that integrates cubic functions
-    over a triangle exactly.
+    By the quadrature of vertices, edge midpoints and face centres that is exact for cubic functions
+    on a triangle.
     """
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
     middles = (corners + np.roll(corners, -1, axis=1)) / 2
@@ -124,7 +125,7 @@ def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> 
 
     Args:
         points: (P, 3) garment vertices.
-        body: (V, 3) body vertices in the same pose; winding numbers bear its open ends.
+        body: (V, 3) body vertices in the same pose; the mesh may have open ends.
         faces: (F, 3) of the body.
 
     Returns:
@@ -146,9 +147,9 @@ def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.
     place, face = closest_points(points, body, faces)
     away = points - place
     depth = np.linalg.norm(away, axis=1)
-    # Winding numbers are dear: none for points that are plainly before the face they are nearest.
+    # Winding numbers are slow, so points that are clearly in front of their nearest face do without.
     height = np.einsum("pi,pi->p", away, face_normals(body, faces[face]))
-    doubtful = height < _BEFORE * depth
+    doubtful = height < _OUTSIDE_COSINE_MIN * depth
     depth[~doubtful] = 0
     if doubtful.any():
         winding = igl.fast_winding_number(
@@ -161,8 +162,8 @@ def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.
 
 
 def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:
-    """What can be said of a garment without its ground truth: pieces, and what is in the body."""
-    pieces = int(piece_of(mesh).max()) + 1 if len(mesh.faces) else 0
+    """Measures that need no ground truth: connected pieces, and how much is inside the body."""
+    pieces = int(piece_indices(mesh).max()) + 1 if len(mesh.faces) else 0
     return {**inside_measures(mesh.vertices, body, body_faces), "pieces": float(pieces)}
 
 
@@ -173,26 +174,26 @@ def garment_measures(
     mask: np.ndarray,
     faces: np.ndarray,
 ) -> dict[str, float]:
-    """Everything that compares a prediction with its ground truth.
+    """Every measure that compares a prediction with its ground truth.
 
     Args:
         predicted, true: (V, 3) vertices, metres.
-        predicted_mask: (V,) bool, or None from a model that predicts none: what needs it is left
-            out.
+        predicted_mask: (V,) bool; None from a model that predicts none, which leaves out the
+            measures that need it.
         mask: (V,) bool.
         faces: (F, 3) of the garment's topology.
     """
-    found = {
+    measures = {
         "surface_error_mm": surface_error_mm(predicted, true, mask),
         "normal_error_deg": normal_error_deg(predicted, true, faces, mask),
     }
     if predicted_mask is None:
-        return found
+        return measures
     to_true, to_predicted = surface_distances_mm(
         garment_mesh(predicted, faces, predicted_mask), garment_mesh(true, faces, mask)
     )
     return {
-        **found,
+        **measures,
         "mask_iou": mask_iou(predicted_mask, mask),
         "predicted_to_true_mm": to_true,
         "true_to_predicted_mm": to_predicted,

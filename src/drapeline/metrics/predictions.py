@@ -1,4 +1,4 @@
-"""Single garments with their predictions, for pictures."""
+"""Single garments with their predictions, as figures show them."""
 
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ class GarmentCase(NamedTuple):
     """A garment before registration, after it, and as predicted.
 
     Attributes:
-        label: what it is called in a picture.
+        label: its name in a picture.
         original: the garment as made or simulated, triangles, root-relative metres.
         true: (V, 3) registered vertices, garment within `mask` (V,).
         mask: (V,) bool.
         predicted: (V, 3).
-        predicted_mask: (V,) bool; the true one where nothing predicts it.
+        predicted_mask: (V,) bool; the true one if the model predicts none.
         faces: (F, 3) of the garment's topology.
         wearer: the whole body in the same pose.
         root_rotation: (3,) axis-angle of the wearer's root joint, rad.

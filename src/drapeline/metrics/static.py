@@ -1,4 +1,4 @@
-"""Measure predicted garments of a split against their registered ground truth."""
+"""Predicted garments in rest pose, measured against their registered ground truth."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from typing import Protocol
 
 import numpy as np
 
-from drapeline.metrics.baselines import static_baselines
 from drapeline.metrics.garment import (
     garment_measures,
     garment_mesh,
@@ -14,7 +13,6 @@ from drapeline.metrics.garment import (
 )
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 
 # Offsets (V, 3) in metres, and mask (V,) or None from a model that predicts none.
@@ -45,30 +43,30 @@ def measure_predictions(
 ) -> list[dict[str, float]]:
     """Every metric of each (row, prediction).
 
-    The shape of a garment without a predicted mask is judged within the true one.
+    Without a predicted mask, the shape of a garment is measured within the true one.
     """
-    found = []
+    measures = []
     for row, (offsets, mask) in predictions:
         body, faces, true_mask = truth.body(row), truth.faces(row), truth.mask[row]
         vertices = body + offsets
         shape = garment_mesh(vertices, faces, true_mask if mask is None else mask)
-        found.append(
+        measures.append(
             {
                 **garment_measures(vertices, mask, body + truth.offsets[row], true_mask, faces),
                 **shape_measures(shape, body, truth.body_faces),
             }
         )
-    return found
+    return measures
 
 
 def measure_truth(truth: Truth, rows: Sequence[int]) -> list[dict[str, float]]:
-    """What the ground truth itself reaches of the metrics that need no comparison."""
-    found = []
+    """Measures of the ground truth itself, those that need no comparison."""
+    measures = []
     for row in rows:
         body = truth.body(row)
         mesh = garment_mesh(body + truth.offsets[row], truth.faces(row), truth.mask[row])
-        found.append(shape_measures(mesh, body, truth.body_faces))
-    return found
+        measures.append(shape_measures(mesh, body, truth.body_faces))
+    return measures
 
 
 def add_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict[str, float]]:
@@ -77,7 +75,7 @@ def add_kl(measures: Sequence[Mapping[str, float]], kl: np.ndarray) -> list[dict
 
 
 class StaticRows(Protocol):
-    """Registered garments in rest pose, with what they are called and which split they are of."""
+    """Registered garments in rest pose, with their outfits, types and splits."""
 
     offsets: np.ndarray
     mask: np.ndarray
@@ -105,50 +103,10 @@ def static_summary(
     return summary_rows(
         rng_for(seed, "intervals", variant, split),
         measures,
-        [GARMENTS[kind] for kind in garments.garment[rows]],
+        [GARMENTS[garment_index] for garment_index in garments.garment[rows]],
         garments.outfit[rows],
         model=model,
         variant=variant,
         split=split,
         seed=seed,
     )
-
-
-def static_baseline_summary(
-    truth: Truth, garments: StaticRows, splits: Sequence[str], *, components: int, seed: int
-) -> list[MetricRow]:
-    """Trivial predictions and the ground truth itself, learned from the training split.
-
-    Args:
-        splits: to measure on.
-        components: of the PCA, at most.
-        seed: of the intervals.
-    """
-    everything = np.arange(len(garments.garment))
-    predictors = static_baselines(
-        garments.offsets,
-        garments.mask,
-        garments.garment,
-        garments.cvar(everything),
-        garments.rows("train"),
-        types=len(GARMENTS),
-        components=components,
-    )
-    found = []
-    for split in splits:
-        rows = garments.rows(split)
-        measured = {"registered": measure_truth(truth, rows)}
-        for name, predict in predictors.items():
-            guessed = ((row, predict(row)) for row in progress(rows.tolist(), label=name))
-            measured[name] = measure_predictions(truth, guessed)
-        for name, measures in measured.items():
-            found += static_summary(
-                garments,
-                rows,
-                measures,
-                model="truth" if name == "registered" else "baseline",
-                variant=name,
-                split=split,
-                seed=seed,
-            )
-    return found

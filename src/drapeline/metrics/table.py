@@ -69,7 +69,7 @@ class MetricRow(NamedTuple):
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What no two rows of a table share."""
+        """Identifies a row in a table."""
         return (*self[:5], str(self.seed))
 
 
@@ -87,14 +87,14 @@ def summary_rows(
     """Means over garments of each type and over all, with 95 % intervals.
 
     Intervals come from 1000 bootstrap resamples of groups, since garments of one body, or frames
-    of one sequence, are not independent. Where there are fewer than three groups there is none.
+    of one sequence, are not independent. With fewer than three groups there are none.
 
     Args:
         rng: draws the resamples.
-        measures: one mapping, metric -> value, per garment or frame; NaN is left out and not
+        measures: a mapping, metric -> value, per garment or frame; NaN is left out and not
             counted in `n`.
-        garments: its type.
-        groups: what it is dependent within, such as the outfit or the sequence.
+        garments: its type, per garment or frame.
+        groups: what makes values dependent, such as the outfit or the sequence, likewise.
     """
     if not measures:
         return []
@@ -136,8 +136,8 @@ def _interval(
     counts = np.bincount(group)
     if len(counts) < 3:
         return None
-    drawn = rng.integers(len(counts), size=(_RESAMPLES, len(counts)))
-    means = np.bincount(group, values)[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
+    resampled = rng.integers(len(counts), size=(_RESAMPLES, len(counts)))
+    means = np.bincount(group, values)[resampled].sum(axis=1) / counts[resampled].sum(axis=1)
     low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)
 
@@ -146,7 +146,7 @@ def write_metrics(path: str | Path, rows: Iterable[MetricRow]) -> None:
     """Write rows as a tab-separated table.
 
     Raises:
-        InputError: a value is not finite, a unit is not its metric's, or two rows say the same.
+        InputError: a value is not finite, a unit is not its metric's, or two rows have one key.
     """
     rows = list(rows)
     _check(rows, path)
@@ -160,7 +160,7 @@ def read_metrics(path: str | Path) -> list[MetricRow]:
     """Read what `write_metrics` wrote.
 
     Raises:
-        InputError: the file is missing, has other columns, or a row that is no metric.
+        InputError: the file is missing, has other columns, or holds a row that is no metric.
     """
     path = Path(path)
     if not path.is_file():

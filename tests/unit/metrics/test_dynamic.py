@@ -11,15 +11,8 @@ from drapeline.bodies.skinning import skin_points
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.moving import MovingGarment, load_moving, moving_files_test_first
-from drapeline.metrics.dynamic import (
-    MEAN,
-    STILL,
-    Measured,
-    mean_wrinkles,
-    measure_motion,
-    moving_baseline_summary,
-    moving_summary,
-)
+from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
+from drapeline.metrics.dynamic_baselines import MEAN, STILL, mean_wrinkles, moving_baseline_summary
 from drapeline.metrics.table import HIGH, LOW, find_value
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for

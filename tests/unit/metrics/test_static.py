@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body
+from drapeline.metrics.baselines import static_baseline_summary
 from drapeline.metrics.static import (
     Truth,
     add_kl,
     measure_predictions,
     measure_truth,
-    static_baseline_summary,
     static_summary,
 )
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value

@@ -1,4 +1,4 @@
-"""Trained networks from their checkpoint files; nothing in a file is executed."""
+"""Checkpoint files of trained networks; reading them executes nothing."""
 
 import pickle
 from pathlib import Path
@@ -10,10 +10,12 @@ from drapeline.errors import InputError
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """A checkpoint of ours as plain values and tensors.
+    """A checkpoint as plain values and tensors.
+
+    Its entry "drapeline" is what `TrainableModule.about` returned.
 
     Raises:
-        InputError: the file is missing, is no checkpoint, or is not one of ours.
+        InputError: the file is missing, is no checkpoint, or lacks the entry "drapeline".
     """
     path = Path(path)
     if not path.is_file():

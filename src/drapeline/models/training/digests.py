@@ -1,4 +1,4 @@
-"""Digests of what a training depends on, so that it is taken up again with the same alone."""
+"""Digests of what a training depends on, so that it is resumed only if that is unchanged."""
 
 import hashlib
 from collections.abc import Mapping
@@ -10,10 +10,10 @@ _DIGESTED_BYTES = 64 << 20  # of an array; a tenth of a second
 
 
 def arrays_digest(arrays: Mapping[str, np.ndarray]) -> str:
-    """Of names, shapes and contents, for the `settings` that a training is taken up again with.
+    """Digest of names, shapes and contents of arrays, twelve hexadecimal digits.
 
-    Of an array larger than 64 MiB every so many rows count alone: what makes other data, such as a
-    seed or one more sample, changes rows everywhere.
+    Of an array larger than 64 MiB only every so many rows count: whatever makes data differ, such
+    as another seed or an additional sample, changes rows everywhere.
     """
     digest = hashlib.sha256()
     for name, array in sorted(arrays.items()):
@@ -25,5 +25,5 @@ def arrays_digest(arrays: Mapping[str, np.ndarray]) -> str:
 
 
 def tensors_digest(tensors: Mapping[str, torch.Tensor]) -> str:
-    """The same of tensors, such as the weights of a network."""
+    """`arrays_digest` of tensors, such as the weights of a network."""
     return arrays_digest({name: tensor.cpu().numpy() for name, tensor in tensors.items()})

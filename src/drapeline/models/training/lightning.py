@@ -1,4 +1,4 @@
-"""Training that survives being killed: a Lightning trainer, its checkpoints and its history."""
+"""Trainings that can be killed and resumed: Lightning's trainer, checkpoints and history."""
 
 import ctypes
 import hashlib
@@ -24,7 +24,7 @@ from drapeline.models.training.module import BEST, LAST, Position, TrainableModu
 from drapeline.rule_log import LOGGER
 from drapeline.storage import atomic_file, atomic_folder, write_json
 
-# What Lightning has to say (devices, tips, that it is done) is for the rule's log, where ours goes.
+# Messages of Lightning (devices, tips, that it is done) belong in the rule's log, with ours.
 for _name in ("pytorch_lightning", "lightning_fabric"):
     _chatter = logging.getLogger(_name)
     _chatter.handlers.clear()
@@ -35,7 +35,7 @@ CURVES = "tensorboard"
 
 
 class History(lightning.Callback):
-    """A row per epoch, in the checkpoint so that a resumed training keeps the earlier ones."""
+    """A row per epoch, kept in the checkpoint so that a resumed training has the earlier ones."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.rows = path, []
@@ -46,7 +46,7 @@ class History(lightning.Callback):
         self._started = time.perf_counter()
 
     def on_train_epoch_end(self, trainer: lightning.Trainer, _: Any) -> None:
-        """Write the epoch's row, and a line of it into the log."""
+        """Write the epoch's row, and a line of it to the log."""
         values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
         seconds = time.perf_counter() - self._started
         self.rows.append({"epoch": trainer.current_epoch, "seconds": round(seconds, 3), **values})
@@ -77,10 +77,7 @@ class History(lightning.Callback):
 
 
 class _Loop(lightning.LightningModule):
-    """What Lightning trains: a network that knows nothing of it, and the batches for it.
-
-    In checkpoints are the network's weights alone.
-    """
+    """A network and its batches as Lightning takes them; checkpoints hold only the network's weights."""
 
     def __init__(self, trained: TrainableModule, data: TrainingBatches) -> None:
         super().__init__()
@@ -95,7 +92,7 @@ class _Loop(lightning.LightningModule):
         return self.trained.load_state_dict(*args, **kwargs)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Put in all that is needed to build the network again."""
+        """Add everything needed to rebuild the network."""
         checkpoint["drapeline"] = self.trained.about()
 
     def train_dataloader(self) -> DataLoader:
@@ -127,7 +124,7 @@ class _Loop(lightning.LightningModule):
         return self._step(self.trained.training_step, batch)
 
     def validation_step(self, batch: Batch, _: int) -> None:
-        """What one batch of the validation rows comes to."""
+        """Log the results of one batch of the validation rows."""
         self._step(self.trained.validation_step, batch)
 
     def _step(self, step: Callable[[Batch], Any], batch: Batch) -> Any:
@@ -152,23 +149,24 @@ def fit(
     trainer: Mapping[str, Any],
     threads: int,
 ) -> None:
-    """Train, or go on with a training that was stopped, and leave the finished folder.
+    """Train, or resume a training that was stopped, and leave the finished folder.
 
     Args:
-        module, data: what is trained on what.
+        module: to train.
+        data: batches to train and validate on.
         folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json` and `tensorboard`.
-        progress: folder for a training under way; taken up again if its settings are `settings`.
+        progress: folder for a training under way, which is resumed if its settings are `settings`.
         epochs: of training.
-        monitor: logged value whose least epoch is the best one.
-        settings: all that the result depends on, as JSON values.
+        monitor: logged value; the epoch where it is least is the best.
+        settings: everything that the result depends on, as JSON values.
         trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
         threads: of the processor.
 
-    With several devices each has a process of its own that calls this; the first one writes.
+    Of several devices each has a process of its own that calls this; the first process writes.
     """
     keep_freed_memory()
     torch.set_num_threads(threads)
-    # Named after the settings, so that no process looks at what another one clears away.
+    # Named after the settings, so that no process reads what another clears away.
     text = json.dumps(settings, sort_keys=True)
     under_way = Path(progress) / hashlib.sha256(text.encode()).hexdigest()[:12]
     engine = _trainer(under_way, epochs, monitor, trainer)
@@ -177,9 +175,9 @@ def fit(
     last = under_way / LAST
     resumed = last.exists()
     if resumed:
-        LOGGER.info("going on from %s", last)
+        LOGGER.info("resuming from %s", last)
     with warnings.catch_warnings():
-        # The progress folder is meant to hold files; the other is Lightning's own business.
+        # The progress folder is meant to hold files; the other warning is internal to Lightning.
         warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
         loop = _Loop(module, data)
@@ -194,7 +192,7 @@ def fit(
 
 
 def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
-    """Make the folder of a training, or keep it, and clear away those of other settings."""
+    """Make the folder of a training, or keep it, and remove those of other settings."""
     for other in under_way.parent.glob("*"):
         if other.name != under_way.name:
             shutil.rmtree(other) if other.is_dir() else other.unlink()
@@ -205,7 +203,7 @@ def _trainer(
     under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]
 ) -> lightning.Trainer:
     terminal = sys.stderr.isatty()
-    # The last after the best, so that a resume knows which epoch was best so far.
+    # The last after the best, so that it knows which epoch was best so far when resumed.
     keepers = [
         ModelCheckpoint(
             under_way,
@@ -220,7 +218,7 @@ def _trainer(
         max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
         logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
-        use_distributed_sampler=False,  # ours knows of several devices
+        use_distributed_sampler=False,  # batches are split among devices already
         enable_progress_bar=terminal,
         enable_model_summary=False,
         num_sanity_val_steps=0,
@@ -233,9 +231,9 @@ _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
 
 
 def keep_freed_memory() -> None:
-    """Tell glibc to keep large freed blocks; a third of a training step can be page faults.
+    """Tell glibc to keep large freed blocks; page faults can be a third of a training step.
 
-    Does nothing where the C library has no `mallopt`.
+    Does nothing if the C library has no `mallopt`.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -250,10 +248,10 @@ _WARM_SHARE = 0.1
 
 
 def learning_rate(peak: float, schedule: str, share: float) -> float:
-    """Learning rate once `share` (0 to 1) of all steps is done.
+    """Learning rate after a `share` (0 to 1) of all steps.
 
     Args:
-        peak: the constant, or the largest one.
+        peak: the constant, or the largest rate.
         schedule: "constant", or "one_cycle": a short rise, then half a cosine down to zero.
     """
     if schedule == "constant":

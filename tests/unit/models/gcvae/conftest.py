@@ -1,15 +1,18 @@
-"""Static garments, an untrained network, and types that are told by a code's first number."""
+"""Toy garments, an untrained network, types told by a code's first number, conditions."""
 
 import numpy as np
 import pytest
+import torch
 
 from drapeline.models.gcvae.codes import Codes, decode_codes
 from drapeline.models.gcvae.sampling import draw
 from drapeline.models.gcvae.sampling.types import fit_types
 from drapeline.models.gcvae.vae import StaticVae
+from drapeline.models.training.batches import as_tensors
 from drapeline.seeding import rng_for
 from gcvae_files import SETTINGS, TypedGarments, shaken
-from gcvae_toys import DRESS, TROUSERS, half, toy_domain
+from gcvae_toys import DRESS, TROUSERS, ToyGarments, half, toy_domain
+from gcvae_trainings import train_condition
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +46,28 @@ def halves(monkeypatch):
             yield offsets, mask
 
     monkeypatch.setattr(draw, "decode_codes", decoded)
+
+
+@pytest.fixture(scope="package")
+def conditioning(tmp_path_factory):
+    """Folder of a trained conditioning autoencoder."""
+    folder = tmp_path_factory.mktemp("conditioning")
+    return train_condition(folder / "out", ToyGarments())
+
+
+@pytest.fixture(scope="package")
+def prepared_model():
+    """An untrained network, prepared by the toy garments, with a last layer that is not zero."""
+    model = StaticVae(SETTINGS, toy_domain()).eval()
+    model.prepare(ToyGarments())
+    weight = model.network.decoder.branches.weight
+    torch.nn.init.normal_(weight, std=0.3, generator=torch.Generator().manual_seed(0))
+    return model
+
+
+@pytest.fixture(scope="package")
+def batch():
+    """Nine toy garments of both topologies."""
+    batch = as_tensors(ToyGarments().batch(np.arange(9)))
+    assert 0 < batch["topology"].sum() < 9
+    return batch

@@ -1,8 +1,17 @@
-"""What the closed-form garment VAEs make of garments before they are fitted."""
+"""The garment VAEs in closed form."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
+import torch
 
-from drapeline.models.gcvae.ppca_vae import mirror_batch
+from drapeline.errors import InputError
+from drapeline.models.gcvae.networks import GcvaeNetwork
+from drapeline.models.gcvae.ppca_vae import StaticPpcaVae, mirror_batch
+from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.training.batches import as_tensors
+from gcvae_toys import ToyGarments, toy_domain
 
 
 def test_a_mirrored_garment_is_what_a_mirror_shows():
@@ -19,3 +28,54 @@ def test_a_mirrored_garment_is_what_a_mirror_shows():
     again = mirror_batch(image, mirror)
     np.testing.assert_array_equal(again["offsets"], offsets)
     np.testing.assert_array_equal(again["mask"], batch["mask"])
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """Fitted to the toy garments, its refiner untrained and thus zero."""
+    network = GcvaeNetwork(widths=(6, 8, 8, 10), latent=8)
+    model = StaticPpcaVae(VaeSettings(network=network), toy_domain())
+    model.prepare(ToyGarments())
+    return model.eval()
+
+
+def test_few_components_hold_all_of_the_toys(fitted):
+    """Radius, slant, hem and shape are few numbers."""
+    garments = ToyGarments()
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    with torch.inference_mode():
+        z = fitted.encode(batch).mean
+        offsets, mask = fitted.decode(z, batch["cvar"], batch["topology"])
+    error = (offsets - batch["offsets"]).norm(dim=-1)[batch["mask"]].mean()
+    assert error < 0.5e-3
+    seen = mask > 0.5
+    overlap = (seen & batch["mask"]).sum(1) / (seen | batch["mask"]).sum(1)
+    assert overlap.mean() > 0.93
+
+
+def test_offsets_outside_the_mask_are_not_looked_at(fitted):
+    garments = ToyGarments()
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    code = fitted.encode(batch)
+    outside = ~batch["mask"][..., None]
+    changed = {**batch, "offsets": torch.where(outside, 1.0, batch["offsets"])}
+    for part, again in zip(code, fitted.encode(changed), strict=True):
+        torch.testing.assert_close(part, again)
+
+
+def test_the_fit_looks_at_training_rows_alone(fitted):
+    garments = ToyGarments()
+    for split in ("val", "test"):
+        garments.offsets[garments.rows(split)] = 7.0
+    model = StaticPpcaVae(fitted.settings, toy_domain())
+    model.prepare(garments)
+    for key, value in model.ppca.state_dict().items():
+        torch.testing.assert_close(value, fitted.ppca.state_dict()[key])
+
+
+def test_offsets_that_are_not_finite_are_refused_by_name(fitted):
+    garments = ToyGarments()
+    garments.offsets[5, 3] = np.inf
+    model = StaticPpcaVae(replace(fitted.settings), toy_domain())
+    with pytest.raises(InputError, match="^samples toy005: offsets hold NaN"):
+        model.prepare(garments)

@@ -1,306 +1,90 @@
-"""Trainings of a few steps on the toy tube."""
+"""What the VAEs must not depend on, and what they need."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from drapeline.errors import InputError
-from drapeline.models.gcvae.load import load_vae
-from drapeline.models.gcvae.loss import GcvaeLoss
-from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.ppca_vae import StaticPpcaVae
-from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
-from drapeline.models.gcvae.train import train_vae
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings, train_conditioning
-from drapeline.models.gcvae.vae import DynamicVae, StaticVae
-from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.checkpoints import read_checkpoint
-from gcvae_toys import ToyGarments, toy_domain
-from portability import THREADS
-
-SETTINGS = VaeSettings(
-    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
-    loss=GcvaeLoss(normals=1.0),
-    training=GcvaeTraining(epochs=2, batch=8, normal_parts=2),
-)
-MOVING = replace(
-    SETTINGS,
-    training=replace(SETTINGS.training, version="unposed", mask=False),
-)
-OURS = replace(
-    SETTINGS,
-    loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
-)
-CLASS_AND_SETTINGS = {
-    "paper": (StaticVae, SETTINGS),
-    "moving": (DynamicVae, MOVING),
-    "ours": (StaticPpcaVae, OURS),
-}
-CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 12, "batch": 8}})
+from drapeline.models.gcvae.vae import StaticVae
+from gcvae_files import SETTINGS
+from gcvae_toys import VERTICES, toy_domain
 
 
-def train_condition(folder, garments, settings):
-    progress = folder.with_name(f"{folder.name}_progress")
-    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=THREADS)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def conditioning(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("conditioning")
-    return train_condition(folder / "out", ToyGarments(), CONDITIONING)
+def rows_of(batch, rows):
+    return {
+        key: [value[i] for i in rows] if isinstance(value, list) else value[torch.tensor(rows)]
+        for key, value in batch.items()
+    }
 
 
 @pytest.fixture
-def train(tmp_path, conditioning):
-    """train("name", settings, garments) -> folder of the finished training."""
-
-    def run(name, settings=SETTINGS, garments=None, cls=StaticVae, given=conditioning, **options):
-        train_vae(
-            tmp_path / name,
-            cls(settings, toy_domain()),
-            garments or ToyGarments(),
-            conditioning=None if cls is StaticPpcaVae else given,
-            code="c",
-            progress=tmp_path / ".progress" / name,
-            trainer={"accelerator": "cpu", **options},
-            threads=THREADS,
-        )
-        return tmp_path / name
-
-    return run
+def model(prepared_model):
+    return prepared_model
 
 
-def weights(folder, name="last.ckpt"):
-    return read_checkpoint(folder / name)["state_dict"]
-
-
-def assert_same(first, second):
-    assert first.keys() == second.keys()
-    for key, value in first.items():
-        torch.testing.assert_close(value, second[key], msg=key)
-
-
-def test_the_conditioning_autoencoder_learns_and_is_frozen_in_the_vae(train, conditioning):
-    losses = column(conditioning, "val_loss")
-    assert losses[-1] < 0.9 * losses[0]
-    before = read_checkpoint(conditioning / "best.ckpt")["state_dict"]
-    after = weights(train("svae"))
-    for key, value in before.items():
-        name = key.replace("autoencoder.", "conditioning.")
-        torch.testing.assert_close(after[name], value)
-
-
-@pytest.mark.parametrize("name", ["paper", "ours"])
-def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, name):
-    cls, settings = CLASS_AND_SETTINGS[name]
-    folder = train("model", settings, cls=cls)
-    assert sorted(p.name for p in folder.iterdir()) == [
-        "best.ckpt",
-        "history.tsv",
-        "last.ckpt",
-        "settings.json",
-        "tensorboard",
-    ]
-    assert not (tmp_path / ".progress" / "model").exists()
-    assert json.loads((folder / "settings.json").read_text())["network"]["latent"] == 8
-    header, *rows = (folder / "history.tsv").read_text().splitlines()
-    assert len(rows) == 2
-    assert {"epoch", "val_selection", "val_surface_error_mm", "val_mask_iou"} <= set(
-        header.split("\t")
-    )
-    model, batch = load_vae(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
-    assert type(model) is cls
+def test_a_batch_is_its_samples_one_by_one(model, batch):
     code = model.encode(batch)
-    with torch.inference_mode():
-        offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
-    assert offsets.shape == batch["offsets"].shape
-    assert ((mask >= 0) & (mask <= 1)).all()
+    offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
+    assert offsets.shape == (9, VERTICES, 3)
+    assert mask.shape == (9, VERTICES)
+    for row in range(9):
+        one = rows_of(batch, [row])
+        alone = model.encode(one)
+        for part, whole in zip(alone, code, strict=True):
+            torch.testing.assert_close(part[0], whole[row], atol=1e-5, rtol=1e-4)
+        made, seen = model.decode(alone.mean, one["cvar"], one["topology"])
+        torch.testing.assert_close(made[0], offsets[row], atol=1e-6, rtol=1e-4)
+        torch.testing.assert_close(seen[0], mask[row], atol=1e-5, rtol=1e-4)
 
 
-def column(folder, name):
-    header, *rows = (folder / "history.tsv").read_text().splitlines()
-    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
+def test_the_order_of_a_batch_of_both_topologies_does_not_matter(model, batch):
+    order = np.random.default_rng(0).permutation(9).tolist()
+    code, turned = model.encode(batch), model.encode(rows_of(batch, order))
+    torch.testing.assert_close(turned.mean, code.mean[order], atol=1e-5, rtol=1e-4)
+    there = model.decode(code.mean, batch["cvar"], batch["topology"])
+    here = model.decode(code.mean[order], batch["cvar"][order], batch["topology"][order])
+    for a, b in zip(here, there, strict=True):
+        torch.testing.assert_close(a, b[order], atol=1e-5, rtol=1e-4)
 
 
-@pytest.mark.parametrize("order", [1, 3])
-@pytest.mark.parametrize("model", ["paper", "ours"])
-def test_mixed_precision_trains_to_about_the_same_error(train, model, order):
-    cls, settings = CLASS_AND_SETTINGS[model]
-    settings = replace(settings, network=replace(settings.network, order=order))
-    full = train("full", settings, cls=cls)
-    mixed = train("mixed", settings, cls=cls, precision="bf16-mixed")
-    name = "val_surface_error_mm"
-    np.testing.assert_allclose(column(mixed, name), column(full, name), rtol=0.15)
-    assert column(mixed, name) != column(full, name)
-    dtypes = {value.dtype for value in weights(mixed).values() if value.is_floating_point()}
-    assert dtypes == {torch.float32}
+def test_topologies_differ_in_graph_alone(model, batch):
+    z = model.encode(batch).mean
+    body = model.decode(z, batch["cvar"], torch.zeros(9, dtype=torch.long))[0]
+    skirt = model.decode(z, batch["cvar"], torch.ones(9, dtype=torch.long))[0]
+    assert not torch.allclose(body, skirt)
 
 
-def test_the_same_seed_trains_the_same_weights_and_another_others(train):
-    first, again = weights(train("first")), weights(train("again"))
-    assert_same(first, again)
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=1))
-    other = weights(train("other", settings))
-    key = "network.encoder.code.weight"
-    assert not torch.allclose(first[key], other[key])
+def test_decoding_needs_only_z_and_conditions(model, batch):
+    """Given z, the output does not change with the garment that went in: nothing leaks past z."""
+    inputs = batch["offsets"].clone().requires_grad_(True)
+    parts = model.parts({**batch, "offsets": inputs})
+    order = torch.cat([part.rows for part in parts.values()])
+    z = model.encode_parts(parts).mean
+    assert torch.autograd.grad(z.sum(), inputs)[0].abs().sum() > 0
+    counts = {name: len(part.rows) for name, part in parts.items()}
+    free = z.detach().requires_grad_(True)
+    out = sum(x.sum() for x in model.decode_parts(free, batch["cvar"][order], counts).values())
+    by_z, by_input = torch.autograd.grad(out, (free, inputs), allow_unused=True)
+    assert by_z.abs().sum() > 0
+    assert by_input is None
 
 
-def under_way(progress):
-    """The last checkpoint of the one training that a folder holds."""
-    (path,) = progress.glob("*/last.ckpt")
-    return path
+def test_without_a_mask_branch_there_are_offsets_only(batch):
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
+    model = StaticVae(settings, toy_domain())
+    z = model.encode(batch).mean
+    offsets, mask = model.decode(z, batch["cvar"], batch["topology"])
+    assert offsets.shape == (9, VERTICES, 3)
+    assert mask is None
 
 
-class Killed(Exception):
-    """Stands for the signal."""
-
-
-class DiesAfter(ToyGarments):
-    """Garments whose reading stops the job after some batches."""
-
-    def __init__(self, batches):
-        super().__init__()
-        self.left = batches
-
-    def batch(self, rows):
-        self.left -= 1
-        if self.left < 0:
-            raise Killed
-        return super().batch(rows)
-
-
-@pytest.mark.parametrize("model", CLASS_AND_SETTINGS)
-def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, model):
-    cls, settings = CLASS_AND_SETTINGS[model]
-    settings = replace(settings, training=replace(settings.training, epochs=4))
-    with pytest.raises(Killed):
-        train("killed", settings, DiesAfter(16), cls)
-    assert not (tmp_path / "killed").exists()
-    assert 0 < read_checkpoint(under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
-    resumed, whole = (train(name, settings, cls=cls) for name in ("killed", "whole"))
-    assert_same(weights(resumed), weights(whole))
-    assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
-    for a, b in zip(
-        (resumed / "history.tsv").read_text().splitlines(),
-        (whole / "history.tsv").read_text().splitlines(),
-        strict=True,
-    ):
-        assert a.split("\t")[0] == b.split("\t")[0]
-
-
-def test_other_settings_begin_anew(train, tmp_path):
-    with pytest.raises(Killed):
-        train("model", SETTINGS, DiesAfter(7))
-    assert under_way(tmp_path / ".progress" / "model")
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=3))
-    assert_same(weights(train("model", settings)), weights(train("other", settings)))
-
-
-def test_another_conditioning_network_begins_anew(train, conditioning, tmp_path):
-    settings = replace(CONDITIONING, training=replace(CONDITIONING.training, seed=1))
-    train_condition(tmp_path / "other", ToyGarments(), settings)
-    with pytest.raises(Killed):
-        train("model", SETTINGS, DiesAfter(7))
-    before = under_way(tmp_path / ".progress" / "model")
-    resumed = train("model", given=tmp_path / "other")
-    assert_same(weights(resumed), weights(train("anew", given=tmp_path / "other")))
-    assert not before.parent.exists()
-
-
-class DyingConditions(ToyGarments):
-    """Conditions whose reading stops the job after some batches."""
-
-    left = 11
-
-    def cvar(self, rows):
-        self.left -= 1
-        if self.left < 0:
-            raise Killed
-        return super().cvar(rows)
-
-
-def test_a_killed_conditioning_goes_on_to_the_same_weights(conditioning, tmp_path):
-    with pytest.raises(Killed):
-        train_condition(tmp_path / "killed", DyingConditions(), CONDITIONING)
-    assert under_way(tmp_path / "killed_progress")
-    resumed = train_condition(tmp_path / "killed", ToyGarments(), CONDITIONING)
-    assert_same(weights(resumed), weights(conditioning))
-
-
-class SpoiltConditions(ToyGarments):
-    """Conditions that are fine when first looked at and not when trained on."""
-
-    looks = 0
-
-    def cvar(self, rows):
-        self.looks += 1
-        cvar = super().cvar(rows)
-        if self.looks > 1:
-            cvar[np.asarray(rows) == SpoiltLater.spoilt, 3] = np.inf
-        return cvar
-
-
-def test_conditions_that_are_not_finite_stop_with_their_samples(tmp_path):
-    garments = ToyGarments()
-    garments.shape[5, 3] = np.nan
-    with pytest.raises(InputError, match="^samples toy005: conditions hold NaN"):
-        train_condition(tmp_path / "out", garments, CONDITIONING)
-    with pytest.raises(InputError, match=r"epoch 0, step \d: the loss is .*toy005.*finite"):
-        train_condition(tmp_path / "out", SpoiltConditions(), CONDITIONING)
-    assert not (tmp_path / "out").exists()
-
-
-class SpoiltLater(ToyGarments):
-    """Garments whose offsets are fine when first looked at and not when trained on."""
-
-    spoilt = 5
-
-    def __init__(self):
-        super().__init__()
-        self.looks = 0
-
-    def batch(self, rows):
-        batch = super().batch(rows)
-        self.looks += 1
-        if self.looks > 1:
-            batch["offsets"][np.asarray(rows) == self.spoilt] = np.nan
-        return batch
-
-
-def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tmp_path):
-    name = SpoiltLater().names([SpoiltLater.spoilt])[0]
-    with pytest.raises(InputError, match=rf"epoch 0, step \d: the loss is nan.*{name}.*finite"):
-        train("model", SETTINGS, SpoiltLater())
-    assert not (tmp_path / "model").exists()
-
-
-@pytest.mark.parametrize("model", ["paper", "ours"])
-def test_garments_that_are_not_finite_are_named_before_training(train, model):
-    cls, settings = CLASS_AND_SETTINGS[model]
-    garments = ToyGarments()
-    garments.offsets[5, 3] = np.inf
-    with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
-        train("model", settings, garments, cls)
-
-
-def test_a_conditioning_network_of_another_size_is_refused(train):
-    settings = replace(SETTINGS, network=replace(SETTINGS.network, condition=6))
-    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
-        train("model", settings)
-
-
-def test_ours_finds_the_toys_codes_without_training(train):
-    """Radius, slant, hem and shape are few numbers, so few components hold them all."""
-    folder = train("ours", OURS, cls=StaticPpcaVae)
-    garments, model = ToyGarments(), load_vae(folder / "best.ckpt")
-    batch = as_tensors(garments.batch(garments.rows("test")))
-    offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
-    error = (offsets - batch["offsets"]).norm(dim=-1)[batch["mask"]].mean()
-    assert error < 0.5e-3
-    seen = mask > 0.5
-    overlap = (seen & batch["mask"]).sum(1) / (seen | batch["mask"]).sum(1)
-    assert overlap.mean() > 0.93
+def test_same_seed_same_weights():
+    first, again = (StaticVae(SETTINGS, toy_domain()).state_dict() for _ in range(2))
+    other = StaticVae(
+        replace(SETTINGS, training=replace(SETTINGS.training, seed=1)), toy_domain()
+    ).state_dict()
+    assert all(torch.equal(first[key], again[key]) for key in first)
+    assert not torch.equal(
+        first["network.encoder.features.weight"], other["network.encoder.features.weight"]
+    )

@@ -1,0 +1,46 @@
+"""Trainings of a few steps on the toy tube, and what they leave."""
+
+from pathlib import Path
+
+import torch
+
+from drapeline.models.gcvae.train_conditioning import ConditioningSettings, train_conditioning
+from drapeline.models.training.checkpoints import read_checkpoint
+from portability import THREADS
+
+CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 12, "batch": 8}})
+
+
+class Killed(Exception):
+    """Stands for the signal."""
+
+
+def train_condition(folder: Path, garments, settings: ConditioningSettings = CONDITIONING) -> Path:
+    """Train the conditioning autoencoder; returns the finished folder."""
+    progress = folder.with_name(f"{folder.name}_progress")
+    train_conditioning(folder, garments, settings, code="c", progress=progress, threads=THREADS)
+    return folder
+
+
+def weights(folder: Path, name: str = "last.ckpt") -> dict[str, torch.Tensor]:
+    """Of a checkpoint of a finished training."""
+    return read_checkpoint(folder / name)["state_dict"]
+
+
+def assert_same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> None:
+    """The same names, and close values."""
+    assert first.keys() == second.keys()
+    for key, value in first.items():
+        torch.testing.assert_close(value, second[key], msg=key)
+
+
+def column(folder: Path, name: str) -> list[float]:
+    """Of the history of a finished training, an epoch each."""
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
+
+
+def checkpoint_under_way(progress: Path) -> Path:
+    """The last checkpoint of the one training that a folder holds."""
+    (path,) = progress.glob("*/last.ckpt")
+    return path

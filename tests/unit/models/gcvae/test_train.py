@@ -1,0 +1,211 @@
+"""Trainings of a few steps on the toy tube."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.loss import GcvaeLoss
+from drapeline.models.gcvae.networks import GcvaeNetwork
+from drapeline.models.gcvae.ppca_vae import StaticPpcaVae
+from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.train import train_vae
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.models.training.batches import as_tensors
+from drapeline.models.training.checkpoints import read_checkpoint
+from gcvae_toys import ToyGarments, toy_domain
+from gcvae_trainings import (
+    CONDITIONING,
+    Killed,
+    assert_same,
+    checkpoint_under_way,
+    column,
+    train_condition,
+    weights,
+)
+from portability import THREADS
+
+SETTINGS = VaeSettings(
+    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
+    loss=GcvaeLoss(normals=1.0),
+    training=GcvaeTraining(epochs=2, batch=8, normal_parts=2),
+)
+MOVING = replace(
+    SETTINGS,
+    training=replace(SETTINGS.training, version="unposed", mask=False),
+)
+OURS = replace(
+    SETTINGS,
+    loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
+)
+CLASS_AND_SETTINGS = {
+    "paper": (StaticVae, SETTINGS),
+    "moving": (DynamicVae, MOVING),
+    "ours": (StaticPpcaVae, OURS),
+}
+
+
+@pytest.fixture
+def train(tmp_path, conditioning):
+    """train("name", settings, garments) -> folder of the finished training."""
+
+    def run(name, settings=SETTINGS, garments=None, cls=StaticVae, given=conditioning, **options):
+        train_vae(
+            tmp_path / name,
+            cls(settings, toy_domain()),
+            garments or ToyGarments(),
+            conditioning=None if cls is StaticPpcaVae else given,
+            code="c",
+            progress=tmp_path / ".progress" / name,
+            trainer={"accelerator": "cpu", **options},
+            threads=THREADS,
+        )
+        return tmp_path / name
+
+    return run
+
+
+def test_the_conditioning_autoencoder_is_frozen_in_the_vae(train, conditioning):
+    before, after = weights(conditioning, "best.ckpt"), weights(train("svae"))
+    for key, value in before.items():
+        name = key.replace("autoencoder.", "conditioning.")
+        torch.testing.assert_close(after[name], value)
+
+
+@pytest.mark.parametrize("name", ["paper", "ours"])
+def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, name):
+    cls, settings = CLASS_AND_SETTINGS[name]
+    folder = train("model", settings, cls=cls)
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "best.ckpt",
+        "history.tsv",
+        "last.ckpt",
+        "settings.json",
+        "tensorboard",
+    ]
+    assert not (tmp_path / ".progress" / "model").exists()
+    assert json.loads((folder / "settings.json").read_text())["network"]["latent"] == 8
+    header, *rows = (folder / "history.tsv").read_text().splitlines()
+    assert len(rows) == 2
+    assert {"epoch", "val_selection", "val_surface_error_mm", "val_mask_iou"} <= set(
+        header.split("\t")
+    )
+    model, batch = load_vae(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
+    assert type(model) is cls
+    code = model.encode(batch)
+    with torch.inference_mode():
+        offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
+    assert offsets.shape == batch["offsets"].shape
+    assert ((mask >= 0) & (mask <= 1)).all()
+
+
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("model", ["paper", "ours"])
+def test_mixed_precision_trains_to_about_the_same_error(train, model, order):
+    cls, settings = CLASS_AND_SETTINGS[model]
+    settings = replace(settings, network=replace(settings.network, order=order))
+    full = train("full", settings, cls=cls)
+    mixed = train("mixed", settings, cls=cls, precision="bf16-mixed")
+    name = "val_surface_error_mm"
+    np.testing.assert_allclose(column(mixed, name), column(full, name), rtol=0.15)
+    assert column(mixed, name) != column(full, name)
+    dtypes = {value.dtype for value in weights(mixed).values() if value.is_floating_point()}
+    assert dtypes == {torch.float32}
+
+
+def test_the_same_seed_trains_the_same_weights_and_another_others(train):
+    first, again = weights(train("first")), weights(train("again"))
+    assert_same(first, again)
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=1))
+    other = weights(train("other", settings))
+    key = "network.encoder.code.weight"
+    assert not torch.allclose(first[key], other[key])
+
+
+class DiesAfter(ToyGarments):
+    """Garments whose reading stops the job after some batches."""
+
+    def __init__(self, batches):
+        super().__init__()
+        self.left = batches
+
+    def batch(self, rows):
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+        return super().batch(rows)
+
+
+@pytest.mark.parametrize("model", CLASS_AND_SETTINGS)
+def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, model):
+    cls, settings = CLASS_AND_SETTINGS[model]
+    settings = replace(settings, training=replace(settings.training, epochs=4))
+    with pytest.raises(Killed):
+        train("killed", settings, DiesAfter(16), cls)
+    assert not (tmp_path / "killed").exists()
+    assert 0 < read_checkpoint(checkpoint_under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
+    resumed, whole = (train(name, settings, cls=cls) for name in ("killed", "whole"))
+    assert_same(weights(resumed), weights(whole))
+    assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
+    for a, b in zip(
+        (resumed / "history.tsv").read_text().splitlines(),
+        (whole / "history.tsv").read_text().splitlines(),
+        strict=True,
+    ):
+        assert a.split("\t")[0] == b.split("\t")[0]
+
+
+def test_other_settings_begin_anew(train, tmp_path):
+    with pytest.raises(Killed):
+        train("model", SETTINGS, DiesAfter(7))
+    assert checkpoint_under_way(tmp_path / ".progress" / "model")
+    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=3))
+    assert_same(weights(train("model", settings)), weights(train("other", settings)))
+
+
+def test_another_conditioning_network_begins_anew(train, conditioning, tmp_path):
+    settings = replace(CONDITIONING, training=replace(CONDITIONING.training, seed=1))
+    train_condition(tmp_path / "other", ToyGarments(), settings)
+    with pytest.raises(Killed):
+        train("model", SETTINGS, DiesAfter(7))
+    before = checkpoint_under_way(tmp_path / ".progress" / "model")
+    resumed = train("model", given=tmp_path / "other")
+    assert_same(weights(resumed), weights(train("anew", given=tmp_path / "other")))
+    assert not before.parent.exists()
+
+
+class SpoiltLater(ToyGarments):
+    """Garments whose offsets are fine when first looked at and not when trained on."""
+
+    spoilt = 5
+
+    def __init__(self):
+        super().__init__()
+        self.looks = 0
+
+    def batch(self, rows):
+        batch = super().batch(rows)
+        self.looks += 1
+        if self.looks > 1:
+            batch["offsets"][np.asarray(rows) == self.spoilt] = np.nan
+        return batch
+
+
+def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tmp_path):
+    name = SpoiltLater().names([SpoiltLater.spoilt])[0]
+    with pytest.raises(InputError, match=rf"epoch 0, step \d: the loss is nan.*{name}.*finite"):
+        train("model", SETTINGS, SpoiltLater())
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize("model", ["paper", "ours"])
+def test_garments_that_are_not_finite_are_named_before_training(train, model):
+    cls, settings = CLASS_AND_SETTINGS[model]
+    garments = ToyGarments()
+    garments.offsets[5, 3] = np.inf
+    with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
+        train("model", settings, garments, cls)

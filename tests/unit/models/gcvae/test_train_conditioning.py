@@ -1,0 +1,84 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
+from drapeline.models.gcvae.train_conditioning import ConditioningSettings, load_conditioning
+from drapeline.models.training.checkpoints import read_checkpoint
+from gcvae_toys import ToyGarments
+from gcvae_trainings import Killed, assert_same, checkpoint_under_way, train_condition, weights
+
+
+def test_settings_that_are_not_named_have_their_defaults():
+    settings = ConditioningSettings.of({"condition": 7, "training": {"seed": 3}})
+    assert (settings.condition, settings.training.seed) == (7, 3)
+    assert settings.training == replace(ConditioningSettings().training, seed=3)
+
+
+def test_the_statistics_are_those_of_the_training_rows(conditioning):
+    garments, state = ToyGarments(), weights(conditioning)
+    cvar = garments.cvar(garments.rows("train"))
+    mean, std = (state[f"autoencoder.{name}"].numpy() for name in ("mean", "std"))
+    np.testing.assert_allclose(mean, cvar.mean(axis=0), atol=1e-6)
+    np.testing.assert_allclose(std, cvar.std(axis=0), atol=1e-6)
+
+
+def autoencoder(condition, seed=0):
+    mean, rng = torch.zeros(13), torch.Generator().manual_seed(seed)
+    return ConditioningAutoencoder(13, 2 * condition, condition, mean=mean, std=mean + 1, rng=rng)
+
+
+def test_trained_weights_are_copied_into_an_autoencoder_of_the_same_size(conditioning):
+    path = conditioning / "best.ckpt"
+    into = autoencoder(4)
+    load_conditioning(read_checkpoint(path), into, path)
+    for key, value in into.state_dict().items():
+        torch.testing.assert_close(value, weights(conditioning, "best.ckpt")[f"autoencoder.{key}"])
+    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
+        load_conditioning(read_checkpoint(path), autoencoder(6), path)
+
+
+class DyingConditions(ToyGarments):
+    """Conditions whose reading stops the job after some batches."""
+
+    left = 11
+
+    def cvar(self, rows):
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+        return super().cvar(rows)
+
+
+def test_a_killed_conditioning_goes_on_to_the_same_weights(conditioning, tmp_path):
+    with pytest.raises(Killed):
+        train_condition(tmp_path / "killed", DyingConditions())
+    assert checkpoint_under_way(tmp_path / "killed_progress")
+    resumed = train_condition(tmp_path / "killed", ToyGarments())
+    assert_same(weights(resumed), weights(conditioning))
+
+
+class SpoiltConditions(ToyGarments):
+    """Conditions that are fine when first looked at and not when trained on."""
+
+    looks = 0
+
+    def cvar(self, rows):
+        self.looks += 1
+        cvar = super().cvar(rows)
+        if self.looks > 1:
+            cvar[np.asarray(rows) == 5, 3] = np.inf
+        return cvar
+
+
+def test_conditions_that_are_not_finite_stop_with_their_samples(tmp_path):
+    garments = ToyGarments()
+    garments.shape[5, 3] = np.nan
+    with pytest.raises(InputError, match="^samples toy005: conditions hold NaN"):
+        train_condition(tmp_path / "out", garments)
+    with pytest.raises(InputError, match=r"epoch 0, step \d: the loss is .*toy005.*finite"):
+        train_condition(tmp_path / "out", SpoiltConditions())
+    assert not (tmp_path / "out").exists()
