@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.metrics.table import read_metrics
-from drapeline.report.models.garment4d_curves import (
+from drapeline.report.models.garment4d.curves import (
     plot_ablation,
     plot_accuracy_curve,
     plot_missing_curve,

@@ -7,7 +7,7 @@ from drapeline.frames import GENDERS
 from drapeline.models.gcvae.body_template import wearer_mesh
 from drapeline.models.gcvae.sampling.files import load_samples
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae_figures import plot_samples, walk_view
+from drapeline.report.models.gcvae.views import plot_samples, walk_view
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.frames import FPS
 from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.garment4d_figures import animate_steps, plot_steps, spread
+from drapeline.report.models.garment4d.steps import animate_steps, plot_steps, spread_frames
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -15,6 +15,6 @@ _STEPS = 3
 
 with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     shown = load_reconstruction(snakemake.input[0])
-    plot_steps(snakemake.output.steps, [(shown, spread(len(shown.final), _STEPS))])
+    plot_steps(snakemake.output.steps, [(shown, spread_frames(len(shown.final), _STEPS))])
     frames_apart = int(shown.number[1] - shown.number[0]) if len(shown.number) > 1 else 1
     animate_steps(snakemake.output.moving, shown, frame_ms=round(1000 * frames_apart / FPS))

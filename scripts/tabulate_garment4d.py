@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.registration.error_table import FILE_NAME
-from drapeline.report.models.garment4d_tables import write_beside_paper, write_garment4d_page
+from drapeline.report.models.garment4d.tables import write_beside_paper, write_garment4d_page
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -16,9 +16,6 @@ with rule_log(snakemake.log[0]):
         snakemake.output.page,
         given.metrics,
         [Path(fits) / FILE_NAME for fits in given.fits],
-        body_relative_points=snakemake.params.body_relative_points,
-        balanced=snakemake.params.balanced > 0,
-        pulled=snakemake.params.pulled > 0,
-        smoothed=snakemake.params.smoothed > 0,
+        snakemake.params.departures,
     )
     write_beside_paper(snakemake.output.table, given.metrics)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.models.gcvae_tables import write_beside_paper, write_gcvae_page
+from drapeline.report.models.gcvae.tables import write_beside_paper, write_gcvae_page
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

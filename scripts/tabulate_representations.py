@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.models.representation_table import write_representations
+from drapeline.report.models.representations import write_representations
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -31,5 +31,5 @@ def snakemake(project: Path, *arguments: str) -> subprocess.CompletedProcess[str
         cwd=project,
         capture_output=True,
         text=True,
-        timeout=1200,
+        timeout=3600,
     )

@@ -21,7 +21,7 @@ COVERED_BY = {
     "errors": "unit/test_rule_log.py",
     "learning_data/dynamic": "rules/test_evaluate_dynamic.py",
     "learning_data/moving": "unit/metrics/test_dynamic.py",
-    "metrics/predictions": "unit/report/models/test_gcvae_figures.py",
+    "metrics/predictions": "unit/report/models/gcvae/test_views.py",
     "models/gcvae/dynamic_garments": "rules/test_evaluate_dynamic.py",
     "models/gcvae/dynamic_template": "rules/test_train_dvae.py",
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",
@@ -32,12 +32,8 @@ COVERED_BY = {
     "models/gcvae/train_conditioning": "unit/models/gcvae/test_vae.py",
     "models/training/module": "unit/models/training/test_lightning.py",
     "registration/to_body/samples": "rules/test_register_sample.py",
-    "rendering/camera": "unit/rendering/test_modalities.py",
-    "rendering/contact_sheet": "unit/report/dataset/test_gallery.py",
-    "report/dataset/records": "unit/report/dataset/test_statistics.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
-    "report/registration/registration_table": "rules/test_make_static_outfits.py",
-    "report/style": "workflow/test_extending.py",
+    "report/registration/registration_sheet": "rules/test_make_static_outfits.py",
     "simulation/solver": "unit/simulation/test_simulate.py",
 }
 
@@ -45,7 +41,6 @@ COVERED_BY = {
 UNTESTED = (
     "models/gcvae/posed_points",
     "models/gcvae/refiner",
-    "report/registration/registration_sheet",
 )
 
 

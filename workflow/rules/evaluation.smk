@@ -32,7 +32,7 @@ rule tabulate_representations:
         report(
             f"{RESULTS}/report/representations.html",
             caption="../report/representations.rst",
-            category="Garment4D",
+            category="Models",
             labels={"shows": "the same garments through all codes"},
         ),
     log:

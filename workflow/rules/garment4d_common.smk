@@ -154,6 +154,18 @@ def evaluation_settings(wildcards):
     return settings
 
 
+def departures():
+    """Settings by which the experiment's models depart from the paper's."""
+    canonical, posed = config["garment4d"]["canonical"], config["garment4d"]["posed"]
+    settings = {
+        "body_relative_points": canonical["network"]["body_relative_points"],
+        "balance": canonical["loss"]["balance"],
+        "pull_neighbours": posed["network"]["pull_neighbours"],
+        "smooth_passes": posed["network"]["smooth_passes"],
+    }
+    return [name for name, value in settings.items() if value]
+
+
 def own_scans(wildcards):
     """The scans to reconstruct a garment from, and the body in them."""
     missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]

@@ -32,12 +32,7 @@ rule tabulate_garment4d:
         mem_mb=500,
         runtime=10,
     params:
-        body_relative_points=lookup(
-            dpath="garment4d/canonical/network/body_relative_points", within=config
-        ),
-        balanced=lookup(dpath="garment4d/canonical/loss/balance", within=config),
-        pulled=lookup(dpath="garment4d/posed/network/pull_neighbours", within=config),
-        smoothed=lookup(dpath="garment4d/posed/network/smooth_passes", within=config),
+        departures=departures(),
         code=source_hash("tabulate_garment4d"),
     script:
         "../../scripts/tabulate_garment4d.py"

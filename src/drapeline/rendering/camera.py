@@ -1,8 +1,10 @@
 """Pinhole cameras in the OpenCV convention: x right, y down, z into the picture."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True)
@@ -70,3 +72,29 @@ def look_at(
     extrinsics[:3, 3] = -axes @ position
     intrinsics = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1.0]])
     return Camera(intrinsics, extrinsics, width, height)
+
+
+def facing_direction(root_rotation: np.ndarray) -> tuple[float, float]:
+    """Horizontal direction (x, y) that a body faces; for one that lies or bends over, its side.
+
+    Args:
+        root_rotation: (3,) axis-angle of the root joint, rad.
+    """
+    turn = Rotation.from_rotvec(np.array(root_rotation))
+    front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    if np.hypot(*front[:2]) < 0.5:
+        front = np.array([-upwards[1], upwards[0], 0.0])
+    return float(front[0]), float(front[1])
+
+
+def view_direction(front: Sequence[float], *, turn_deg: float, rise: float) -> np.ndarray:
+    """(3,) unit vector from a subject to a camera that stands before it.
+
+    Args:
+        front: (x, y) direction that the subject faces.
+        turn_deg: how far to the side the camera stands, counterclockwise seen from above.
+        rise: height of the camera over the subject, per unit of horizontal distance.
+    """
+    angle = np.arctan2(front[1], front[0]) + np.radians(turn_deg)
+    direction = np.array([np.cos(angle), np.sin(angle), rise])
+    return direction / np.linalg.norm(direction)

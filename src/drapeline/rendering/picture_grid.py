@@ -1,5 +1,6 @@
-"""Sheets of pictures in rows, and colours for errors."""
+"""Pictures in rows with titles and captions, colours for errors, and cards without a picture."""
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from drapeline.storage import atomic_file
 _HEAT = matplotlib.colormaps["viridis"]
 _HEAT_LEVELS = 40
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
+_CARD = (237, 238, 240)
 
 
 def heat_colour(share: np.ndarray | float) -> np.ndarray:
@@ -26,7 +28,7 @@ def heat_parts(
 ) -> list[ColouredMesh]:
     """A garment (V, 3) coloured by the errors (F,) of its faces, 0 to `span_mm`.
 
-    It comes in bands of faces with similar errors, for the studio paints a mesh in one colour.
+    They are bands of faces with similar errors, because a `ColouredMesh` has one colour.
     """
     share = np.clip(error_mm / span_mm, 0, 1)
     level = np.minimum((share * _HEAT_LEVELS).astype(int), _HEAT_LEVELS - 1)
@@ -36,16 +38,16 @@ def heat_parts(
     ]
 
 
-class Cell(NamedTuple):
-    """A picture (H, W, 3) of a sheet with its caption, which may be empty."""
+class GridCell(NamedTuple):
+    """A picture (H, W, 3) uint8 with its caption, which may be empty."""
 
     picture: np.ndarray
     caption: str = ""
 
 
-def save_sheet(
+def save_grid(
     path: str | Path,
-    rows: Sequence[Sequence[Cell | None]],
+    rows: Sequence[Sequence[GridCell | None]],
     *,
     columns: Sequence[str] = (),
     labels: Sequence[str] = (),
@@ -53,16 +55,16 @@ def save_sheet(
     letter: int = 15,
     gap: int = 6,
 ) -> None:
-    """Write a PNG of pictures in rows, titles above, labels to the left, captions in their feet.
+    """Write a PNG of pictures in rows: titles above, labels to the left, captions at the bottom.
 
     Args:
         path: the PNG.
-        rows: of cells with pictures of one size; None leaves a place empty.
-        columns: titles; a newline breaks the line.
-        labels: of the rows; a newline breaks the line.
-        heat_mm: span of the colour bar of `heat_parts` below; without one if None.
-        letter: height of the letters in pixels.
-        gap: between pictures.
+        rows: cells whose pictures are of one size; None leaves a place empty.
+        columns: titles, which may have several lines.
+        labels: of the rows, which may have several lines.
+        heat_mm: span of the colour bar of `heat_parts` at the bottom; None for no bar.
+        letter: height of the letters, in pixels.
+        gap: between pictures, in pixels.
     """
     font, small = ImageFont.load_default(letter), ImageFont.load_default(letter - 2)
     height, width = next(c.picture for row in rows for c in row if c is not None).shape[:2]
@@ -95,6 +97,78 @@ def save_sheet(
         sheet.save(scratch, format="PNG", optimize=True)
 
 
+def save_contact_sheet(
+    path: str | Path,
+    pictures: Sequence[tuple[np.ndarray, str]],
+    columns: int,
+    *,
+    gap: int = 8,
+    letter: int = 14,
+) -> None:
+    """Write a PNG of pictures that fill rows one after the other, each above its caption.
+
+    Args:
+        path: the PNG.
+        pictures: (H, W, 3) uint8, of any sizes, and their captions.
+        columns: pictures in a row.
+        gap: between pictures, in pixels.
+        letter: height of the captions, in pixels.
+    """
+    width = max(p.shape[1] for p, _ in pictures)
+    height = max(p.shape[0] for p, _ in pictures)
+    rows = -(-len(pictures) // columns)
+    below = round(1.7 * letter)
+    sheet = Image.new(
+        "RGB",
+        (columns * (width + gap) + gap, rows * (height + below + gap) + gap),
+        _PAPER,
+    )
+    draw = ImageDraw.Draw(sheet)
+    font = ImageFont.load_default(letter)
+    for index, (picture, caption) in enumerate(pictures):
+        row, column = divmod(index, columns)
+        x, y = gap + column * (width + gap), gap + row * (height + below + gap)
+        sheet.paste(Image.fromarray(picture), (x, y))
+        draw.text((x + 2, y + height + 0.2 * letter), caption, _INK, font=font)
+    with atomic_file(path) as scratch:
+        sheet.save(scratch, format="PNG", optimize=True)
+
+
+def join_pictures(pictures: Sequence[np.ndarray], titles: Sequence[str]) -> np.ndarray:
+    """Pictures (H, W, 3) side by side under their titles."""
+    font, top = ImageFont.load_default(14), 24
+    row = np.concatenate(pictures, axis=1)
+    image = Image.new("RGB", (row.shape[1], row.shape[0] + top), _PAPER)
+    image.paste(Image.fromarray(row), (0, top))
+    draw = ImageDraw.Draw(image)
+    for index, title in enumerate(titles):
+        draw.text((index * pictures[0].shape[1] + 5, 4), title, _INK, font=font)
+    return np.asarray(image)
+
+
+def text_card(title: str, text: str, size: tuple[int, int]) -> np.ndarray:
+    """A plain picture with a title and a text, to stand for one that could not be taken.
+
+    Args:
+        title: one line.
+        text: wrapped to the picture's width; what does not fit is cut off.
+        size: width and height in pixels.
+
+    Returns:
+        (height, width, 3) uint8.
+    """
+    width, height = size
+    image = Image.new("RGB", size, _CARD)
+    draw = ImageDraw.Draw(image)
+    margin, letter = width // 12, max(11, width // 26)
+    small = ImageFont.load_default(letter)
+    columns = int((width - 2 * margin) / (0.52 * letter))
+    draw.text((margin, height * 0.36), title, _INK, font=ImageFont.load_default(letter * 1.6))
+    lines = "\n".join(textwrap.wrap(text, columns)[:10])
+    draw.text((margin, height * 0.36 + 2.6 * letter), lines, _QUIET, font=small)
+    return np.asarray(image)
+
+
 def _draw_heat_bar(
     sheet: Image.Image,
     draw: ImageDraw.ImageDraw,
@@ -103,7 +177,7 @@ def _draw_heat_bar(
     font: ImageFont.ImageFont,
     span_mm: float,
 ) -> None:
-    """Draw what the colours of `heat_parts` mean, up to `span_mm`, on a sheet."""
+    """Draw the scale of `heat_parts`, from 0 to `span_mm`."""
     width, thick = min(420, sheet.width - left - 70), 16
     colours = heat_colour(np.linspace(0, 1, width))
     bar = np.repeat(np.round(255 * colours).astype(np.uint8)[None], thick, axis=0)

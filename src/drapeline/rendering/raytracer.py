@@ -1,7 +1,7 @@
-"""Pictures of meshes as in a photographer's studio: soft light, soft shadows, white floor.
+"""A small ray tracer in Warp, with the light of a photographer's studio and a white floor.
 
-A small ray tracer in Warp. A still takes about a second on one core, so that every sample of a
-dataset can have a picture and an animation.
+A still takes about a second on one core, so every sample of a dataset can have a picture and an
+animation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ from drapeline.rendering.camera import Camera
 
 @dataclass(frozen=True)
 class ColouredMesh:
-    """A mesh with a look.
+    """A mesh in one colour.
 
     Attributes:
         vertices: (V, 3) world, metres.
@@ -58,8 +58,8 @@ def _sky(direction: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def _around(axis: wp.vec3, cosine: float, turn: float) -> wp.vec3:
-    """The direction at an angle to the axis."""
+def _tilt(axis: wp.vec3, cosine: float, turn: float) -> wp.vec3:
+    """A direction at an angle to the axis, given by its cosine, turned about it by `turn` rad."""
     side = wp.vec3(1.0, 0.0, 0.0)
     if wp.abs(axis[0]) > 0.7:
         side = wp.vec3(0.0, 1.0, 0.0)
@@ -70,7 +70,7 @@ def _around(axis: wp.vec3, cosine: float, turn: float) -> wp.vec3:
 
 
 @wp.func
-def _lit(
+def _incoming_light(
     mesh: wp.uint64,
     colours: wp.array(dtype=wp.vec3),
     place: wp.vec3,
@@ -87,12 +87,12 @@ def _lit(
     """
     start = place + 2.0e-3 * flat
     # The lamp is a disc seen 12 degrees wide: its rim gives the shadows their soft edge.
-    to_lamp = _around(light, 1.0 - 0.0055 * u, 6.2831853 * v)
+    to_lamp = _tilt(light, 1.0 - 0.0055 * u, 6.2831853 * v)
     lamp = wp.max(0.0, wp.dot(normal, to_lamp))
     if lamp > 0.0:  # noqa: SIM102  (Warp would cast the ray for any lamp)
         if wp.mesh_query_ray_anyhit(mesh, rounded + 2.0e-3 * normal, to_lamp, 10.0):
             lamp = 0.0
-    up = _around(normal, wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
+    up = _tilt(normal, wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
     fill = _sky(up)
     if wp.dot(flat, up) > 0.0:
         near = wp.mesh_query_ray(mesh, start, up, 3.0)
@@ -113,15 +113,15 @@ def _above(place: wp.vec3, corner: wp.vec3, normal: wp.vec3) -> wp.vec3:
 
 @wp.func
 def _floor_shade(mesh: wp.uint64, view: _View, place: wp.vec3, u: float, v: float) -> float:
-    """How much darker one ray finds the floor: shadow of the lamp, and nearness of things."""
+    """How much darker the floor is along one ray: by the lamp's shadow, and by things nearby."""
     away = wp.length(wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0))
     if away > view.floor_radius:
         return 0.0
     shade = 0.0
-    to_lamp = _around(view.light, 1.0 - 0.0055 * u, 6.2831853 * v)
+    to_lamp = _tilt(view.light, 1.0 - 0.0055 * u, 6.2831853 * v)
     if wp.mesh_query_ray_anyhit(mesh, place, to_lamp, 10.0):
         shade += 0.38
-    up = _around(wp.vec3(0.0, 0.0, 1.0), wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
+    up = _tilt(wp.vec3(0.0, 0.0, 1.0), wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
     near = wp.mesh_query_ray(mesh, place, up, 0.6)
     if near.result:
         shade += 0.3 * (1.0 - near.t / 0.6)
@@ -183,7 +183,7 @@ def _expose(
                 + hit.v * _above(place, points[b], side * normals[b])
                 + w * _above(place, points[c], side * normals[c])
             )
-            light = _lit(mesh, colours, place, rounded, normal, flat, view.light, u, v)
+            light = _incoming_light(mesh, colours, place, rounded, normal, flat, view.light, u, v)
             half = wp.normalize(view.light - ray)
             shine = gloss[hit.face] * wp.pow(wp.max(0.0, wp.dot(normal, half)), 24.0)
             if light[3] <= 0.0:
@@ -211,7 +211,7 @@ _RAY_SHARE: ContextVar[float] = ContextVar("ray share", default=1.0)
 
 @contextmanager
 def ray_share(share: float) -> Iterator[None]:
-    """Take pictures with this many times the usual rays: below 1 they are faster and grainier."""
+    """Multiply the rays per pixel of all pictures: below 1 they are faster and grainier."""
     token = _RAY_SHARE.set(share)
     try:
         yield
@@ -227,13 +227,11 @@ def raytrace(
     samples: int = 16,
     backdrop: float = 0.93,
 ) -> np.ndarray:
-    """Picture of meshes that stand on the floor z = 0.
-
-    The same input gives the same picture.
+    """Render meshes that stand on the floor z = 0; equal inputs give equal pictures.
 
     Args:
-        parts: meshes and their looks.
-        camera: where it is taken from.
+        parts: the meshes.
+        camera: takes the picture.
         floor_centre: (x, y) where shadows are darkest; they fade out 2.2 m away from it.
         samples: rays per pixel, before `ray_share`.
         backdrop: sRGB grey of background and unshaded floor.
@@ -249,7 +247,7 @@ def raytrace(
     )
     counts = [len(t) for t in triangles]
     corners = np.concatenate([t + s for t, s in zip(triangles, starts[:-1], strict=True)])
-    linear = _linear(np.array([p.colour for p in parts], dtype=np.float64))
+    linear = _to_linear(np.array([p.colour for p in parts], dtype=np.float64))
     device = "cpu"
     mesh = warp_mesh(vertices, corners)
     image = wp.zeros(camera.width * camera.height, dtype=wp.vec3, device=device)
@@ -268,12 +266,12 @@ def raytrace(
                 device=device,
             ),
             _view(camera, floor_centre, max(1, round(_RAY_SHARE.get() * samples))),
-            wp.vec3(*[float(_linear(np.array(backdrop)))] * 3),
+            wp.vec3(*[float(_to_linear(np.array(backdrop)))] * 3),
         ],
         outputs=[image],
         device=device,
     )
-    return _encoded(image.numpy().reshape(camera.height, camera.width, 3))
+    return _to_srgb(image.numpy().reshape(camera.height, camera.width, 3))
 
 
 def _view(camera: Camera, floor_centre: Sequence[float], samples: int) -> _View:
@@ -295,11 +293,11 @@ def _view(camera: Camera, floor_centre: Sequence[float], samples: int) -> _View:
     return view
 
 
-def _linear(colour: np.ndarray) -> np.ndarray:
+def _to_linear(colour: np.ndarray) -> np.ndarray:
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
 
 
-def _encoded(light: np.ndarray) -> np.ndarray:
+def _to_srgb(light: np.ndarray) -> np.ndarray:
     light = np.clip(light, 0.0, 1.0)
     curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.round(255 * curve).astype(np.uint8)

@@ -30,19 +30,19 @@ class Cell(str):
     __slots__ = ("classes",)
 
     def __new__(cls, text: object, *classes: str) -> "Cell":
-        """Text that remembers its classes."""
+        """Make a text that knows its classes."""
         cell = super().__new__(cls, text)
         cell.classes = classes
         return cell
 
 
 def html_table(rows: Sequence[Mapping[str, object]]) -> str:
-    """Rows as an HTML table; the columns are those of all rows, in first order.
+    """Rows as an HTML table, with the columns of all rows in order of appearance.
 
-    A heading takes the classes `number` and `theirs` that its column's first cell has.
+    A heading has those of the classes `number` and `theirs` that its column's first cell has.
     """
     if not rows:
-        return "<p>There are none.</p>"
+        return "<p>None.</p>"
     columns = list(dict.fromkeys(column for row in rows for column in row))
     first = {c: next(row[c] for row in rows if c in row) for c in columns}
     head = "".join(
@@ -70,7 +70,7 @@ def _classes(cell: object, heading: bool = False) -> str:
 
 
 def write_page(path: str | Path, title: str, *parts: str) -> None:
-    """Write a page of ready-made HTML parts under a heading."""
+    """Write a page: a title and parts in HTML."""
     text = (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -1,4 +1,4 @@
-"""One look for all figures and pages: colours, letters, and how they are saved."""
+"""One look for all figures: colours, fonts and how they are saved."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -6,17 +6,21 @@ from pathlib import Path
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import atomic_file
 
-# Okabe and Ito's palette: told apart by colour-blind readers.
+# Okabe and Ito's palette, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
 VERMILION, SKY = "#D55E00", "#56B4E9"
 INK, QUIET, FAINT = "#222222", "#6b6f76", "#e3e5e8"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
 GENDER_COLOURS = {"female": PURPLE, "male": BLUE}
+GARMENT_COLOURS = dict(zip(GARMENTS, SERIES, strict=True))
 FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
+SKIN = (0.83, 0.69, 0.6)  # sRGB of bodies in renderings
 
 _SETTINGS = {
     "font.family": "sans-serif",
@@ -41,23 +45,30 @@ _SETTINGS = {
     "grid.linewidth": 0.8,
     "legend.frameon": False,
     "figure.facecolor": "white",
-    # Text stays text: it can be searched and selected, and is drawn by the browser.
+    # Text stays text, which can be searched and selected.
     "svg.fonttype": "none",
     "svg.hashsalt": "drapeline",
 }
+
+
+def garment_colour(garment: str) -> tuple[float, float, float]:
+    """sRGB of a garment type in 0-1, the same in every figure."""
+    return to_rgb(GARMENT_COLOURS[garment])
 
 
 @contextmanager
 def saved_figure(
     path: str | Path, width_in: float = 7.0, height_in: float = 3.6, columns: int = 1
 ) -> Iterator[tuple[Figure, Sequence[Axes]]]:
-    """Yield a figure and its axes; write it when the block ends. Equal figures are equal files.
+    """Yield a figure and its axes, and write it when the block ends.
+
+    Equal figures give equal files.
 
     Args:
         path: `.svg` or `.png`.
         width_in: width in inches (100 pixels each in a browser).
         height_in: height in inches.
-        columns: axes beside one another.
+        columns: axes side by side.
     """
     with matplotlib.rc_context(_SETTINGS):
         # Figure() and not pyplot: nothing global, no window system.
@@ -69,14 +80,14 @@ def saved_figure(
             figure.savefig(scratch, dpi=160, metadata=metadata)
 
 
-def say_nothing_to_show(axes: Axes, text: str) -> None:
-    """A sentence in place of an empty plot."""
+def show_message(axes: Axes, text: str) -> None:
+    """Write a sentence in place of an empty plot."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=QUIET, transform=axes.transAxes)
 
 
-def legend_above(axes: Axes) -> None:
-    """The legend in one line over the plot, out of the way of the data."""
+def place_legend_above(axes: Axes) -> None:
+    """Put the legend above the plot, clear of the data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(
@@ -92,7 +103,7 @@ def legend_above(axes: Axes) -> None:
 
 
 def label_bar(axes: Axes, end: float, place: float, text: str) -> None:
-    """A value beside the end of a horizontal bar."""
+    """Write a value beside the end of a horizontal bar."""
     axes.annotate(
         text, (end, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=9
     )

@@ -7,16 +7,16 @@ from typing import NamedTuple
 from drapeline.dataset.tables import read_table, write_table
 from drapeline.errors import InputError
 from drapeline.report.html import Cell, html_table, write_page
-from drapeline.report.style import BLUE, GREEN, ORANGE, label_bar, saved_figure, say_nothing_to_show
+from drapeline.report.style import BLUE, GREEN, ORANGE, label_bar, saved_figure, show_message
 
 
 class StepTime(NamedTuple):
-    """What all jobs of one rule took.
+    """Time and memory of all jobs of one rule.
 
     Attributes:
         rule: its name.
         seconds: wall-clock time of each job, in seconds.
-        cpu_s: processor time of all jobs together, in seconds; unmeasured jobs count nothing.
+        cpu_s: processor time of all jobs together, in seconds; unmeasured jobs count as 0.
         memory_mb: largest resident memory of a job, in megabytes, or None if unmeasured.
     """
 
@@ -27,17 +27,17 @@ class StepTime(NamedTuple):
 
     @property
     def total_s(self) -> float:
-        """All jobs one after the other."""
+        """Wall-clock time of all jobs, one after the other."""
         return sum(self.seconds)
 
 
 def step_times(folders: Iterable[str | Path]) -> list[StepTime]:
     """Read `{folder}/{rule}.tsv` and `{folder}/{rule}/*.tsv`; the longest step comes first.
 
-    Folders that are not there count as empty.
+    Missing folders count as empty.
 
     Raises:
-        InputError: a file lacks a column or holds what is not a number.
+        InputError: a file lacks a column, or a value is not a number.
     """
     rows: dict[str, list[tuple[float, float | None, float | None]]] = {}
     for folder in map(Path, folders):
@@ -69,7 +69,7 @@ def _number(path: Path, row: Mapping[str, str], key: str) -> float | None:
 
 
 def time_rows(steps: Sequence[StepTime]) -> list[dict[str, object]]:
-    """A row per step and one of the sum."""
+    """A row for each step, and one for all."""
     rows: list[dict[str, object]] = [
         {
             "rule": step.rule,
@@ -119,8 +119,8 @@ def write_times(
     write_page(
         page,
         "Time and memory of each step",
-        "<p>Wall-clock time of the jobs, added up as if they had run one after the other; jobs run"
-        " side by side, so the whole took less. Processor time counts all cores of a job. Steps"
+        "<p>Wall-clock time of the jobs, added up as if they had run one after the other; they run"
+        " in parallel, so the whole run took less. Processor time counts all cores of a job. Steps"
         " kept from an earlier run are listed with the time they took then.</p>",
         html_table(shown),
     )
@@ -142,7 +142,7 @@ def _plot(path: str | Path, steps: Sequence[StepTime]) -> None:
     with saved_figure(path, width_in=10.0, height_in=height, columns=3) as (_, axes):
         if not steps:
             for each in axes:
-                say_nothing_to_show(each, "No benchmark yet")
+                show_message(each, "No benchmark yet")
             return
         places = range(len(steps))
         total, job, memory = axes

@@ -1,9 +1,18 @@
-"""Sheets of pictures and the colours of errors."""
+"""Pictures in rows, the colours of errors, and cards."""
 
 import numpy as np
+import pytest
 from PIL import Image
 
-from drapeline.rendering.picture_grid import Cell, heat_colour, heat_parts, save_sheet
+from drapeline.rendering.picture_grid import (
+    GridCell,
+    heat_colour,
+    heat_parts,
+    join_pictures,
+    save_contact_sheet,
+    save_grid,
+    text_card,
+)
 from gcvae_toys import tube, tube_faces
 
 SPAN_MM = 50.0
@@ -32,14 +41,14 @@ def test_heat_paints_every_face_once_from_dark_to_yellow():
 def test_sheet_holds_every_picture_titles_labels_and_the_bar(tmp_path):
     red, green = (np.full((40, 30, 3), c, np.uint8) for c in ((255, 0, 0), (0, 255, 0)))
     path = tmp_path / "sheet.png"
-    rows = [[Cell(red), Cell(green)], [Cell(red)]]
-    save_sheet(path, rows, columns=["a", "b"], labels=["one\ntwo", "x"])
+    rows = [[GridCell(red), GridCell(green)], [GridCell(red)]]
+    save_grid(path, rows, columns=["a", "b"], labels=["one\ntwo", "x"])
     sheet = np.asarray(Image.open(path))
     assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 1200
     assert (sheet == [0, 255, 0]).all(-1).sum() == 1200
     left = np.flatnonzero((sheet == [255, 0, 0]).all(-1).any(axis=0))[0]
     assert (sheet[:, :left] < 100).any()  # the labels
-    save_sheet(path, [[Cell(red)] * 5], heat_mm=SPAN_MM)
+    save_grid(path, [[GridCell(red)] * 5], heat_mm=SPAN_MM)
     heated = np.asarray(Image.open(path)).astype(int)
     for end in (0, 1):
         colour = np.round(255 * heat_colour(end))
@@ -49,11 +58,11 @@ def test_sheet_holds_every_picture_titles_labels_and_the_bar(tmp_path):
 def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
     red = np.full((40, 60, 3), (255, 0, 0), np.uint8)
     path = tmp_path / "sheet.png"
-    save_sheet(path, [[Cell(red), None], [None, Cell(red)]])
+    save_grid(path, [[GridCell(red), None], [None, GridCell(red)]])
     plain = np.asarray(Image.open(path))
     assert (plain == [255, 0, 0]).all(-1).sum() == 2 * 2400
-    rows = [[Cell(red, "x"), Cell(red)]]
-    save_sheet(path, rows, columns=["a\nb", "c"], labels=["one\ntwo"], heat_mm=SPAN_MM)
+    rows = [[GridCell(red, "x"), GridCell(red)]]
+    save_grid(path, rows, columns=["a\nb", "c"], labels=["one\ntwo"], heat_mm=SPAN_MM)
     sheet = np.asarray(Image.open(path)).astype(int)
     red_at = np.argwhere((sheet == [255, 0, 0]).all(-1))
     assert 2 * 2400 - 120 < len(red_at) < 2 * 2400  # one caption covers some of it
@@ -63,3 +72,29 @@ def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
     below = sheet[red_at.max(axis=0)[0] + 1 :]
     for colour in ((68, 1, 84), (253, 231, 37)):
         assert (np.abs(below - colour).max(-1) <= 2).sum() >= 16
+
+
+def test_contact_sheet_has_a_place_for_every_picture(tmp_path):
+    red, green = (np.full((20, 10, 3), colour, np.uint8) for colour in ((255, 0, 0), (0, 255, 0)))
+    save_contact_sheet(tmp_path / "sheet.png", [(red, "1"), (green, "2"), (red, "3")], 2, gap=4)
+    with Image.open(tmp_path / "sheet.png") as image:
+        sheet = np.asarray(image)
+    assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 200
+    assert (sheet == [0, 255, 0]).all(-1).sum() == 200
+
+
+@pytest.mark.parametrize("size", [(240, 320), (480, 640)])
+def test_long_texts_stay_on_their_card(size):
+    card = text_card("00001: rejected", "a long reason " * 100, size)
+    assert card.shape == (size[1], size[0], 3)
+    assert (card[-8:] == card[0, 0]).all()
+    assert (card[:, -8:] == card[0, 0]).all()
+
+
+def test_joined_pictures_stand_side_by_side_under_their_titles():
+    red, green = (np.full((20, 60, 3), colour, np.uint8) for colour in ((255, 0, 0), (0, 255, 0)))
+    joined = join_pictures([red, green], ["one", "two"])
+    assert joined.shape[1] == 120
+    np.testing.assert_array_equal(joined[-20:], np.concatenate([red, green], axis=1))
+    for half in (joined[:-20, :60], joined[:-20, 60:]):
+        assert (half < 100).any()

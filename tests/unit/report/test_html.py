@@ -15,7 +15,7 @@ def test_pages_need_no_network(tmp_path):
     write_page(tmp_path / "x.html", "Title", html_table([]))
     text = (tmp_path / "x.html").read_text()
     assert "http" not in text
-    assert "There are none." in text
+    assert "<p>None.</p>" in text
 
 
 def test_rows_may_lack_cells():

@@ -60,7 +60,7 @@ def test_no_benchmark_gives_an_empty_table_and_a_figure_that_says_so(tmp_path):
     paths["figure"] = tmp_path / "figure.svg"
     write_times(step_times([tmp_path / "none"]), **paths)
     assert "No benchmark yet" in paths["figure"].read_text()
-    assert "There are none." in paths["page"].read_text()
+    assert "<p>None.</p>" in paths["page"].read_text()
 
 
 @pytest.mark.parametrize(

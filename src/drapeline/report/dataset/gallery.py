@@ -1,4 +1,4 @@
-"""A still and a moving picture of a sample."""
+"""Render a still and a moving picture of a sample."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,24 +6,23 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import ScenePart, scene_parts
-from drapeline.rendering.animated_png import save_moving
-from drapeline.rendering.camera import Camera, look_at
-from drapeline.rendering.contact_sheet import text_card
+from drapeline.rendering.animated_png import save_animation
+from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
+from drapeline.rendering.picture_grid import text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
+from drapeline.report.style import SKIN
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_file, read_json
 
 _GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
-_SKIN = (0.83, 0.69, 0.6)
 _DISTANCE_M = 7.0
 _SEEN_HEIGHT_M = 2.3
 _TARGET_HEIGHT_M = 0.93
-_FILLED = 0.95  # of the picture, by movements that reach farther than the usual
+_FILLED = 0.95  # share of the picture that is filled by movements that reach farther than usual
 _TURN_DEG = 28.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.2
 
@@ -69,18 +68,7 @@ def render_gallery(
             _shot(sequence, parts, frame, cameras[frame], samples=6)
             for frame in progress(frames, label="gallery")
         ]
-        save_moving(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
-
-
-def _view_direction(root_rotation: np.ndarray) -> np.ndarray:
-    """(3,) from the subject to the camera: before the body's front, a little aside and above."""
-    turn = Rotation.from_rotvec(root_rotation)
-    front, upwards = turn.apply([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    if np.hypot(*front[:2]) < 0.5:  # bent over or lying: seen from its side
-        front = np.array([-upwards[1], upwards[0], 0.0])
-    angle = np.arctan2(front[1], front[0]) + np.radians(_TURN_DEG)
-    direction = np.array([np.cos(angle), np.sin(angle), _RISE])
-    return direction / np.linalg.norm(direction)
+        save_animation(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
 
 
 def _shot(
@@ -95,7 +83,7 @@ def _shot(
         ColouredMesh(
             part.read(frame, frame + 1)[0],
             part.mesh.faces,
-            _SKIN if part.name == BODY else part.colour,
+            SKIN if part.name == BODY else part.colour,
             _GLOSS.get(sequence.fabrics.get(part.name) or "", 0.0),
         )
         for part in parts
@@ -107,8 +95,9 @@ def _shot(
 def _cameras(
     sequence: Sample, parts: Sequence[ScenePart], frames: Sequence[int], size: tuple[int, int]
 ) -> dict[int, Camera]:
-    """Frame -> camera; all look the same way at one scale."""
-    direction = _view_direction(sequence.info.poses[frames[len(frames) // 2], :3])
+    """Frame -> camera; all look in one direction, at one scale."""
+    front = facing_direction(sequence.info.poses[frames[len(frames) // 2], :3])
+    direction = view_direction(front, turn_deg=_TURN_DEG, rise=_RISE)
     targets = sequence.root_positions()[list(frames)]
     targets[:, 2] = _TARGET_HEIGHT_M
     focal_px = size[1] * _DISTANCE_M / _SEEN_HEIGHT_M

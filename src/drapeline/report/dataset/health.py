@@ -1,4 +1,4 @@
-"""Figures and the table of how sound the simulated samples are."""
+"""Figures and a table of the simulated samples' health."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -17,31 +17,31 @@ from drapeline.report.style import (
     FAINT,
     GREEN,
     SKY,
-    legend_above,
+    place_legend_above,
     saved_figure,
-    say_nothing_to_show,
+    show_message,
 )
 
 ACCEPTED_SHARE_MIN = 0.9
-_NAMED_SAMPLES = 48  # more rows than this cannot be read, so samples are ranked instead
+_NAMED_SAMPLES = 48  # more rows would be illegible, so samples are ranked instead
 _ROW_IN = 0.24
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A quantity of a sample, and where it is found.
+    """A quantity of a sample, and its place in `meta.json`.
 
     Attributes:
-        title: what it is.
-        short: the same in a word, for a column's heading.
-        unit: of the shown numbers.
+        title: its name.
+        short: one word, for a column's heading.
+        unit: of the numbers shown.
         keys: (measure, statistic) of the low end, the middle and the high end in the `health` of
             a sample's `meta.json`; None where there is none.
-        factor: stored to shown.
+        factor: from the stored to the shown number.
         digits: decimals shown.
-        bounds: shown numbers that the goal keeps between; None where there is no such goal.
-        judged: which of low end (0), middle (1) and high end (2) tables show and goals bind.
-        about: what dot and line are.
+        bounds: goal for the shown number, from and to; None where there is no such bound.
+        judged: which of low end (0), middle (1) and high end (2) tables show and goals apply to.
+        about: meaning of dot and line.
     """
 
     title: str
@@ -118,24 +118,24 @@ MEASURES = {
         _over_frames("layer_share"), 100.0
     ),
     "slip": Measure(
-        "Way slipped along the body", "Slip", "mm",
+        "Slip along the body", "Slip", "mm",
         _over_frames("slip_m"), 1000.0, digits=1,
     ),
 }  # fmt: skip
 
 
 def plot_measure(path: str | Path, records: Sequence[SampleRecord], measure: Measure) -> None:
-    """One line and dot per sample, and the band that the goal allows."""
+    """Draw a line and dot for each sample, and the band that the goal allows."""
     values = np.array([measure.values(record) for record in records]).reshape(-1, 3)
     names = [record.meta["id"] for record in records]
     _plot_rows(path, names, values, measure)
 
 
 def plot_speed(path: str | Path, records: Sequence[SampleRecord]) -> None:
-    """Simulated frames per second of each sample, on one core.
+    """Draw the simulated frames per second of each sample, on one core.
 
     Raises:
-        InputError: a sample does not say how fast it was simulated.
+        InputError: a sample has no speed of simulation.
     """
     speeds = []
     for record in records:
@@ -164,14 +164,14 @@ def _plot_rows(
     measure: Measure,
     from_zero: bool = False,
 ) -> None:
-    """Horizontal low-middle-high rows, values (S, 3)."""
+    """Draw horizontal rows from low to high, with a dot in the middle; values (S, 3)."""
     measured = np.isfinite(values).any(axis=1)
     values, names = values[measured], [n for n, ok in zip(names, measured, strict=True) if ok]
     ranked = len(names) > _NAMED_SAMPLES
     height = 1.5 + _ROW_IN * (20 if ranked else max(len(names), 4))
     with saved_figure(path, height_in=height) as (_, (axes,)):
         if not names:
-            say_nothing_to_show(axes, f"{measure.title}: no accepted sample has it")
+            show_message(axes, f"{measure.title}: not measured in any accepted sample")
             return
         if ranked:
             values = values[np.argsort(np.nan_to_num(values[:, 1], nan=values[:, 2].max()))]
@@ -189,7 +189,7 @@ def _plot_rows(
         axes.set_xlabel(f"{measure.label}\n{measure.about}")
         axes.grid(True, axis="x")
         axes.tick_params(axis="y", length=0)
-        legend_above(axes)
+        place_legend_above(axes)
 
 
 def _draw_band(axes: Axes, measure: Measure) -> None:
@@ -209,7 +209,7 @@ def _draw_band(axes: Axes, measure: Measure) -> None:
 def write_health_page(
     path: str | Path, dataset: str | Path, records: Sequence[SampleRecord]
 ) -> None:
-    """Write the page with the goals, what was reached, and every sample with its reason.
+    """Write the page with the goals, the values reached, and every sample.
 
     Args:
         path: the HTML page.
@@ -224,10 +224,10 @@ def write_health_page(
     write_page(
         path,
         "Health of the samples",
-        "<p>Goals and what was reached: means over frames, garments and accepted samples; of"
-        " stretch the 1st and 99th percentile of the edges, of the gap the 5th and 50th of the"
-        " vertices. Then every sample, with the reason where it was left out. Values outside of"
-        " the goal are in red.</p>",
+        "<p>Goals and values reached: means over frames, garments and accepted samples; for"
+        " stretch, the 1st and 99th percentile of the edges, and for the gap, the 5th and 50th of"
+        " the vertices. Then every sample, with the reason if it was rejected. Values that miss the"
+        " goal are red.</p>",
         "<h2>Goals</h2>",
         html_table(_goal_rows(status, records)),
         "<h2>Samples</h2>",

@@ -1,6 +1,6 @@
 """Tables 1 and 2 of the CLOTH3D paper beside the same counts of our data.
 
-The paper's numbers are of other data: they are marked as its own and stand in their own column.
+The paper's numbers describe other data: they are marked and stand in a column of their own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -64,9 +64,9 @@ def write_paper_tables(path: str | Path, dataset: str | Path) -> None:
     write_page(
         path,
         "Tables 1 and 2 of CLOTH3D, for this dataset",
-        "<p>Columns on a shaded ground are numbers that the paper prints about its own dataset."
-        " They say how large and how varied the original is; they are not a score to reach, and"
-        " nothing here was computed from its data.</p>",
+        "<p>Shaded columns hold the numbers that the paper prints for its own dataset. They say how"
+        " large and varied the original is; they are not a target, and nothing here was computed"
+        " from its data.</p>",
         "<h2>Table 1: what the dataset holds</h2>",
         html_table(_table_1({row["measure"]: row for row in overview})),
         "<h2>More of this dataset, by split</h2>",

@@ -1,4 +1,4 @@
-"""Figures of what a dataset holds: garments, fabrics, actions, bodies, splits, sizes."""
+"""Figures of a dataset's content: garments, fabrics, actions, bodies, splits and sizes."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,9 @@ from drapeline.report.style import (
     QUIET,
     SERIES,
     label_bar,
-    legend_above,
+    place_legend_above,
     saved_figure,
-    say_nothing_to_show,
+    show_message,
 )
 
 _NOTHING = "No sample was accepted"
@@ -28,7 +28,7 @@ _ROW_IN = 0.34
 
 
 def plot_garments(path: str | Path, dataset: str | Path) -> None:
-    """Garments of each type, divided by fabric."""
+    """Draw the garments of each type, divided by fabric."""
     rows = read_table(Path(dataset) / "samples.tsv", ("garments", "fabrics"))
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for row in rows:
@@ -44,11 +44,11 @@ def plot_garments(path: str | Path, dataset: str | Path) -> None:
 
 
 def plot_actions(path: str | Path, dataset: str | Path) -> None:
-    """Share of the frames of each action label (CLOTH3D's table 2), the largest on top."""
+    """Draw the share of the frames of each action label (CLOTH3D's table 2), the largest on top."""
     rows = read_table(Path(dataset) / "statistics_actions.tsv", ("action", "percent", "frames"))
     with saved_figure(path, height_in=1.2 + _ROW_IN * max(len(rows), 2)) as (_, (axes,)):
         if not rows:
-            say_nothing_to_show(axes, _NOTHING)
+            show_message(axes, _NOTHING)
             return
         shares = [float(row["percent"]) for row in rows]
         axes.barh(range(len(rows)), shares, color=BLUE, height=0.68)
@@ -63,7 +63,7 @@ def plot_actions(path: str | Path, dataset: str | Path) -> None:
 
 
 def plot_splits(path: str | Path, dataset: str | Path) -> None:
-    """Sequences of each split, divided by gender."""
+    """Draw the sequences of each split, divided by gender."""
     rows = read_table(Path(dataset) / "samples.tsv", ("split", "gender"))
     counts: dict[str, Counter[str]] = {split: Counter() for split in SPLITS} if rows else {}
     for row in rows:
@@ -72,11 +72,11 @@ def plot_splits(path: str | Path, dataset: str | Path) -> None:
 
 
 def plot_bodies(path: str | Path, records: Sequence[SampleRecord]) -> None:
-    """Body shapes and the clothes' tightness, one dot per sample."""
+    """Draw body shapes and the tightness of clothes, with a dot for each sample."""
     with saved_figure(path, width_in=8.4, height_in=4.2, columns=2) as (_, axes):
         if not records:
             for each in axes:
-                say_nothing_to_show(each, _NOTHING)
+                show_message(each, _NOTHING)
             return
         panels = {
             "Body": ("shape", "Shape 1 (deviations)", "Shape 2 (deviations)"),
@@ -96,11 +96,11 @@ def plot_bodies(path: str | Path, records: Sequence[SampleRecord]) -> None:
             each.grid(True)
             each.locator_params(nbins=5)
             each.set_title(title, pad=22)
-        legend_above(axes[0])
+        place_legend_above(axes[0])
 
 
 def plot_vertices(path: str | Path, records: Sequence[SampleRecord]) -> None:
-    """Vertices of each garment, by type: a dot per garment and a line at the mean."""
+    """Draw the vertices of garments by type: a dot for each garment and a line at the mean."""
     sizes: dict[str, list[int]] = defaultdict(list)
     for record in records:
         for name, garment in record.meta["garments"].items():
@@ -108,7 +108,7 @@ def plot_vertices(path: str | Path, records: Sequence[SampleRecord]) -> None:
     names = sorted(sizes, key=lambda name: -np.mean(sizes[name]))
     with saved_figure(path, height_in=1.2 + _ROW_IN * max(len(names), 2)) as (_, (axes,)):
         if not names:
-            say_nothing_to_show(axes, _NOTHING)
+            show_message(axes, _NOTHING)
             return
         for place, name in enumerate(names):
             mean = np.mean(sizes[name])
@@ -137,7 +137,7 @@ def _stacked_bars(
     label: str,
     by_size: bool = True,
 ) -> None:
-    """Horizontal bars, one per key of `counts`, divided by the inner keys."""
+    """Draw a horizontal bar for each key of `counts`, divided by the inner keys."""
     names = list(counts)
     if by_size:
         names.sort(key=lambda name: (-sum(counts[name].values()), name))
@@ -146,7 +146,7 @@ def _stacked_bars(
     spare = iter(SERIES)
     with saved_figure(path, height_in=1.5 + _ROW_IN * max(len(names), 2)) as (_, (axes,)):
         if not names:
-            say_nothing_to_show(axes, _NOTHING)
+            show_message(axes, _NOTHING)
             return
         ends = np.zeros(len(names))
         for part in parts:
@@ -162,7 +162,7 @@ def _stacked_bars(
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel(label)
         _quiet_rows(axes)
-        legend_above(axes)
+        place_legend_above(axes)
 
 
 def _quiet_rows(axes: Axes) -> None:

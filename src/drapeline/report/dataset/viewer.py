@@ -1,4 +1,4 @@
-"""A sample as one HTML page that can be turned and played, without a network or a library."""
+"""A sample as one HTML page to turn and play, which needs neither a network nor libraries."""
 
 import base64
 import json
@@ -23,7 +23,7 @@ _LEVELS = 2**16 - 1
 
 
 def example_sample(dataset: str | Path) -> Path | None:
-    """Folder of the first accepted test sample, else training or validation; None without any."""
+    """Folder of the first accepted sample of the test split, else of another one, or None."""
     for split in ("test", *(name for name in SPLITS if name != "test")):
         for folder in sorted((Path(dataset) / split).glob("*")):
             if (folder / "info.mat").is_file():
@@ -32,11 +32,11 @@ def example_sample(dataset: str | Path) -> Path | None:
 
 
 def write_viewer(path: str | Path, folder: str | Path | None) -> int:
-    """Write the page of one sample; a sample that was not accepted gets a page that says why.
+    """Write the page of a sample, or of the reason why it was not accepted.
 
     Args:
         path: the HTML page.
-        folder: the sample's folder, or None if there is no sample to show.
+        folder: of the sample, or None if there is none to show.
 
     Returns:
         Size of the page in bytes.
@@ -66,10 +66,10 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
 
 
 def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dict[str, Any], bytes]:
-    """Meshes and chosen frames as a header and one compressed block.
+    """Encode meshes and chosen frames as a header and one compressed block.
 
     The block holds, part by part, the triangles as uint32 and the vertices as 16-bit steps from
-    `origin_m`, coded as `coded_frames` says.
+    `origin_m`, coded as `encode_frames` says.
 
     Args:
         parts: the meshes that move.
@@ -89,7 +89,7 @@ def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dic
     for part, points in zip(parts, moving, strict=True):
         triangles = np.ascontiguousarray(part.mesh.triangles, dtype="<u4")
         steps = np.rint((points - origin) / step).astype(np.uint16)
-        blocks += [triangles.tobytes(), coded_frames(steps)]
+        blocks += [triangles.tobytes(), encode_frames(steps)]
         about.append(
             {
                 "name": part.name,
@@ -107,8 +107,8 @@ def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dic
     return header, zlib.compress(b"".join(blocks), 9)
 
 
-def coded_frames(steps: np.ndarray) -> bytes:
-    """16-bit positions in a form that compresses well.
+def encode_frames(steps: np.ndarray) -> bytes:
+    """Encode 16-bit positions in a form that compresses well.
 
     Every value is replaced by its difference to the frame before, and that by its difference to
     the vertex before (both modulo 2^16, so nothing is lost); signs are moved to the lowest bit;
@@ -121,7 +121,7 @@ def coded_frames(steps: np.ndarray) -> bytes:
     change = np.diff(change, axis=1, prepend=np.zeros_like(change[:, :1])).view(np.int16)
     folded = ((change << 1) ^ (change >> 15)).view(np.uint16)
     planes = np.stack([folded & 0xFF, folded >> 8]).astype(np.uint8)
-    # Coordinates apart: x next to x is more alike than x next to y.
+    # One coordinate after the other, because they are more alike than neighbours in a vertex.
     return np.ascontiguousarray(planes.transpose(0, 1, 3, 2)).tobytes()
 
 

@@ -1,4 +1,4 @@
-"""Pictures of the body's two topologies and of its mesh hierarchy (CLOTH3D figures 5 and 6)."""
+"""Pictures of the body's two topologies and its mesh hierarchy (CLOTH3D, figures 5 and 6)."""
 
 import colorsys
 from collections.abc import Mapping
@@ -12,20 +12,21 @@ from drapeline.registration.to_body.hierarchy import Hierarchy
 from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at
-from drapeline.rendering.contact_sheet import contact_sheet
+from drapeline.rendering.picture_grid import save_contact_sheet
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
+from drapeline.report.style import SKIN
 
-_SKIN, _INNER, _NEW = (0.83, 0.69, 0.6), (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)
+_INNER, _NEW = (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)
 _SAMPLES = 8
 _DISTANCE_M = 6.0
 _DIRECTIONS = {
     "front": (0.0, -1.0, 0.06),
     "back": (0.0, 1.0, 0.12),
     "side": (0.75, -1.0, 0.1),
-    # Not quite straight down: the camera has to know which way is up.
+    # Not quite straight down, so that the camera knows which way is up.
     "above": (0.0, -0.02, 1.0),
 }
-# Colours of neighbouring fields: eight are enough for any of these meshes.
+# Colours of neighbouring fields; eight are enough for these meshes.
 _FIELDS = (
     *((0.35, 0.62, 0.83), (0.95, 0.73, 0.38), (0.45, 0.75, 0.6), (0.87, 0.55, 0.62)),
     *((0.68, 0.62, 0.85), (0.8, 0.82, 0.45), (0.6, 0.45, 0.4), (0.75, 0.77, 0.8)),
@@ -34,12 +35,12 @@ _STANDING = (0.12, 0.12, 0.14)
 
 
 def plot_topologies(path: str | Path, topology: Topology) -> None:
-    """Both topologies, the joined legs before and after smoothing, and cuts through the legs.
+    """Draw both topologies, the joined legs before and after smoothing, and cuts through the legs.
 
-    New faces are orange, vertices that smoothing moves are blue.
+    New faces are orange; faces with vertices that smoothing moves are blue.
     """
-    rest = _standing(topology.rest)
-    tube = _standing(skirt_body(topology, topology.rest))
+    rest = _stand(topology.rest)
+    tube = _stand(skirt_body(topology, topology.rest))
     moved = topology.inner_leg[topology.skirt_faces].any(axis=1)
     moved[-int(topology.joining) :] = False
     look = np.where(moved, 1, 0)
@@ -50,24 +51,24 @@ def plot_topologies(path: str | Path, topology: Topology) -> None:
         "legs joined": (rest, topology.skirt_faces, look),
         "inner legs smoothed": (tube, topology.skirt_faces, look),
     }
-    colours = (_SKIN, _INNER, _NEW)
+    colours = (SKIN, _INNER, _NEW)
     pictures = []
     for view in ("front", "side"):
         for name, (vertices, faces, colour) in meshes.items():
-            parts = _painted(vertices, faces, colour, colours)
+            parts = _split_by_colour(vertices, faces, colour, colours)
             pictures.append((_picture(parts, view, (400, 400), 1.55), f"{name}, {view}"))
     height = 0.35 * (rest[:, 2].max() - rest[:, 2].min())
     for name, (vertices, faces, colour) in meshes.items():
-        parts = _painted(*_below(vertices, faces, colour, height), colours)
+        parts = _split_by_colour(*_cut_below(vertices, faces, colour, height), colours)
         picture = _picture(parts, "above", (400, 400), 0.72, centre=(0.0, 0.0, height))
         pictures.append((picture, f"{name}, cut at {height:.2f} m, from above"))
-    contact_sheet(path, pictures, columns=3)
+    save_contact_sheet(path, pictures, columns=3)
 
 
 def plot_hierarchies(
     path: str | Path, topology: Topology, hierarchies: Mapping[str, Hierarchy]
 ) -> None:
-    """Receptive fields of each level and some of the coarse meshes, by topology and pooling.
+    """Draw the receptive fields of each level and some coarse meshes, by topology and pooling.
 
     Captions give the number of fields and the standard deviation of their areas over the mean.
 
@@ -75,8 +76,8 @@ def plot_hierarchies(
         hierarchies: pooling -> hierarchy.
     """
     shapes = {
-        "body": (_standing(topology.rest), topology.faces),
-        "skirt": (_standing(skirt_body(topology, topology.rest)), topology.skirt_faces),
+        "body": (_stand(topology.rest), topology.faces),
+        "skirt": (_stand(skirt_body(topology, topology.rest)), topology.skirt_faces),
     }
     pictures = []
     for name in TOPOLOGIES:
@@ -93,18 +94,18 @@ def plot_hierarchies(
                     mesh = _facets(vertices, faces, label, hierarchy.vertices[name][level])
                     caption = f"{name}, {pooling}: mesh of {count}"
                     pictures.append((_picture([mesh], "front", (300, 320), 1.5), caption))
-    contact_sheet(path, pictures, columns=7)
+    save_contact_sheet(path, pictures, columns=7)
 
 
-def _standing(vertices: np.ndarray) -> np.ndarray:
-    """The body with its ankles on the floor, facing the camera."""
+def _stand(vertices: np.ndarray) -> np.ndarray:
+    """Put the body with its ankles on the floor."""
     return (vertices - [0, 0, vertices[:, 2].min() - 0.01]).astype(np.float32)
 
 
-def _painted(
+def _split_by_colour(
     vertices: np.ndarray, faces: np.ndarray, look: np.ndarray, colours: tuple
 ) -> list[ColouredMesh]:
-    """One part for each colour; `look` (F,) says which one a face has."""
+    """Split a mesh into a part for each colour; `look` (F,) are the colours of its faces."""
     return [ColouredMesh(vertices, faces[look == k], colours[k]) for k in np.unique(look)]
 
 
@@ -120,16 +121,16 @@ def _picture(
 
 
 def _camera(view: str, size: tuple[int, int], seen_m: float, centre: np.ndarray) -> Camera:
-    """A camera that sees so many metres across its narrower side."""
+    """A camera that sees `seen_m` metres across its narrower side."""
     direction = np.array(_DIRECTIONS[view])
     place = centre + _DISTANCE_M * direction / np.linalg.norm(direction)
     return look_at(place, centre, focal_px=min(size) * _DISTANCE_M / seen_m, size=size)
 
 
-def _below(
+def _cut_below(
     vertices: np.ndarray, faces: np.ndarray, look: np.ndarray, height: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What of a mesh lies below a height, and its faces' looks."""
+    """The part of a mesh below a height, and the colours of its faces."""
     pieces = [
         slice_faces_plane(
             vertices, faces[look == k], np.array([0, 0, -1]), np.array([0, 0, height])
@@ -145,7 +146,7 @@ def _below(
 
 
 def _spread(label: np.ndarray, areas: np.ndarray) -> float:
-    """Standard deviation of the fields' areas over their mean: 0 where all are equal."""
+    """Standard deviation of the fields' areas divided by their mean: 0 if all are equal."""
     area = np.bincount(label, areas)
     return float(area.std() / area.mean())
 
@@ -153,21 +154,21 @@ def _spread(label: np.ndarray, areas: np.ndarray) -> float:
 def _fields(
     vertices: np.ndarray, faces: np.ndarray, label: np.ndarray, standing: np.ndarray
 ) -> list[ColouredMesh]:
-    """The surface in the colours of its fields, and dots where few vertices stand for them."""
+    """The surface in the colours of its fields, and dots on their vertices if these are few."""
     corners = label[faces]
     owner = np.where(corners[:, 1] == corners[:, 2], corners[:, 1], corners[:, 0])
     if len(standing) > 30:
-        parts = _painted(vertices, faces, _coloured(label, faces)[owner], _FIELDS)
+        parts = _split_by_colour(vertices, faces, _colour_fields(label, faces)[owner], _FIELDS)
     else:
-        # Few enough for a colour each: the same one in either topology.
-        parts = _painted(vertices, faces, owner, _distinct(len(standing)))
+        # Few enough for a colour each, the same in both topologies.
+        parts = _split_by_colour(vertices, faces, owner, _distinct_colours(len(standing)))
     if len(standing) <= 226:
         parts.append(_dots(vertices[standing], 0.006 + 0.08 / len(standing)))
     return parts
 
 
-def _coloured(label: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(n,) a colour for each field, another one than its neighbours' where that is possible."""
+def _colour_fields(label: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(n,) a colour for each field, different from its neighbours' where possible."""
     pairs = label[edges(faces)]
     near: list[set[int]] = [set() for _ in range(label.max() + 1)]
     for a, b in np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).tolist():
@@ -177,12 +178,12 @@ def _coloured(label: np.ndarray, faces: np.ndarray) -> np.ndarray:
     for field, others in enumerate(near):
         taken = set(colour[list(others)].tolist())
         free = [k for k in range(len(_FIELDS)) if k not in taken]
-        # Not always the first: a map of few colours would look like stripes.
+        # Always taking the first would use few colours, in stripes.
         colour[field] = free[field % len(free)] if free else field % len(_FIELDS)
     return colour
 
 
-def _distinct(count: int) -> tuple:
+def _distinct_colours(count: int) -> tuple:
     golden = 0.381966
     return tuple(
         colorsys.hsv_to_rgb(k * golden % 1, 0.32 + 0.13 * (k % 3), 0.95 - 0.2 * (k % 2))
@@ -191,7 +192,7 @@ def _distinct(count: int) -> tuple:
 
 
 def _dots(places: np.ndarray, radius: float) -> ColouredMesh:
-    """Octahedra."""
+    """Octahedra around places (n, 3)."""
     corners = radius * np.concatenate([np.eye(3), -np.eye(3)])
     turns = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]
     vertices = (places[:, None] + corners).reshape(-1, 3)
@@ -202,11 +203,11 @@ def _dots(places: np.ndarray, radius: float) -> ColouredMesh:
 def _facets(
     vertices: np.ndarray, faces: np.ndarray, label: np.ndarray, standing: np.ndarray
 ) -> ColouredMesh:
-    """The coarse mesh with flat faces: one for every face between three fields."""
+    """The coarse mesh with flat faces, one for every triple of fields that meet in a face."""
     corners = np.sort(label[faces], axis=1)
     between = (corners[:, 0] < corners[:, 1]) & (corners[:, 1] < corners[:, 2])
     _, first = np.unique(corners[between], axis=0, return_index=True)
     coarse = standing[label[faces[between][first]]]
     return ColouredMesh(
-        vertices[coarse].reshape(-1, 3), np.arange(3 * len(coarse)).reshape(-1, 3), _SKIN
+        vertices[coarse].reshape(-1, 3), np.arange(3 * len(coarse)).reshape(-1, 3), SKIN
     )

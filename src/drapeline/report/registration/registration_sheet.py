@@ -1,4 +1,4 @@
-"""Figures 5 and 7 of CLOTH3D: garments, how they are laid on the body, and what is rebuilt."""
+"""Figures 5 and 7 of CLOTH3D: garments, laid on the body, and rebuilt from offsets."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ from drapeline.registration.to_body.registrar import Registrar, Registration
 from drapeline.registration.to_body.round_trip import surface_distance
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rendering.camera import Camera, look_at
-from drapeline.rendering.picture_grid import Cell, heat_parts, save_sheet
+from drapeline.rendering.picture_grid import GridCell, heat_parts, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 
 _SIZE = (320, 340)
@@ -25,7 +25,7 @@ _SKIN, _CLOTH, _LAID, _REBUILT = (
     (0.84, 0.6, 0.3),
     (0.4, 0.62, 0.5),
 )
-_FLOAT_M = 0.004  # what lies on the body is shown this far above it
+_FLOAT_M = 0.004  # garments laid on the body are shown this far above it
 _SCALE_MM = 5.0
 
 
@@ -52,10 +52,12 @@ def plot_registration(
         rows.append(_row(garment, body, topology, done))
         labels.append(garment.name)
     columns = ("garment", "registered to the body", "rebuilt", "error of the garment")
-    save_sheet(path, rows, columns=columns, labels=labels, heat_mm=_SCALE_MM)
+    save_grid(path, rows, columns=columns, labels=labels, heat_mm=_SCALE_MM)
 
 
-def _row(garment: Garment, body: np.ndarray, topology: Topology, done: Registration) -> list[Cell]:
+def _row(
+    garment: Garment, body: np.ndarray, topology: Topology, done: Registration
+) -> list[GridCell]:
     faces, triangles = topology.faces_of(garment.name), triangulate(garment.faces)
     laid = done.laid + _FLOAT_M * vertex_normals(done.laid, triangles)
     vertices, kept = body + done.offsets, faces_within(faces, done.match.mask)
@@ -75,12 +77,12 @@ def _row(garment: Garment, body: np.ndarray, topology: Topology, done: Registrat
     camera = _camera(body)
     lift = -body[:, 2].min()
     return [
-        Cell(raytrace([_lifted(p, lift) for p in parts], camera, samples=12), caption)
+        GridCell(raytrace([_lift(p, lift) for p in parts], camera, samples=12), caption)
         for parts, caption in views
     ]
 
 
-def _lifted(part: ColouredMesh, height: float) -> ColouredMesh:
+def _lift(part: ColouredMesh, height: float) -> ColouredMesh:
     return ColouredMesh(part.vertices + [0, 0, height], part.faces, part.colour)
 
 

@@ -1,4 +1,4 @@
-"""Errors of garment -> offsets -> garment, summed up per garment type."""
+"""Errors of garment -> offsets -> garment, summarised by garment type."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ from drapeline.registration.error_table import COLUMNS, FILE_NAME
 from drapeline.report.html import Cell, html_table, write_page
 
 TARGET_MM = 3.0
-# What is shown of a metric over garments: its mean where nothing is said.
+# Metrics of which the sum, or the largest value, over garments is shown instead of the mean.
 _SUMMED = {"holes_before", "islands_before", "holes_after", "islands_after"}
 _LARGEST = {"garment_to_rebuilt_max_mm", "rebuilt_to_garment_max_mm"}
 _BOUNDED = {
@@ -23,11 +23,11 @@ _BOUNDED = {
 }
 
 
-def summarised(rows: Iterable[dict[str, str]], source: str) -> list[dict[str, str]]:
-    """One row per type and metric: mean, median and largest value over garments.
+def summarise_errors(rows: Iterable[dict[str, str]], source: str) -> list[dict[str, str]]:
+    """Summarise errors to a row per type and metric: mean, median, maximum and sum over garments.
 
     Args:
-        rows: long form as the registration rules write it.
+        rows: of an error table.
         source: "static" or "samples".
     """
     found: dict[tuple[str, str, str], list[float]] = defaultdict(list)
@@ -61,7 +61,7 @@ def write_registration_tables(
         table: the `.tsv`.
         page: the HTML page.
         static: `.tsv` of every shard.
-        samples: folder of every registered sample; rejected ones have no table.
+        samples: folder of every registered sample; those of rejected ones have no table.
 
     Raises:
         InputError: a table is missing or lacks a column.
@@ -71,15 +71,15 @@ def write_registration_tables(
         "static": [row for path in static for row in read_table(path, COLUMNS)],
         "samples": [row for path in tables for row in read_table(path, COLUMNS)],
     }
-    summary = {source: summarised(rows, source) for source, rows in parts.items()}
+    summary = {source: summarise_errors(rows, source) for source, rows in parts.items()}
     write_table(table, [row for rows in summary.values() for row in rows])
     write_page(
         page,
-        "Registration: what garments lose on the way to offsets and back",
-        "<p>Each garment is laid onto the body, stored as offsets of body vertices, and rebuilt"
-        f" from them. Mean surface errors are to stay below {TARGET_MM:g} mm in both directions,"
-        " with no hole and no island once the mask is cleaned. Area is lost where the garment is"
-        " more than 10 mm from what is rebuilt.</p>",
+        "Registration: errors of the round trip to offsets and back",
+        "<p>Every garment is laid onto the body, stored as offsets of body vertices, and rebuilt"
+        f" from them. The goals are mean surface errors below {TARGET_MM:g} mm in both directions,"
+        " and neither holes nor islands in the cleaned mask. Area counts as lost where the garment"
+        " is more than 10 mm from the rebuilt one.</p>",
         "<h2>Static outfits</h2>",
         html_table(_wide(summary["static"])),
         "<h2>Simulated samples, in their rest pose</h2>",

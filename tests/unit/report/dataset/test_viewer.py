@@ -11,7 +11,12 @@ from drapeline.dataset.sample_meshes import ScenePart, scene_parts
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.report.dataset import viewer
-from drapeline.report.dataset.viewer import coded_frames, encode_parts, example_sample, write_viewer
+from drapeline.report.dataset.viewer import (
+    encode_frames,
+    encode_parts,
+    example_sample,
+    write_viewer,
+)
 
 
 def parts_of(header, data):
@@ -89,7 +94,7 @@ def test_any_16_bit_positions_come_back(tmp_path):
         "frames": 4,
         "parts": [{"triangles": 0, "vertices": 5}],
     }
-    [(found, _)] = parts_of(header, zlib.compress(coded_frames(steps)))
+    [(found, _)] = parts_of(header, zlib.compress(encode_frames(steps)))
     np.testing.assert_array_equal(found, steps)
 
 

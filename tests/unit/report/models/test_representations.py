@@ -2,7 +2,7 @@
 
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.report.models.representation_table import write_representations
+from drapeline.report.models.representations import write_representations
 from metric_rows import metric_row
 
 

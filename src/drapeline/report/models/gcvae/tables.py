@@ -1,7 +1,7 @@
 """Tables 3a, 3b and 4 of the CLOTH3D paper for our models, and what trivial baselines reach.
 
-The paper's numbers are of other data and of another body: they stand in tables of their own and
-in a column of their own.
+The paper's numbers come from other data and another body, so they have tables and a column of
+their own.
 """
 
 import csv
@@ -35,7 +35,7 @@ _DYNAMIC = {
     "dvae_unposed_1": "X_new, 1 frame",
     "dvae_unposed_4": "X_new, 4 frames",
     "dvae_ours": "Ours (not in the paper), X_new, 4 frames",
-    "dvae_ours_settled": "The same, evened out and pushed out of the body",
+    "dvae_ours_settled": "The same, smoothed and pushed out of the body",
     "skinned_static": "Static garment, skinned",
     "skinned_mean": "Static garment and mean wrinkles, skinned",
 }
@@ -96,26 +96,26 @@ def write_gcvae_page(path: str | Path, metrics: str | Path) -> None:
         path,
         "Garment VAE: tables 3 and 4 of CLOTH3D, for this dataset",
         "<p>Test split, which only evaluation reads. Means over garments (table 4: over frames),"
-        " with 95 % intervals from resampling outfits (table 4: sequences). Surface error is"
-        " the mean Euclidean distance of corresponding vertices within the true mask; normals"
-        " error is in degrees, on the true garment's faces; KL is summed over the code.</p>",
+        " with 95 % intervals from resampling outfits (table 4: sequences). The surface error is"
+        " the mean Euclidean distance between corresponding vertices within the true mask; the"
+        " normals error is in degrees, on the true garment's faces; KL is summed over codes.</p>",
         "<h2>Table 3a: static garments, ablations and baselines</h2>",
         html_table(_by_variant(rows, {**_STATIC, **_BASELINES})),
-        "<p>The mean garment and the neighbour know the type and the conditioning variables only."
-        " PCA, like the VAE, is given the garment and gives it back.</p>",
+        "<p>The mean garment and the neighbour only know the type and the conditioning variables."
+        " PCA, like the VAE, is given the garment and reconstructs it.</p>",
         "<h2>Table 3b: static garments by type, full model</h2>",
         html_table(_by_garment(rows, "svae")),
         *(
-            ["<h2>The same for our own variant</h2>", html_table(_by_garment(rows, full))]
+            ["<h2>The same for our variant</h2>", html_table(_by_garment(rows, full))]
             if full == "svae_ours"
             else []
         ),
         "<h2>Table 4: garments in motion, surface error in mm / normals error in degrees</h2>",
         html_table(_table_4(rows)),
         f"<h2>{THEIRS}</h2>",
-        "<p>What the paper prints. Its garments, bodies, registration and number of samples are"
-        " others, its normals error is in radians and too large to be the mean angle that its"
-        " equation 5 defines, and its KL loss has no unit: none of this is comparable with the"
+        "<p>As printed. The paper's garments, bodies, registration and number of samples are"
+        " different, its normals error is in radians and too large to be the mean angle that its"
+        " equation 5 defines, and its KL loss has no unit: none of this can be compared with the"
         " tables above.</p>",
         html_table(_paper_static(_PAPER_3A, _STATIC)),
         html_table(_paper_static(_PAPER_3B, dict.fromkeys(_PAPER_3B, ""))),
@@ -177,13 +177,13 @@ def _plain(value: float | None) -> str:
 
 
 def _value(rows: Iterable[MetricRow], variant: str, garment: str, metric: str) -> float | None:
-    # Angles that the paper prints in radians and its KL of unknown unit have no namesake here.
+    # The paper's angles in radians, and its KL of unknown unit, have no counterpart here.
     found = find_value(rows, variant, "test", garment, metric)
     return found.value if found else None
 
 
 def _mean_of_types(rows: Sequence[MetricRow], variant: str, metric: str) -> float | None:
-    """As table 4's last column, which weighs types and not garments alike."""
+    """Mean over types, as in table 4's last column: all types weigh the same, not all garments."""
     values = [_value(rows, variant, garment, metric) for garment in GARMENTS]
     there = [value for value in values if value is not None]
     return sum(there) / len(there) if there else None
@@ -240,7 +240,7 @@ def _pair(surface: float | None, normal: float | None) -> str:
 
 
 def _cells(own: Sequence[MetricRow]) -> dict[str, Cell]:
-    """One cell per metric of the rows of one model and garment, intervals behind the value."""
+    """One cell per metric of one model and garment, with the interval after the value."""
     values = {row.metric: row.value for row in own}
     cells = {}
     for metric, (title, digits) in _SHOWN.items():

@@ -11,17 +11,17 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from drapeline.metrics.sequence import MODEL
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
-from drapeline.report.models.gcvae_figures import GARMENT_COLOURS
 from drapeline.report.style import (
     BLUE,
+    GARMENT_COLOURS,
     GREEN,
     INK,
     QUIET,
     SKY,
     label_bar,
-    legend_above,
+    place_legend_above,
     saved_figure,
-    say_nothing_to_show,
+    show_message,
 )
 
 _BASELINE = "#b4b8be"
@@ -96,7 +96,7 @@ def plot_neighbour_curve(path: str | Path, rows: Sequence[MetricRow]) -> None:
                     _draw_curve(panel, scaled, GARMENT_COLOURS[garment], garment)
                     drawn += found.at.tolist()
             if not drawn:
-                say_nothing_to_show(panel, "Not measured.")
+                show_message(panel, "Not measured.")
                 continue
             panel.set_xscale("log", base=2)
             panel.xaxis.set_major_locator(FixedLocator(sorted(set(drawn))))
@@ -104,7 +104,7 @@ def plot_neighbour_curve(path: str | Path, rows: Sequence[MetricRow]) -> None:
             panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
             panel.set(xlabel="Neighbours K", ylabel=label, ylim=(0, None))
             panel.grid(axis="y")
-            legend_above(panel)
+            place_legend_above(panel)
 
 
 def plot_missing_curve(path: str | Path, rows: Sequence[MetricRow]) -> None:
@@ -137,12 +137,12 @@ def _plot_robustness(
             if skinned:
                 axes.axhline(skinned.value, color=colour, linewidth=1, linestyle=(0, (4, 3)))
         if not drawn:
-            say_nothing_to_show(axes, "Not measured.")
+            show_message(axes, "Not measured.")
             return
         axes.plot([], [], color=QUIET, linewidth=1, linestyle=(0, (4, 3)), label="Interpolated LBS")
         axes.set(xlabel=label, ylabel="Vertex error M2 (mm)", ylim=(0, None))
         axes.grid(axis="y")
-        legend_above(axes)
+        place_legend_above(axes)
 
 
 _ABLATIONS = {
@@ -178,7 +178,7 @@ def plot_ablation(path: str | Path, rows: Sequence[MetricRow], garment: str) -> 
     with saved_figure(path, 9.0, 0.9 + 0.36 * max(len(there), 3), columns=2) as (_, axes):
         for number, (panel, (metric, title, digits)) in enumerate(zip(axes, panels, strict=True)):
             if not there:
-                say_nothing_to_show(panel, "Not measured.")
+                show_message(panel, "Not measured.")
                 continue
             for place, name in enumerate(there):
                 _draw_bar(panel, rows, name, garment, metric, place, digits)

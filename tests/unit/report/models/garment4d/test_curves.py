@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.metrics.table import HIGH, LOW
-from drapeline.report.models.garment4d_curves import (
+from drapeline.report.models.garment4d.curves import (
     curve,
     plot_ablation,
     plot_accuracy_curve,

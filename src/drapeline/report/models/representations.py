@@ -1,4 +1,4 @@
-"""The shared comparison: the same garments through the codes of all models."""
+"""The comparison of all models: the same garments through their codes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,8 +16,8 @@ _NAMES = {
     "template_registered": "no code: registered to the template",
 }
 _WAYS = {
-    "surface_to_true_mm": "From what is given back to the garment as made",
-    "true_to_surface_mm": "From the garment as made to what is given back",
+    "surface_to_true_mm": "From the reconstruction to the original garment",
+    "true_to_surface_mm": "From the original garment to the reconstruction",
 }
 
 
@@ -27,18 +27,18 @@ def write_representations(path: str | Path, metrics: str | Path, split: str) -> 
     Args:
         path: the HTML page.
         metrics: table of metrics with the rows of `compare_representations`.
-        split: shown.
+        split: the one shown.
 
     Raises:
         InputError: the table is missing or unusable.
     """
     rows = read_metrics(metrics)
     parts = [
-        "<p>Every garment of these types in the test split of static outfits, none of which any"
-        " model has seen. Mean distances over the surfaces' area in mm, with 95 % intervals over"
-        " outfits. A code cannot win back what registration loses, which the last two rows show."
-        " The body's shape, and what else a decoder is told besides the code, are not counted in"
-        " the numbers of the code; those of the templates are listed by type.</p>"
+        "<p>All garments of these types in the test split of static outfits, which no model has"
+        " seen. Mean distances over the area of the surfaces in mm, with 95 % intervals over"
+        " outfits. No code can recover what registration loses, which the last two rows show. The"
+        " size of a code does not count the body's shape and other inputs of its decoder; those of"
+        " the templates are listed by type.</p>"
     ]
     for metric, title in _WAYS.items():
         parts += [f"<h2>{title} (mm)</h2>", html_table(_table(rows, metric, split))]
@@ -50,7 +50,7 @@ def _table(rows: Sequence[MetricRow], metric: str, split: str) -> list[dict[str,
     for variant, name in _NAMES.items():
         cells: dict[str, object] = {
             "Code": name,
-            "Numbers in the code": _size(rows, variant, split),
+            "Size of the code": _size(rows, variant, split),
         }
         for garment in (*TEMPLATE_TYPES, ALL):
             cells[garment] = _cell(rows, variant, split, garment, metric)
@@ -59,7 +59,7 @@ def _table(rows: Sequence[MetricRow], metric: str, split: str) -> list[dict[str,
 
 
 def _size(rows: Sequence[MetricRow], variant: str, split: str) -> str:
-    """Numbers per garment; of each type where they differ."""
+    """Size of the code, by type where it differs."""
     found = [find_value(rows, variant, split, g, "code_numbers") for g in TEMPLATE_TYPES]
     sizes = [f"{row.value:.0f}" if row else "-" for row in found]
     return sizes[0] if len(set(sizes)) == 1 else " / ".join(sizes)

@@ -10,7 +10,8 @@ from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.registration.error_table import COLUMNS, FILE_NAME, write_errors
 from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
-from drapeline.report.models.garment4d_tables import (
+from drapeline.report.models.garment4d.tables import (
+    DEPARTURES,
     OURS,
     THEIRS,
     write_beside_paper,
@@ -105,7 +106,7 @@ def test_ablations_have_both_errors_and_sweeps_rise(metrics, tmp_path):
     assert body_rows(pairs) == [["Full model", "27.1 / 3.50", "-", "-"]]
     sweep = parts["Neighbours, holes and wrong labels (figures 8 to 10): M2 (mm)"]
     assert [line[:2] for line in body_rows(sweep)] == [["K = 4", "31.0"], ["K = 16", "30.0"]]
-    assert "There are none." in parts["Registration to the templates"]
+    assert "<p>None.</p>" in parts["Registration to the templates"]
 
 
 def test_floors_are_shown_and_never_lead(metrics, tmp_path):
@@ -124,36 +125,28 @@ def test_floors_are_shown_and_never_lead(metrics, tmp_path):
 def test_noisy_bodies_have_tables_of_their_own_and_unknown_accelerations_a_dash(metrics, tmp_path):
     write_garment4d_page(tmp_path / "page.html", metrics)
     parts = sections(tmp_path / "page.html")
-    moving = parts["A body that is not quite known: M2 (mm) / M3 (m/s²)"]
+    moving = parts["With an inexact body: M2 (mm) / M3 (m/s²)"]
     assert body_rows(moving) == [
         ["Interpolated LBS", "-", "-", "44.0 / -"],
         ["Garment4D", "33.0 / 3.75", "-", "-"],
     ]
-    canonical = body_rows(parts["A body that is not quite known: M1 (mm)"])
+    canonical = body_rows(parts["With an inexact body: M1 (mm)"])
     assert [line[:2] for line in canonical] == [["Garment4D", "26.0"]]
 
 
-def test_what_is_not_the_papers_is_said_where_it_holds(metrics, tmp_path):
-    texts = []
-    for ours in (False, True):
-        write_garment4d_page(
-            tmp_path / "page.html",
-            metrics,
-            body_relative_points=ours,
-            balanced=ours,
-            pulled=ours,
-            smoothed=ours,
-        )
-        texts.append((tmp_path / "page.html").read_text())
-        assert "No Trousers of the test split is simulated" in texts[-1]
-        assert "No Skirt" not in texts[-1]
-    for words in (
-        "where on the body they are: ",
-        "the fewer training points",
-        "drawn to the garment points",
-        "over neighbouring",
-    ):
-        assert [words in text for text in texts] == [False, True]
+def test_departures_from_the_paper_are_told_where_they_hold(metrics, tmp_path):
+    for chosen in ([], ["balance"], list(DEPARTURES)):
+        write_garment4d_page(tmp_path / "page.html", metrics, departures=chosen)
+        text = (tmp_path / "page.html").read_text()
+        for name, words in DEPARTURES.items():
+            assert (words in text) == (name in chosen)
+
+
+def test_types_whose_garments_are_not_simulated_are_named(metrics, tmp_path):
+    write_garment4d_page(tmp_path / "page.html", metrics)
+    text = (tmp_path / "page.html").read_text()
+    assert "No Trousers of the test split is simulated" in text
+    assert "No Skirt" not in text
 
 
 def test_the_papers_numbers_stand_apart(metrics, tmp_path):

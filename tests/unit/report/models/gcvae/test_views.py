@@ -1,4 +1,4 @@
-"""Figures of the garment VAE: what is in the pictures, not that there are any."""
+"""Pictures of the garment VAE: what they show, not that there are any."""
 
 from dataclasses import replace
 
@@ -11,17 +11,15 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import GarmentCase
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.models.gcvae_figures import (
+from drapeline.report.models.gcvae.views import (
     HEAT_SPAN_MM,
     View,
     error_views,
-    plot_codes,
     plot_views,
-    standing,
     view_picture,
     walk_view,
+    wearer_view,
 )
-from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
 
 TUBE = Mesh((2 * tube() - [0, 0, 0.6]).astype(np.float32), tube_faces(False))
@@ -63,11 +61,11 @@ def test_nothing_to_draw_is_an_even_picture():
 
 def test_the_wearer_stands_on_the_floor():
     high = Mesh(TUBE.vertices + [0, 0, 5], TUBE.faces)
-    np.testing.assert_allclose(shown(standing(high)), shown(standing(TUBE)), atol=2)
+    np.testing.assert_allclose(shown(wearer_view(high)), shown(wearer_view(TUBE)), atol=2)
 
 
 def test_types_have_colours_of_their_own():
-    pictures = [shown(walk_view(TUBE, TUBE, kind)) for kind in GARMENTS]
+    pictures = [shown(walk_view(TUBE, TUBE, garment)) for garment in GARMENTS]
     for i, one in enumerate(pictures):
         for other in pictures[:i]:
             assert np.abs(one - other).max() > 40
@@ -117,19 +115,3 @@ def test_views_are_written_row_by_row(tmp_path):
     one, three = Image.open(tmp_path / "v.png").size, (2, 2)
     assert one[0] > three[0] * 240
     assert one[1] > three[1] * 250
-
-
-@pytest.fixture(scope="module")
-def clusters():
-    rng = rng_for(0, "clusters")
-    kind = np.arange(150) % 3
-    return rng.normal(size=(3, 20))[kind] * 3 + rng.normal(size=(150, 20)) * 0.5, kind
-
-
-def test_codes_are_drawn_in_the_colours_of_their_types(clusters, tmp_path):
-    points, kind = clusters
-    names = [GARMENTS[k] for k in kind]
-    plot_codes(tmp_path / "codes.svg", points, names, ["train"] * 100 + ["test"] * 50)
-    text = (tmp_path / "codes.svg").read_text()
-    for name in GARMENTS:
-        assert (f">{name}<" in text) == (name in names)

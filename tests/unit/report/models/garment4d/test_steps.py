@@ -1,51 +1,27 @@
-"""Figures of Garment4D: what is in the pictures, not that there are any."""
-
-from types import SimpleNamespace
+"""Figures 4 and 5 of Garment4D: what is in the pictures, not that there are any."""
 
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.reconstructions import Reconstruction
-from drapeline.rendering.picture_grid import heat_parts
-from drapeline.report.models import garment4d_figures as figures
-from drapeline.report.models.garment4d_figures import (
-    HEAT_SPAN_MM,
+from drapeline.report.models.garment4d.steps import (
     STEP_COLUMNS,
-    Scene,
-    SkinnedTwice,
     animate_steps,
     cloud_parts,
-    fitted,
-    plot_explained,
-    plot_modes,
-    plot_neighbours,
     plot_results,
     plot_steps,
+    spread_frames,
     step_cells,
-    worst_place,
 )
-from drapeline.report.models.gcvae_figures import front_of, type_colour
+from drapeline.report.models.scene import Scene
+from drapeline.report.style import garment_colour
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
-
-
-@pytest.fixture
-def made(monkeypatch):
-    """Parts of every picture, in place of rendering them."""
-    found = []
-
-    def record(parts, camera, **_):
-        found.append(parts)
-        return np.full((camera.height, camera.width, 3), 200, dtype=np.uint8)
-
-    monkeypatch.setattr(figures, "raytrace", record)
-    return found
 
 
 def case(frames=3, *, truth=True, garment="Skirt"):
@@ -80,8 +56,8 @@ def test_cloud_has_a_ball_per_point_in_its_colour_paler_in_the_distance():
     parts = cloud_parts(points, labels, Scene(front=(0.0, -1.0), turn_deg=0.0))
     centres = np.concatenate([p.vertices.reshape(-1, 12, 3).mean(axis=1) for p in parts])
     np.testing.assert_allclose(np.sort(centres[:, 0]), np.sort(points[:, 0]), atol=1e-9)
-    near = min(parts, key=lambda p: np.abs(np.array(p.colour) - type_colour("Skirt")).max())
-    np.testing.assert_allclose(near.colour, type_colour("Skirt"))
+    near = min(parts, key=lambda p: np.abs(np.array(p.colour) - garment_colour("Skirt")).max())
+    np.testing.assert_allclose(near.colour, garment_colour("Skirt"))
     far = max(parts, key=lambda p: p.vertices[:, 1].mean())
     assert near.vertices[:, 1].mean() < -1 < 1 < far.vertices[:, 1].mean()
     assert np.ptp(far.colour) < 0.5 * np.ptp(near.colour)
@@ -93,40 +69,6 @@ def test_balls_shrink_as_points_become_many():
         for n in (500, 2000)
     )
     assert few == pytest.approx(2 * many)
-
-
-@pytest.mark.parametrize("turn_deg", [0, 70, 200])
-@pytest.mark.parametrize("scale", [(1, 1, 1), (3, 0.5, 0.4), (0.2, 0.2, 2)])
-def test_fitted_scene_holds_everything_and_is_not_wider_than_needed(turn_deg, scale):
-    size = (120, 150)
-    mesh = TUBE * scale + [5.0, -3.0, 0.0]
-    floor = float(mesh[:, 2].min()) - 0.1
-    scene = fitted(Scene(turn_deg=turn_deg, floor_z=floor), [mesh[:100], mesh[100:]], size)
-    image, depth = scene.camera(size).project(mesh - [0, 0, floor])
-    assert (depth > 3).all()
-    assert ((image >= 0) & (image <= size)).all()
-    share = np.ptp(image, axis=0) / size
-    assert 0.65 < max(share) <= 1
-
-
-def test_a_lying_body_is_seen_from_its_side():
-    lying = Rotation.from_rotvec([-np.pi / 2, 0, 0]) * Rotation.from_rotvec(np.array(REST_POSE[:3]))
-    front = np.array(front_of(lying.as_rotvec()))
-    head = lying.apply([0.0, 1.0, 0.0])[:2]
-    assert abs(front @ head) < 1e-6 * np.linalg.norm(front)
-    np.testing.assert_allclose(front_of(REST_POSE[:3]), (0, -1), atol=1e-9)
-
-
-def test_picture_shows_the_garment_on_the_floor_where_it_is():
-    scene = fitted(Scene(floor_z=float(TUBE[:, 2].min())), [TUBE], (60, 64))
-    error = np.where(TUBE[:, 2] > 0, HEAT_SPAN_MM, 0.0)
-    parts = heat_parts(TUBE, FACES, error[FACES].mean(axis=1), HEAT_SPAN_MM)
-    picture = scene.picture(parts, (60, 64), samples=6).astype(int)
-    rows = np.flatnonzero((np.ptp(picture, axis=2) > 25).any(axis=1))
-    assert rows[-1] > 0.88 * 64
-    top, bottom = picture[rows[: len(rows) // 3]], picture[rows[-len(rows) // 3 :]]
-    yellow = [((p[..., 0] - p[..., 2]) > 60).sum() for p in (top, bottom)]
-    assert yellow[0] > 50 > 5 > yellow[1]
 
 
 def test_steps_show_each_stage_on_its_frame_with_its_error(made):
@@ -185,46 +127,6 @@ def test_animation_has_a_picture_per_frame_with_all_stages(made, tmp_path):
     assert image.size[1] > 270
 
 
-def test_the_worst_place_is_where_edges_changed_most():
-    posed = Rotation.from_rotvec([0.3, 1, 2]).apply(TUBE) + 5
-    posed[77] += 0.2
-    assert worst_place(TUBE, posed, FACES) == 77
-
-
-def test_neighbours_ring_the_worst_place_beside_its_close_up(made, tmp_path):
-    nearest = TUBE.copy()
-    vertex = int(np.argmax(TUBE[:, 0] - np.abs(TUBE[:, 2])))
-    nearest[vertex] += [0.1, 0, 0]
-    twice = SkinnedTwice("a", "Skirt", TUBE, FACES, nearest, TUBE, 0.9 * TUBE, FACES, 1.0)
-    plot_neighbours(tmp_path / "f7.png", [twice], 256)
-    np.testing.assert_allclose(made[0][1].vertices - made[2][1].vertices, nearest - TUBE)
-    sheet = np.asarray(Image.open(tmp_path / "f7.png")).astype(int)
-    left = sheet.shape[1] - 4 * 256
-    for column in range(4):
-        panel = sheet[:, left + 256 * column : left + 256 * (column + 1)]
-        ring = np.argwhere((np.abs(panel - [213, 94, 0]) < 40).all(-1))
-        assert (len(ring) > 40) == (column % 2 == 0)
-        if column == 0:
-            # The camera stands before the place, so that it is in the middle.
-            assert abs(ring[:, 1].mean() - 125) < 25
-
-
-def test_modes_go_through_the_mean(made, tmp_path):
-    components = np.stack([TUBE * [0.1, 0.1, 0], TUBE * [0, 0, 0.1]])
-    space = SimpleNamespace(
-        mean=TUBE, faces=FACES, components=components, explained=np.array([0.7, 0.2])
-    )
-    plot_modes(tmp_path / "modes.png", {"Skirt": space}, modes=5)
-    assert len(made) == 10
-    shapes = [parts[0].vertices - made[2][0].vertices for parts in made]
-    for shape, deviation in zip(shapes[5:], (-2, -1, 0, 1, 2), strict=True):
-        np.testing.assert_allclose(shape, deviation * components[1], atol=1e-9)
-
-
-def test_explained_variance_says_how_many_components_suffice(tmp_path):
-    space = SimpleNamespace(explained=np.array([0.6, 0.35, 0.04]))
-    short = SimpleNamespace(explained=np.array([0.5]))
-    plot_explained(tmp_path / "e.svg", {"Skirt": space, "Tshirt": short})
-    text = (tmp_path / "e.svg").read_text()
-    assert ">Skirt: 2 for 90 %<" in text
-    assert ">Tshirt<" in text
+def test_frames_are_spread_over_the_sequence():
+    assert spread_frames(10, 2) == [2, 7]
+    assert spread_frames(3, 5) == [0, 1, 2]

@@ -1,0 +1,159 @@
+"""Figures 7, 9 and 10 of the CLOTH3D paper for our models: errors, transitions, wrinkles."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.geometry.mesh import Mesh, faces_within
+from drapeline.metrics.garment import distances_mm, garment_mesh
+from drapeline.metrics.predictions import GarmentCase, WornGarment
+from drapeline.rendering.animated_png import save_animation
+from drapeline.rendering.camera import facing_direction
+from drapeline.rendering.picture_grid import (
+    GridCell,
+    heat_parts,
+    save_contact_sheet,
+    save_grid,
+)
+from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.report.models.scene import Scene
+from drapeline.report.style import SKIN, garment_colour
+from drapeline.rule_log import progress
+
+HEAT_SPAN_MM = 30.0
+ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
+_TARGET_HEIGHT_M = 0.95
+_EMPTY = 237  # grey of a picture without any mesh
+
+
+_STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)
+
+
+@dataclass(frozen=True)
+class View:
+    """One picture of a garment.
+
+    Attributes:
+        garment: in the frame of the body, Z up; None draws the body alone.
+        body: its wearer, or None.
+        colour: sRGB of the garment in 0-1.
+        error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
+        scene: where the picture is taken from.
+    """
+
+    garment: Mesh | None
+    body: Mesh | None
+    colour: Sequence[float] = (0.45, 0.6, 0.8)
+    error_mm: np.ndarray | None = None
+    scene: Scene = _STANDING
+
+
+def view_picture(
+    view: View, *, size: tuple[int, int] = (240, 250), samples: int = 14
+) -> np.ndarray:
+    """(height, width, 3) uint8 picture; the same scale for all views of one size."""
+    parts = []
+    if view.body is not None:
+        parts.append(ColouredMesh(view.body.vertices, view.body.faces, SKIN))
+    if view.garment is not None and len(view.garment.faces):
+        vertices, faces = view.garment.vertices, view.garment.faces
+        if view.error_mm is None:
+            parts.append(ColouredMesh(vertices, faces, view.colour))
+        else:
+            error = view.error_mm[faces].mean(axis=1)
+            parts += heat_parts(vertices, faces, error, HEAT_SPAN_MM)
+    if not parts:
+        return np.full((size[1], size[0], 3), _EMPTY, dtype=np.uint8)
+    return view.scene.picture(parts, size, samples)
+
+
+def plot_views(
+    path: str | Path,
+    rows: Mapping[str, Sequence[View]],
+    *,
+    columns: Sequence[str] = (),
+    heat: bool = False,
+) -> None:
+    """Figures 7, 9 and 10: rows of views under their names.
+
+    Args:
+        path: the PNG.
+        rows: label -> views; labels may have several lines.
+        columns: titles above.
+        heat: add the colour bar of the errors.
+    """
+    pictures = [
+        [view_picture(view) for view in views]
+        for views in progress(rows.values(), total=len(rows), label="pictures")
+    ]
+    save_grid(
+        path,
+        [[GridCell(picture) for picture in row] for row in pictures],
+        labels=list(rows),
+        columns=columns,
+        heat_mm=HEAT_SPAN_MM if heat else None,
+    )
+
+
+def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 6) -> None:
+    """A sheet of sampled garments, each above its caption."""
+    pictures = [(view_picture(view), name) for name, view in views.items()]
+    save_contact_sheet(path, pictures, columns)
+
+
+def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
+    """Animate a transition, there and back."""
+    pictures = [view_picture(v, size=(250, 260), samples=6) for v in views]
+    save_animation(path, [*pictures, *pictures[-2:0:-1]], frame_ms)
+
+
+def error_views(case: GarmentCase) -> list[View]:
+    """A row of figure 7: original, registered, their difference, reconstruction, its error.
+
+    Errors are drawn without the wearer; that of the reconstruction on the true mask.
+    """
+    view = wearer_view(case.wearer, front=facing_direction(case.root_rotation))
+    registered = garment_mesh(case.true, case.faces, case.mask)
+    made = garment_mesh(case.predicted, case.faces, case.predicted_mask)
+    error_mm = 1000 * np.linalg.norm(case.predicted - case.true, axis=1)
+    heat = replace(view, body=None)
+    return [
+        replace(view, garment=case.original),
+        replace(view, garment=registered),
+        replace(
+            heat,
+            garment=case.original,
+            error_mm=distances_mm(case.original.vertices, registered),
+        ),
+        replace(view, garment=made),
+        replace(
+            heat,
+            garment=garment_mesh(case.predicted, case.faces, case.mask),
+            error_mm=error_mm[np.unique(faces_within(case.faces, case.mask))],
+        ),
+    ]
+
+
+def walk_view(garment: Mesh, wearer: Mesh, garment_type: str) -> View:
+    """A step of a transition: the garment on its wearer in the colour of its type."""
+    return replace(wearer_view(wearer, garment_colour(garment_type)), garment=garment)
+
+
+def worn_view(worn: WornGarment) -> View:
+    """A garment in motion on its wearer, in the colour of its type."""
+    front = facing_direction(worn.root_rotation)
+    return replace(wearer_view(worn.wearer, garment_colour(worn.kind), front), garment=worn.garment)
+
+
+def wearer_view(
+    wearer: Mesh,
+    colour: Sequence[float] = View.colour,
+    front: tuple[float, float] = Scene.front,
+) -> View:
+    """A view without a garment yet: the wearer on the floor, in the middle of the picture."""
+    low, high = wearer.vertices.min(axis=0), wearer.vertices.max(axis=0)
+    middle = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2)
+    scene = Scene(target=(*middle, _TARGET_HEIGHT_M), front=front, floor_z=float(low[2]))
+    return View(None, wearer, colour, scene=scene)

@@ -1,0 +1,49 @@
+"""Cameras: where points appear, and where to stand before somebody."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from drapeline.frames import REST_POSE
+from drapeline.rendering.camera import facing_direction, look_at, view_direction
+
+UPRIGHT = Rotation.from_rotvec(np.array(REST_POSE[:3]))
+
+
+@pytest.fixture
+def camera():
+    """At y = -4, looking along +Y: X is to the right."""
+    return look_at(np.array([0, -4, 1.0]), np.array([0, 0, 1.0]), focal_px=100, size=(60, 40))
+
+
+def test_points_appear_where_a_pinhole_shows_them(camera):
+    places, depth = camera.project(np.array([[0, 0, 1.0], [1, 0, 1], [0, -2, 1.5], [0, -5, 1]]))
+    np.testing.assert_allclose(depth, [4, 4, 2, -1])
+    np.testing.assert_allclose(places[:3], [[30, 20], [55, 20], [30, -5]])
+
+
+def test_the_camera_is_where_it_was_put_and_stands_upright(camera):
+    np.testing.assert_allclose(camera.position, [0, -4, 1])
+    np.testing.assert_allclose(camera.axes, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("turn_deg", [0, 90, 200])
+def test_a_body_that_turns_about_the_vertical_faces_elsewhere(turn_deg):
+    spin = Rotation.from_euler("z", turn_deg, degrees=True)
+    expected = spin.apply([0, -1, 0])[:2]
+    np.testing.assert_allclose(facing_direction((spin * UPRIGHT).as_rotvec()), expected, atol=1e-9)
+
+
+def test_a_lying_body_is_seen_from_its_side():
+    lying = Rotation.from_rotvec([-np.pi / 2, 0, 0]) * Rotation.from_rotvec(np.array(REST_POSE[:3]))
+    front = np.array(facing_direction(lying.as_rotvec()))
+    head = lying.apply([0.0, 1.0, 0.0])[:2]
+    assert abs(front @ head) < 1e-6 * np.linalg.norm(front)
+    np.testing.assert_allclose(facing_direction(REST_POSE[:3]), (0, -1), atol=1e-9)
+
+
+def test_the_viewer_stands_before_the_subject_aside_and_above():
+    np.testing.assert_allclose(
+        view_direction((0, -2), turn_deg=0, rise=0.75), [0, -0.8, 0.6], atol=1e-12
+    )
+    np.testing.assert_allclose(view_direction((0, -1), turn_deg=90, rise=0), [1, 0, 0], atol=1e-12)
