@@ -33,6 +33,15 @@ def test_points_move_with_a_rigid_body_exactly():
     np.testing.assert_allclose(moved, turn.apply(points) + shift, atol=1e-9)
 
 
+def test_points_over_a_flat_body_stay_on_their_side_of_it():
+    rng = np.random.default_rng(2)
+    body = rng.normal(size=(100, 3)) * [1, 1, 0]
+    points = rng.normal(size=(5, 3)) + [0, 0, 3]
+    carrier = Carrier(points, body)
+    for turn in Rotation.random(20, random_state=4):
+        np.testing.assert_allclose(carrier(turn.apply(body)), turn.apply(points), atol=1e-9)
+
+
 def test_points_follow_the_mean_of_a_swelling_body():
     body, _ = tube(0.1, rows=20, around=64, height=0.3)
     points, _ = tube(0.12)

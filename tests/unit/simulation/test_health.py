@@ -61,6 +61,15 @@ def test_stretch_of_a_scaled_cloth(ball):
     assert list(stretch(cloth, pairs, rest).values()) == pytest.approx([1.3, 1.3, 1.3])
 
 
+def test_stretch_tells_the_hundredth_edge_from_either_end():
+    lengths = np.linspace(0.5, 1.5, 1001)
+    start = np.arange(1001)[:, None] * [1.0, 0, 0]
+    cloth = np.concatenate([start, start + lengths[:, None] * [0, 1.0, 0]])
+    pairs = np.arange(1001)[:, None] + [0, 1001]
+    found = stretch(cloth, pairs, np.ones(1001))
+    assert list(found.values()) == pytest.approx([0.51, 1.0, 1.49])
+
+
 @pytest.mark.parametrize(("radius", "share"), [(1.01, 0.0), (0.99, 1.0), (1.2, 0.0)])
 def test_outer_layer_beneath_inner(ball, radius, share):
     vertices, faces = ball
@@ -125,6 +134,20 @@ def test_slipping_cloth_is_measured(ball):
     vertices, _ = ball
     arrays = watch(ball, [1.02 * vertices + [0, 0, -0.05 * k] for k in range(3)])
     assert arrays["slip_m"][:, 0] == pytest.approx([0, 0.05, 0.1], abs=1e-6)
+
+
+def test_a_sample_is_as_good_as_its_worst_garment():
+    """Two garments, of which the second has twice all measures of the first."""
+    one = np.linspace(0.1, 0.4, 4)
+    names = ("inside_share", "depth_max_m", "stretch_p01", "stretch_p99", "slip_m", "layer_share")
+    names += ("self_share", "acceleration_m_s2", "gap_p05_m")
+    found = summary({name: np.stack([one, 2 * one], axis=1) for name in names})
+    least = {name: found.pop(name) for name in ("stretch_low", "gap_p05_m")}
+    assert least == {"stretch_low": pytest.approx(0.25), "gap_p05_m": pytest.approx(0.25)}
+    largest = {name: found.pop(name) for name in ("inside_share_max", "slip_m")}
+    assert largest == {"inside_share_max": pytest.approx(0.8), "slip_m": pytest.approx(0.8)}
+    assert found.pop("depth_m") == pytest.approx(2 * np.percentile(one, 95))
+    assert found == dict.fromkeys(found, pytest.approx(0.5))
 
 
 def test_only_what_is_out_of_bounds_is_named(ball):
