@@ -1,6 +1,7 @@
 # make run    set up, build the default dataset and its report
 # make test   set up, run every test; `make test-portable` those that other processors could decide
-#             otherwise, as several processors would run them
+#             otherwise, as several processors would run them; `make mutants` plants faults in a
+#             copy of the code and counts those that no test notices
 # make lint   formatters and linters, as CI runs them
 # Anything after that is plain Snakemake: .venv/bin/snakemake --cores all [target]
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -10,7 +11,7 @@ PROFILE ?= local
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
-.PHONY: run report test test-portable lint format lock clean
+.PHONY: run report test test-portable mutants lint format lock clean
 
 run: .venv/ready
 	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE)
@@ -25,6 +26,9 @@ test: .venv/ready
 
 test-portable: .venv/ready
 	$(BIN)/python tests/run_portable.py
+
+mutants: .venv/ready
+	PYTHONPATH=tests $(BIN)/python -m mutants.run
 
 lint: .venv/ready
 	$(BIN)/ruff check .

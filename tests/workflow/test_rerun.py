@@ -1,7 +1,7 @@
 """Which rules run again when a file of the library changes: no more than need to.
 
 An import too many makes hours of simulation or training run again for nothing. When a test here
-fails, ask what the module needs of the new import; most often that can stand in a module of its own.
+fails, ask what the module needs of the new import; most often that fits a module of its own.
 """
 
 import re

@@ -147,7 +147,7 @@ def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.
     place, face = closest_points(points, body, faces)
     away = points - place
     depth = np.linalg.norm(away, axis=1)
-    # Winding numbers are slow, so points that are clearly in front of their nearest face do without.
+    # Winding numbers are slow; points clearly in front of their nearest face need none.
     height = np.einsum("pi,pi->p", away, face_normals(body, faces[face]))
     doubtful = height < _OUTSIDE_COSINE_MIN * depth
     depth[~doubtful] = 0

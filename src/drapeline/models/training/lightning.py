@@ -77,7 +77,7 @@ class History(lightning.Callback):
 
 
 class _Loop(lightning.LightningModule):
-    """A network and its batches as Lightning takes them; checkpoints hold only the network's weights."""
+    """A network and its batches as Lightning takes them; checkpoints hold the weights alone."""
 
     def __init__(self, trained: TrainableModule, data: TrainingBatches) -> None:
         super().__init__()
