@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
-from drapeline.registration.to_template.garment_template import TEMPLATE_TYPES, load_template
+from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
 from drapeline.rule_log import rule_log

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.outfits.distributions import OutfitRanges
-from drapeline.outfits.static import make_static, save_static
+from drapeline.outfits.generate_static import make_static
+from drapeline.outfits.static import save_static
 from drapeline.outfits.static_plan import StaticPlan
 from drapeline.outfits.templates import load_templates
 from drapeline.rule_log import rule_log

@@ -6,7 +6,7 @@ from drapeline.bodies.model import load_body
 from drapeline.dataset.point_clouds import CloudSettings
 from drapeline.frames import GENDERS
 from drapeline.learning_data.skinned import SkinnedSettings, write_skinned
-from drapeline.registration.to_template.garment_template import TEMPLATE_TYPES
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

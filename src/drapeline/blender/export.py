@@ -11,7 +11,8 @@ from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import ScenePart, scene_parts, to_y_up
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import ScenePart, to_y_up
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh

@@ -10,7 +10,8 @@ from PIL import Image
 
 from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import ScenePart, scene_parts
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.rendering.camera import Camera, look_at

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from drapeline import __version__
-from drapeline.dataset.sample_meshes import ScenePart, to_y_up
+from drapeline.dataset.scene_part import ScenePart, to_y_up
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.storage import atomic_file

@@ -7,7 +7,8 @@ from scipy.spatial import KDTree
 
 from drapeline.blender.export import FORMATS, export_sample
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import scene_parts, to_y_up
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import to_y_up
 from drapeline.errors import InputError
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache

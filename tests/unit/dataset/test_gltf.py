@@ -7,7 +7,8 @@ import pytest
 
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import scene_parts, to_y_up
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import to_y_up
 from drapeline.geometry.mesh import vertex_normals
 
 FRAMES = 6

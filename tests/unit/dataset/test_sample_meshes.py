@@ -1,8 +1,8 @@
 import numpy as np
 
-from drapeline.dataset import sample_meshes
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import PLAIN_COLOUR, SKIN_COLOUR, scene_parts, to_y_up
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import PLAIN_COLOUR, SKIN_COLOUR
 from tiny_sample import body_truth
 
 
@@ -18,14 +18,6 @@ def test_the_body_and_the_garments_move_in_the_world(tiny, toy_body):
     assert shirt.colour == (0.1, 0.5, 0.9)
 
 
-def test_frames_are_read_in_chunks(tiny, monkeypatch):
-    [shirt] = [part for part in scene_parts(Sample(tiny.folder)) if part.name == "Tshirt"]
-    at_once = list(shirt.frames())
-    monkeypatch.setattr(sample_meshes, "_CHUNK", 4)  # 6 frames: one whole chunk and a part
-    np.testing.assert_array_equal(list(shirt.frames()), at_once)
-    assert len(at_once) == shirt.frame_count == 6
-
-
 def test_a_sample_without_body_and_colours_is_shown_plainly(tiny):
     sample = Sample(tiny.folder)
     sample.info.outfit["Skirt"]["texture"] = {"type": "pattern"}
@@ -36,7 +28,3 @@ def test_a_sample_without_body_and_colours_is_shown_plainly(tiny):
         has_body = False
 
     assert [part.name for part in scene_parts(Bodiless(tiny.folder))] == ["Tshirt", "Skirt"]
-
-
-def test_z_up_becomes_y_up_and_forward_becomes_z():
-    np.testing.assert_array_equal(to_y_up(np.eye(3)), [[1, 0, 0], [0, 0, -1], [0, 1, 0]])

@@ -15,7 +15,7 @@ from drapeline.metrics.garment import (
     largest_piece,
     mask_iou,
     normal_error_deg,
-    piece_of,
+    piece_indices,
     shape_measures,
     surface_distances_mm,
     surface_error_mm,
@@ -112,7 +112,7 @@ def test_pieces_are_numbered_by_size(tube):
     vertices, faces = tube
     z = vertices[:, 2]
     mesh = garment_mesh(vertices, faces, (z < 0.3) | (z > 0.45))
-    piece = piece_of(mesh)
+    piece = piece_indices(mesh)
     assert set(piece) == {0, 1}
     assert (mesh.vertices[piece == 0, 2] > 0.4).all()
     assert (mesh.vertices[piece == 1, 2] < 0.4).all()

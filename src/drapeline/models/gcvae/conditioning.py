@@ -1,9 +1,13 @@
 """The conditioning autoencoder Gamma, whose middle layer the networks are conditioned on."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import torch
 from torch import nn
 
+from drapeline.errors import InputError
 from drapeline.models.layers.linear import linear
 
 
@@ -62,3 +66,31 @@ def cvar_statistics(cvar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     std = cvar.std(axis=0)
     return cvar.mean(axis=0).astype(np.float32), np.where(std > 0.05, std, 1).astype(np.float32)
+
+
+def load_conditioning(
+    checkpoint: dict[str, Any], into: ConditioningAutoencoder, path: Path
+) -> None:
+    """Copy trained weights into an autoencoder.
+
+    Args:
+        checkpoint: as `train_conditioning` leaves it.
+        into: gets the weights.
+        path: of the checkpoint, for messages.
+
+    Raises:
+        InputError: the checkpoint is of another network or another size.
+    """
+    prefix = "autoencoder."
+    state = {
+        key.removeprefix(prefix): value
+        for key, value in checkpoint["state_dict"].items()
+        if key.startswith(prefix)
+    }
+    try:
+        into.load_state_dict(state)
+    except RuntimeError as error:
+        raise InputError(
+            f"{path}: holds a conditioning network of another size than the settings ask for"
+            f" ({str(error).splitlines()[-1].strip()})"
+        ) from error

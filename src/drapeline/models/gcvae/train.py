@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from drapeline.models.gcvae.train_conditioning import load_conditioning
+from drapeline.models.gcvae.conditioning import load_conditioning
 from drapeline.models.gcvae.vae import Garments, GarmentVae
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import read_checkpoint

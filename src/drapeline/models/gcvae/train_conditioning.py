@@ -8,7 +8,6 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
-from drapeline.errors import InputError
 from drapeline.models.gcvae.conditioning import ConditioningAutoencoder, cvar_statistics
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.lightning import fit
@@ -141,31 +140,3 @@ def train_conditioning(
         trainer={"accelerator": "cpu", "devices": 1},
         threads=threads,
     )
-
-
-def load_conditioning(
-    checkpoint: dict[str, Any], into: ConditioningAutoencoder, path: Path
-) -> None:
-    """Copy trained weights into an autoencoder.
-
-    Args:
-        checkpoint: as `train_conditioning` leaves it.
-        into: gets the weights.
-        path: of the checkpoint, for messages.
-
-    Raises:
-        InputError: the checkpoint is of another network or another size.
-    """
-    prefix = "autoencoder."
-    state = {
-        key.removeprefix(prefix): value
-        for key, value in checkpoint["state_dict"].items()
-        if key.startswith(prefix)
-    }
-    try:
-        into.load_state_dict(state)
-    except RuntimeError as error:
-        raise InputError(
-            f"{path}: holds a conditioning network of another size than the settings ask for"
-            f" ({str(error).splitlines()[-1].strip()})"
-        ) from error

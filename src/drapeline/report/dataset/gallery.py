@@ -9,7 +9,8 @@ from PIL import Image
 
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import ScenePart, scene_parts
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import ScenePart
 from drapeline.rendering.animated_png import save_animation
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rendering.picture_grid import text_card

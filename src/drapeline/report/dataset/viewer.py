@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import ScenePart, scene_parts
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import ScenePart
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.storage import atomic_file, read_json

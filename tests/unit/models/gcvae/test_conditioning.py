@@ -1,9 +1,17 @@
 """The conditioning autoencoder Gamma, built by hand."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 import torch
 
-from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
+from drapeline.errors import InputError
+from drapeline.models.gcvae.conditioning import (
+    ConditioningAutoencoder,
+    cvar_statistics,
+    load_conditioning,
+)
 
 INPUTS, MIDDLE = 6, 4
 
@@ -68,3 +76,30 @@ def test_a_network_that_passes_conditions_on_has_no_loss(cvar):
 
 def test_gradients_by_finite_differences(gamma, cvar):
     assert torch.autograd.gradcheck(gamma.loss, cvar.requires_grad_())
+
+
+def autoencoder(middle, seed):
+    zeros = torch.zeros(INPUTS)
+    return ConditioningAutoencoder(INPUTS, 8, middle, mean=zeros, std=zeros + 1, rng=rng(seed))
+
+
+def test_trained_weights_are_copied_into_an_autoencoder_of_the_same_size(gamma):
+    checkpoint = {
+        "state_dict": {f"autoencoder.{key}": value for key, value in gamma.state_dict().items()}
+        | {"position": torch.zeros(1)}  # of the training, not of the autoencoder
+    }
+    into = autoencoder(MIDDLE, seed=5).double()
+    load_conditioning(checkpoint, into, Path("best.ckpt"))
+    for key, value in gamma.state_dict().items():
+        torch.testing.assert_close(into.state_dict()[key], value, rtol=0, atol=0)
+    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
+        load_conditioning(checkpoint, autoencoder(MIDDLE + 1, seed=5), Path("best.ckpt"))
+
+
+def test_a_condition_that_hardly_varies_in_training_is_not_blown_up():
+    cvar = np.array([[1, 5, 0.01], [3, 5, -0.01]], dtype=np.float64)
+    mean, std = cvar_statistics(cvar)
+    np.testing.assert_allclose(mean, [2, 5, 0])
+    np.testing.assert_allclose(std, [1, 1, 1])
+    assert mean.dtype == std.dtype == np.float32
+    np.testing.assert_allclose(cvar_statistics(10 * cvar)[1], [10, 1, 0.1])

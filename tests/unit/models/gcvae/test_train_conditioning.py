@@ -2,12 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings, load_conditioning
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.gcvae.train_conditioning import ConditioningSettings
 from gcvae_toys import ToyGarments
 from gcvae_trainings import Killed, assert_same, checkpoint_under_way, train_condition, weights
 
@@ -24,21 +21,6 @@ def test_the_statistics_are_those_of_the_training_rows(conditioning):
     mean, std = (state[f"autoencoder.{name}"].numpy() for name in ("mean", "std"))
     np.testing.assert_allclose(mean, cvar.mean(axis=0), atol=1e-6)
     np.testing.assert_allclose(std, cvar.std(axis=0), atol=1e-6)
-
-
-def autoencoder(condition, seed=0):
-    mean, rng = torch.zeros(13), torch.Generator().manual_seed(seed)
-    return ConditioningAutoencoder(13, 2 * condition, condition, mean=mean, std=mean + 1, rng=rng)
-
-
-def test_trained_weights_are_copied_into_an_autoencoder_of_the_same_size(conditioning):
-    path = conditioning / "best.ckpt"
-    into = autoencoder(4)
-    load_conditioning(read_checkpoint(path), into, path)
-    for key, value in into.state_dict().items():
-        torch.testing.assert_close(value, weights(conditioning, "best.ckpt")[f"autoencoder.{key}"])
-    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
-        load_conditioning(read_checkpoint(path), autoencoder(6), path)
 
 
 class DyingConditions(ToyGarments):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.sample_meshes import ScenePart, scene_parts
+from drapeline.dataset.sample_meshes import scene_parts
+from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.report.dataset import viewer

@@ -9,7 +9,7 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
-from drapeline.dataset.sample_meshes import PLAIN_COLOUR, SKIN_COLOUR, ScenePart
+from drapeline.dataset.scene_part import PLAIN_COLOUR, SKIN_COLOUR, ScenePart
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
