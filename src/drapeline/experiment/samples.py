@@ -8,7 +8,7 @@ from itertools import cycle, islice
 from drapeline.dataset.splits import SPLITS, SplitItem, split_samples
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.outfits.garment_types import outfit_types_by_gender
+from drapeline.outfits.garment_types import GARMENT_TYPES, outfit_types_by_gender
 from drapeline.seeding import rng_for
 
 
@@ -43,7 +43,8 @@ class SamplePlan:
     @property
     def removable(self) -> str:
         """Limbs that the outfit certainly leaves bare, a key of `bodies.animation.REMOVABLE`."""
-        return "forearms" if self.outfit_type.startswith("Top") else "hands"
+        worn = (GARMENT_TYPES[name] for name in self.outfit_type.split("+"))
+        return "hands" if any(kind.sleeve_chance for kind in worn) else "forearms"
 
 
 def sub_sequences(

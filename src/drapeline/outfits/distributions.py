@@ -30,6 +30,7 @@ class OutfitRanges:
         strap_m, strap_neck_m, top_drop_m, scye_m: width of a top's straps, half the distance
             between them, depth of its armholes and how far they curve inwards.
         waist: hip joint (0) to waist (1), upper end of trousers and skirts.
+        sewn_waist: likewise, where full-body garments are sewn together.
         leg_length: crotch (0) to ankle (1).
         leg_alpha1, leg_alpha2, leg_offset, leg_w0: equation 1 along the leg.
         rise_m, hip_ease_m: crotch below the body's, room around the hips.
@@ -64,6 +65,7 @@ class OutfitRanges:
     top_drop_m: Range = (0.0, 0.035)
     scye_m: Range = (0.005, 0.03)
     waist: Range = (0.45, 1.0)
+    sewn_waist: Range = (0.8, 1.0)
     leg_length: Range = (0.12, 1.0)
     leg_alpha1: Range = (-0.16, -0.03)
     leg_alpha2: Range = (0.05, 0.45)

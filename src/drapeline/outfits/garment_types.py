@@ -1,17 +1,50 @@
 """CLOTH3D's garment types and the outfits that they make."""
 
 from collections.abc import Iterable, Sequence
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Literal, TypeVar
 
 from drapeline.errors import InputError
 
-GARMENTS = ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
-# Garments whose legs hang in one tube.
-SKIRTS = ("Skirt", "Dress")
-# Types that Garment4D has templates of.
-TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
-# Every combination of garment types that makes an outfit.
+
+@dataclass(frozen=True)
+class GarmentType:
+    """How the garments of a type are made and worn.
+
+    Attributes:
+        region: of the body that they cover. Upper garments are worn over lower ones, whose
+            waistband is held; garments for the whole body are sewn together at the waist.
+        skirt: whether they have one tube for both legs.
+        sleeve_chance: the probability of sleeves; without sleeves they have straps.
+    """
+
+    region: Literal["upper", "lower", "whole"]
+    skirt: bool = False
+    sleeve_chance: float = 0.0
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What they are cut from, from top to bottom: "upper", then "trousers" or "skirt"."""
+        upper = () if self.region == "lower" else ("upper",)
+        legs = () if self.region == "upper" else ("skirt" if self.skirt else "trousers",)
+        return upper + legs
+
+
+# Files store types as positions in this table, so new types come last.
+GARMENT_TYPES = {
+    "Tshirt": GarmentType("upper", sleeve_chance=1.0),
+    "Top": GarmentType("upper"),
+    "Trousers": GarmentType("lower"),
+    "Skirt": GarmentType("lower", skirt=True),
+    "Jumpsuit": GarmentType("whole", sleeve_chance=0.5),
+    "Dress": GarmentType("whole", skirt=True, sleeve_chance=0.5),
+}
+GARMENTS = tuple(GARMENT_TYPES)
+SKIRTS = tuple(name for name, kind in GARMENT_TYPES.items() if kind.skirt)
+# Every combination of garment types that makes an outfit. Plans depend on the order.
 OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
+# Types that Garment4D has templates of, in the order of its paper.
+TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 
 
 Item = TypeVar("Item")

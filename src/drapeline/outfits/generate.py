@@ -22,6 +22,7 @@ from drapeline.outfits.distributions import (
 from drapeline.outfits.dress_form import DressForm
 from drapeline.outfits.fabrics import fabric_names
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, lay_over, leave_body, resize
+from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.outfits.patterns.panels import Pattern
@@ -33,8 +34,6 @@ from drapeline.seeding import rng_for
 
 BODY_GAP_M = 0.005
 LAYER_GAP_M = 0.006
-_PARTS = ("upper", "trousers", "skirt")
-_UPPER = ("Tshirt", "Top")
 _HEM_OVER_SKIRT = 0.5
 _TIGHT_LEGS_M = 0.0015
 _END_M = 0.02  # height of the band that is held at a waist or gathered by an elastic
@@ -54,21 +53,22 @@ def sample_numbers(
         (garment name, description) from inner to outer; the descriptions become `Garment.about`.
     """
     names = outfit_type.split("+")
-    whole = names[0] in ("Jumpsuit", "Dress")
     out = []
     for name in names:
+        kind = GARMENT_TYPES[name]
+        whole = kind.region == "whole"
         parts: dict[str, Any] = {}
-        if name in _UPPER or whole:
-            sleeves = name == "Tshirt" or (whole and rng.random() < 0.5)
+        if "upper" in kind.parts:
+            sleeves = _has_sleeves(rng, kind.sleeve_chance)
             parts["upper"] = sample_upper(rng, ranges, sleeves=sleeves, opens=not whole)
-        if name in ("Trousers", "Jumpsuit"):
+        if "trousers" in kind.parts:
             parts["trousers"] = sample_trousers(rng, ranges)
-        if name in ("Skirt", "Dress"):
+        if "skirt" in kind.parts:
             parts["skirt"] = sample_skirt(rng, ranges)
-        if "upper" in parts and "Skirt" in names:  # the skirt would carry a long hem
-            parts["upper"]["hem"] *= _HEM_OVER_SKIRT
-        if whole:  # sewn at the waist proper
-            parts.get("trousers", parts.get("skirt"))["waist"] = float(rng.uniform(0.8, 1.0))
+        if kind.region == "upper" and any(GARMENT_TYPES[worn].skirt for worn in names):
+            parts["upper"]["hem"] *= _HEM_OVER_SKIRT  # the skirt would carry a long hem
+        if whole:
+            parts[kind.parts[-1]]["waist"] = uniform(rng, ranges.sewn_waist)
         has_end = {
             "sleeves": "sleeve_length" in parts.get("upper", {}),
             "legs": "trousers" in parts,
@@ -85,7 +85,7 @@ def sample_numbers(
             (
                 name,
                 {
-                    "fabric": str(rng.choice(fabric_names(upper=name in _UPPER))),
+                    "fabric": str(rng.choice(fabric_names(upper=kind.region == "upper"))),
                     "elastic": elastic,
                     "texture": {"type": "color", "data": _colour(rng)},
                     "parameters": parts,
@@ -93,7 +93,12 @@ def sample_numbers(
             )
         )
     # Lower garments are worn under upper ones.
-    return sorted(out, key=lambda item: item[0] in _UPPER)
+    return sorted(out, key=lambda item: GARMENT_TYPES[item[0]].region == "upper")
+
+
+def _has_sleeves(rng: np.random.Generator, chance: float) -> bool:
+    """Nothing is drawn where it is certain."""
+    return chance == 1 or (chance > 0 and rng.random() < chance)
 
 
 def _colour(rng: np.random.Generator) -> list[float]:
@@ -210,7 +215,7 @@ def _from_template(
 ) -> tuple[Garment, Constraint]:
     """A garment on the dress form, with float64 vertices, and what keeps its parts apart."""
     numbers = about["parameters"]
-    parts = {key: numbers[key] for key in _PARTS if key in numbers}
+    parts = {part: numbers[part] for part in GARMENT_TYPES[name].parts}
     pattern = cut_garment(form, edge_length_m, **parts)
     while pattern.count < vertices_min:
         edge_length_m *= 0.98 * (pattern.count / vertices_min) ** 0.5
@@ -228,7 +233,7 @@ def _from_file(path: str | Path, name: str, about: dict[str, Any], body: BodyMod
     """A user's garment, with float64 vertices; the waistband is its topmost opening."""
     mesh = load_user_garment(path, body)
     pin, elastic = np.zeros((2, len(mesh.vertices)), dtype=np.float32)
-    if name in ("Trousers", "Skirt"):
+    if GARMENT_TYPES[name].region == "lower":
         pin[top_loop(mesh)] = 1
     about = {**about, "elastic": {}, "parameters": {"own_garment": str(path)}}
     points = mesh.vertices.astype(np.float64)
@@ -242,7 +247,7 @@ def _masks(pattern: Pattern, name: str, about: Mapping[str, Any]) -> tuple[np.nd
     if "upper" in about["parameters"]:
         # A wide neck or an open front slides off shoulders that friction alone would have to hold.
         pin[pattern.marks["shoulders"]] = 1
-    if name in ("Trousers", "Skirt"):
+    if GARMENT_TYPES[name].region == "lower":
         waist = points[pattern.marks["waist"], 2].mean()
         pin[points[:, 2] > waist - _END_M] = 1
     ends = {

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import atomic_file
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart.
@@ -18,7 +17,14 @@ VERMILION, SKY = "#D55E00", "#56B4E9"
 INK, QUIET, FAINT = "#222222", "#6b6f76", "#e3e5e8"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
 GENDER_COLOURS = {"female": PURPLE, "male": BLUE}
-GARMENT_COLOURS = dict(zip(GARMENTS, SERIES, strict=True))
+GARMENT_COLOURS = {
+    "Tshirt": BLUE,
+    "Top": ORANGE,
+    "Trousers": GREEN,
+    "Skirt": PURPLE,
+    "Jumpsuit": VERMILION,
+    "Dress": SKY,
+}
 FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
 SKIN = (0.83, 0.69, 0.6)  # sRGB of bodies in renderings
 

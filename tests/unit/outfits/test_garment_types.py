@@ -1,12 +1,51 @@
 """Garment types."""
 
-from drapeline.outfits.garment_types import GARMENTS, first_of_each
+import pytest
+
+from drapeline.outfits.garment_types import (
+    GARMENT_TYPES,
+    GARMENTS,
+    OUTFIT_TYPES,
+    SKIRTS,
+    TEMPLATE_TYPES,
+    GarmentType,
+    first_of_each,
+)
+
+
+def test_types_keep_their_positions_which_files_store():
+    assert GARMENTS[:6] == ("Tshirt", "Top", "Trousers", "Skirt", "Jumpsuit", "Dress")
+    assert [GARMENTS.index(name) for name in SKIRTS[:2]] == [3, 5]
+    assert set(TEMPLATE_TYPES) <= set(GARMENTS)
+
+
+def test_every_type_is_worn_and_every_outfit_covers_both_halves_of_the_body_once():
+    outfits = [outfit_type.split("+") for outfit_type in OUTFIT_TYPES]
+    assert {name for names in outfits for name in names} == set(GARMENTS)
+    for names in outfits:
+        regions = sorted(GARMENT_TYPES[name].region for name in names)
+        assert regions in (["whole"], ["lower", "upper"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "parts"),
+    [
+        (GarmentType("upper", sleeve_chance=1.0), ("upper",)),
+        (GarmentType("lower"), ("trousers",)),
+        (GarmentType("lower", skirt=True), ("skirt",)),
+        (GarmentType("whole"), ("upper", "trousers")),
+        (GarmentType("whole", skirt=True), ("upper", "skirt")),
+    ],
+)
+def test_the_parts_of_a_garment_follow_from_its_region_and_its_legs(kind, parts):
+    assert kind.parts == parts
 
 
 def test_the_first_of_each_type_comes_in_the_order_of_types_and_no_more_is_read():
     found = first_of_each([("Skirt", 1), ("Top", 2), ("Skirt", 3), ("Tshirt", 4)])
     assert found == [4, 2, 1]
-    endless = ((GARMENTS[k % 6], k) for k in range(10**9))
-    assert first_of_each(endless) == [0, 1, 2, 3, 4, 5]
-    assert next(endless)[1] == 6
+    count = len(GARMENTS)
+    endless = ((GARMENTS[k % count], k) for k in range(10**9))
+    assert first_of_each(endless) == list(range(count))
+    assert next(endless)[1] == count
     assert first_of_each([]) == []

@@ -10,6 +10,7 @@ from drapeline.geometry.obj import save_obj
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
+from drapeline.registration.to_template import make_template as making
 from drapeline.registration.to_template.garment_template import LOOP_NAMES
 from drapeline.registration.to_template.make_template import make_template, template_from_mesh
 from drapeline.registration.to_template.remesh import remesh_table, residual
@@ -51,6 +52,19 @@ def test_a_template_has_the_openings_of_its_type(made, garment):
             middle["left_cuff"], middle["right_cuff"] * [-1, 1, 1], atol=0.02
         )
         assert middle["left_cuff"][0] > 0.05
+
+
+@pytest.mark.parametrize("garment", ["Top", "Dress"])
+def test_another_type_needs_no_more_than_the_names_of_its_openings(
+    toy_body, dress_forms, monkeypatch, garment
+):
+    openings = ("neck", "hem", "left_cuff", "right_cuff")
+    monkeypatch.setattr(making, "TEMPLATE_TYPES", (*TEMPLATE_TYPES, garment))
+    monkeypatch.setitem(LOOP_NAMES, garment, openings)
+    template = make_template(garment, dress_forms, {"female": toy_body}, 0.035)
+    middle = [template.vertices[template.loop == k].mean(axis=0) for k in range(len(openings))]
+    assert middle[0][2] > max(middle[2][2], middle[3][2]) > middle[1][2]
+    assert middle[2][0] > 0.05 > -0.05 > middle[3][0]
 
 
 @pytest.mark.parametrize("garment", TEMPLATE_TYPES)
