@@ -7,13 +7,16 @@ from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.report.html import html_table, write_page
 
-_NAMES = {
+# Shown under these names and in this order; other representations go by their variant.
+_CODES = {
     "svae": "SVAE, as printed",
     "svae_ours": "SVAE, our variant",
     "body_pca": "PCA of offsets from the body",
     "garment4d_pca": "PCA of Garment4D's templates",
-    "body_registered": "no code: registered to the body",
-    "template_registered": "no code: registered to the template",
+}
+_WITHOUT_CODE = {
+    "body_registered": "registered to the body",
+    "template_registered": "registered to the template",
 }
 _WAYS = {
     "surface_to_true_mm": "From the reconstruction to the original garment",
@@ -36,9 +39,9 @@ def write_representations(path: str | Path, metrics: str | Path, split: str) -> 
     parts = [
         "<p>All garments of these types in the test split of static outfits, which no model has"
         " seen. Mean distances over the area of the surfaces in mm, with 95 % intervals over"
-        " outfits. No code can recover what registration loses, which the last two rows show. The"
-        " size of a code does not count the body's shape and other inputs of its decoder; those of"
-        " the templates are listed by type.</p>"
+        " outfits. No code can recover what registration loses, which the rows without a code"
+        " show. The size of a code does not count the body's shape and other inputs of its decoder;"
+        " where it differs between types, it is listed by type.</p>"
     ]
     for metric, title in _WAYS.items():
         parts += [f"<h2>{title} (mm)</h2>", html_table(_table(rows, metric, split))]
@@ -47,7 +50,7 @@ def write_representations(path: str | Path, metrics: str | Path, split: str) -> 
 
 def _table(rows: Sequence[MetricRow], metric: str, split: str) -> list[dict[str, object]]:
     found = []
-    for variant, name in _NAMES.items():
+    for variant, name in _names(rows).items():
         cells: dict[str, object] = {
             "Code": name,
             "Size of the code": _size(rows, variant, split),
@@ -56,6 +59,15 @@ def _table(rows: Sequence[MetricRow], metric: str, split: str) -> list[dict[str,
             cells[garment] = _cell(rows, variant, split, garment, metric)
         found.append(cells)
     return found
+
+
+def _names(rows: Sequence[MetricRow]) -> dict[str, str]:
+    """Variant -> what it is called: codes first, then representations without a code."""
+    coded = {row.variant for row in rows if row.metric == "code_numbers"}
+    others = dict.fromkeys(row.variant for row in rows if row.variant not in _CODES)
+    codes = _CODES | {variant: variant for variant in others if variant in coded}
+    without = _WITHOUT_CODE | {v: v for v in others if v not in _WITHOUT_CODE and v not in coded}
+    return codes | {variant: f"no code: {name}" for variant, name in without.items()}
 
 
 def _size(rows: Sequence[MetricRow], variant: str, split: str) -> str:

@@ -1,5 +1,7 @@
 """The page that compares codes."""
 
+import re
+
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.report.models.representations import write_representations
@@ -31,3 +33,24 @@ def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
     assert first.count(">-<") == 3
     assert "128" in first
     assert "64 / - / 51" in page
+
+
+def test_representations_of_a_further_model_are_shown_under_their_own_names(tmp_path):
+    rows = [
+        row("implicit_registered", "Skirt", 1.25),
+        row("implicit_code", "Skirt", 2.75),
+        row("implicit_code", "Skirt", 96, "code_numbers"),
+        row("svae", "Skirt", 3.25),
+    ]
+    write_metrics(tmp_path / "metrics.tsv", rows)
+    write_representations(tmp_path / "page.html", tmp_path / "metrics.tsv", "test")
+    tables = (tmp_path / "page.html").read_text().split("<table")[1:]
+    assert len(tables) == 2  # one for each direction
+    first = tables[0].split("<tr>")[2:]
+    names = [re.search(r"<t[dh][^>]*>([^<]*)<", line)[1] for line in first]
+    assert names.index("SVAE, as printed") < names.index("implicit_code")
+    assert names.index("implicit_code") < names.index("no code: registered to the body")
+    assert names[-1] == "no code: implicit_registered"
+    assert "1.25" in first[-1]
+    assert "2.75" in first[names.index("implicit_code")]
+    assert "96" in first[names.index("implicit_code")]
