@@ -1,5 +1,7 @@
 """What docs/extending.md promises: additions touch the places it lists, and nothing else."""
 
+import json
+import os
 import re
 import shutil
 import subprocess
@@ -19,20 +21,22 @@ from drapeline.frames import GENDERS
 from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.fabrics import FABRICS, Fabric
-from drapeline.outfits.garment_types import OUTFIT_TYPES
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.generate import sample_numbers
-from drapeline.report.style import FABRIC_COLOURS
+from drapeline.report.style import FABRIC_COLOURS, GARMENT_COLOURS
 from drapeline.seeding import rng_for
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit
 from drapeline.storage import read_json
-from snakemake_run import ROOT, copy_project, snakemake
+from imported_modules import imported_modules
+from snakemake_run import PARTS, ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
 
 TOY_RULES = """
 METRIC_TABLES["metrics"] += ["toy"]
+METRIC_TABLES["representations"] += ["representations_toy"]
 DEFAULT_TARGETS += [f"{RESULTS}/report/toy_metrics.html"]
 
 
@@ -64,11 +68,24 @@ rule evaluate_toy:
         "../../scripts/evaluate_toy.py"
 
 
+rule compare_toy:
+    input:
+        data=static_data(*EVALUATED_SPLITS),
+    output:
+        f"{RESULTS}/metrics/representations_toy.tsv",
+    log:
+        f"{LOGS}/compare_toy.log",
+    params:
+        code=source_hash("compare_toy"),
+    script:
+        "../../scripts/compare_toy.py"
+
+
 rule tabulate_toy:
     input:
         f"{RESULTS}/metrics.tsv",
     output:
-        f"{RESULTS}/report/toy_metrics.html",
+        report(f"{RESULTS}/report/toy_metrics.html", caption="../report/toy.rst"),
     log:
         f"{LOGS}/tabulate_toy.log",
     params:
@@ -83,6 +100,37 @@ TOY_SCHEMA = """
     default: {}
     properties:
       size: {type: integer, minimum: 1, default: 3, description: Numbers of the code.}
+"""
+TOY_MODEL = """
+from drapeline.geometry.mesh import Mesh
+
+MODEL = "toy"
+
+
+class Flat:
+    variant = "toy_flat"
+
+    def code_numbers(self, garment):
+        return 2
+
+    def rebuild(self, garments):
+        for garment in garments:
+            yield Mesh(garment.mesh.vertices * [1, 1, 0], garment.mesh.faces)
+"""
+TOY_COMPARISON = """
+import numpy as np
+
+from drapeline.geometry.mesh import Mesh
+from drapeline.metrics.table import write_metrics
+from drapeline.models.compare import compare_representations
+from drapeline.models.contract import HeldOutGarment
+from drapeline.models.toy.model import Flat
+
+mesh = Mesh(np.float32([[0, 0, 0.01], [1, 0, 0.01], [0, 1, 0.01]]), np.int32([[0, 1, 2]]))
+garments = [HeldOutGarment(0, "s00001", "Skirt", mesh)]
+write_metrics(
+    snakemake.output[0], compare_representations(garments, [Flat()], split="test", seed=0)
+)
 """
 TOY_EVALUATION = """
 from drapeline.metrics.table import MetricRow, write_metrics
@@ -122,11 +170,15 @@ def append(path, text):
 def add_toy_model(project):
     """A model in the places that a model may touch."""
     append(project / "src/drapeline/models/toy/__init__.py", "")
-    append(project / "src/drapeline/models/toy/model.py", 'MODEL = "toy"\n')
+    append(project / "src/drapeline/models/toy/model.py", TOY_MODEL)
     append(project / "workflow/rules/toy.smk", TOY_RULES)
     append(project / "scripts/evaluate_toy.py", TOY_EVALUATION)
-    for name in ("train_toy", "tabulate_toy"):
-        append(project / f"scripts/{name}.py", "from drapeline.models.toy import model\n")
+    append(project / "scripts/compare_toy.py", TOY_COMPARISON)
+    append(project / "scripts/train_toy.py", "from drapeline.models.toy import model\n")
+    append(project / "scripts/tabulate_toy.py", "from drapeline.report.models.toy import page\n")
+    append(project / "src/drapeline/report/models/toy/__init__.py", "")
+    append(project / "src/drapeline/report/models/toy/page.py", "TITLE = 'Toy'\n")
+    append(project / "workflow/report/toy.rst", "A toy.\n")
     append(project / "workflow/schemas/config.schema.yaml", TOY_SCHEMA)
     snakefile = project / "Snakefile"
     last = 'include: "workflow/rules/garment4d.smk"\n'
@@ -149,6 +201,145 @@ def add_toy_solver(project):
     line = '    "toy": ("drapeline.toy_cloth.solver", "../../envs/geometry.yaml"),\n'
     table = "CLOTH_SOLVERS = {\n"
     replace(project / "workflow/rules/simulation.smk", table, table + line)
+
+
+TOY_TYPE = """
+    "Overalls": GarmentType("whole"),
+}
+GARMENTS = tuple(GARMENT_TYPES)
+"""
+# What comes of the type, by code that has never heard of it.
+TOY_TYPE_USE = """
+import json
+import sys
+
+import numpy as np
+import yaml
+
+from drapeline.dataset.labels import LABELS
+from drapeline.experiment.config import checked_settings
+from drapeline.experiment.samples import plan_samples
+from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.templates import build_templates
+from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
+from drapeline.report.style import garment_colour
+from drapeline.seeding import rng_for
+from toys import toy_body
+
+with open("workflow/schemas/config.schema.yaml") as stream:
+    schema = yaml.safe_load(stream)
+wanted = {
+    "outfits": {"types": ["Overalls"], "own_garments": {"Overalls": "mine.obj"}},
+    "gcvae": {"sampling": {"garments": ["Overalls"]}},
+}
+types = checked_settings(wanted, schema, "toy.yaml")["outfits"]["types"]
+samples = plan_samples(
+    1, {"walk": 60}, frames=60, frames_min=60, count=3, val_share=0.0, test_share=0.0,
+    female_share=0.0, outfit_types=types, male_skirts=False,
+)
+plan = samples["00001"]
+body = toy_body()
+outfit = sample_outfit(
+    rng_for(1), build_templates(body), body,
+    gender=plan.gender, shape=np.zeros(10), outfit_type=plan.outfit_type, edge_length_m=0.03,
+)
+(garment,) = outfit.garments
+index = LABELS.index(garment.name) - 1
+json.dump(
+    {
+        "parts": list(garment.about["parameters"]),
+        "upper": list(garment.about["parameters"]["upper"]),
+        "held": int(garment.pin.sum()),
+        "index": index,
+        "topology": TOPOLOGIES[topology_codes(np.array([index]))[0]],
+        "removable": plan.removable,
+        "colour": garment_colour(garment.name),
+    },
+    sys.stdout,
+)
+"""
+
+
+def add_toy_garment_type(project):
+    """A row in the table, an outfit, its words in the schema and the configs, and a colour."""
+    table = "}\nGARMENTS = tuple(GARMENT_TYPES)\n"
+    types = project / "src/drapeline/outfits/garment_types.py"
+    replace(types, table, TOY_TYPE.removeprefix("\n"))
+    replace(types, '"Dress", "Jumpsuit")', '"Dress", "Jumpsuit", "Overalls")')
+    schema = project / "workflow/schemas/config.schema.yaml"
+    replace(schema, "Top+Skirt, Dress, Jumpsuit]", "Top+Skirt, Dress, Jumpsuit, Overalls]")
+    replace(schema, "Skirt, Jumpsuit, Dress]", "Skirt, Jumpsuit, Dress, Overalls]")
+    own = "          Dress: {type: string, minLength: 1}\n"
+    replace(schema, own, own + own.replace("Dress", "Overalls"))
+    style = project / "src/drapeline/report/style.py"
+    replace(style, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
+    for name in ("config.yaml", "workflow/config/paper.yaml"):
+        text = (project / name).read_text()
+        assert "\n  types: [" in text
+        text = text.replace("\n  types: [", "\n  types: [Overalls, ")
+        (project / name).write_text(text)
+
+
+def read_files(project):
+    return {
+        str(path.relative_to(project)): path.read_bytes()
+        for part in PARTS
+        for path in [project / part, *(project / part).rglob("*")]
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def listed_places(title, **names):
+    """Places in the first table of a section of the guide, with names for its placeholders."""
+    guide = (ROOT / "docs/extending.md").read_text().partition(f"## {title}\n")[2]
+    table = re.search(r"^\|.*?\n\n", guide, re.MULTILINE | re.DOTALL).group()
+    places = [
+        place
+        for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE)
+        for place in re.findall(r"`(.+?)`", row)
+    ]
+    for key, name in names.items():
+        places = [place.replace(f"<{key}>", name) for place in places]
+    assert places
+    assert not [place for place in places if "<" in place]
+    return places
+
+
+def is_run(place):
+    """Whether it is neither a test nor a page of the documentation."""
+    return not place.startswith(("tests/", "docs/", "README"))
+
+
+def touched_files(project, add):
+    """Path -> content before and after an addition; None before if the file is new."""
+    before = read_files(project)
+    add(project)
+    after = read_files(project)
+    return {p: (before.get(p), after[p]) for p in after if before.get(p) != after[p]}
+
+
+def in_place(path, place):
+    return path.startswith(place) if place.endswith("/") else path == place
+
+
+ADDITIONS = {
+    "A new cloth solver": (add_toy_solver, {"room": "toy_cloth"}),
+    "A new garment type": (add_toy_garment_type, {}),
+    "A new model": (add_toy_model, {"model": "toy"}),
+}
+
+
+@pytest.mark.parametrize("title", ADDITIONS)
+def test_an_addition_touches_the_places_listed_and_no_others(tmp_path, title):
+    """But for tests and pages of the documentation, which a run does not read."""
+    add, names = ADDITIONS[title]
+    touched = touched_files(copy_project(tmp_path), add)
+    listed = listed_places(title, **names)
+    for path in touched:
+        assert any(in_place(path, place) for place in listed), f"the guide does not list {path}"
+    for place in listed:
+        if is_run(place):
+            assert any(in_place(path, place) for path in touched), f"{place} is not needed"
 
 
 @pytest.fixture(scope="module")
@@ -177,20 +368,66 @@ def test_a_models_own_files_and_one_line_plan_it_with_all_the_rest(inputs):
 
 def test_a_models_metrics_come_into_the_table(extended, inputs):
     """Really evaluated and collected, beside empty tables of the other models."""
-    for name in inputs["collect_metrics"]:
-        if not name.endswith("/toy.tsv"):
-            write_metrics(extended / name, [])
     results = extended / "results/tiny"
+    for name in inputs["collect_metrics"]:
+        if not name.endswith("toy.tsv"):
+            write_metrics(extended / name, [])
+    for name in ("gcvae", "garment4d"):
+        write_metrics(results / f"metrics/representations_{name}.tsv", [])
     for name in ("toy/model", "static/data"):
         (results / name).mkdir(parents=True)
     run = snakemake(
         extended,
-        *("--allowed-rules", "evaluate_toy", "collect_metrics", "--configfile", CONFIG),
-        *("--", "results/tiny/metrics.tsv"),
+        *("--allowed-rules", "evaluate_toy", "compare_toy", "collect_metrics"),
+        *("tabulate_representations", "--configfile", CONFIG),
+        *("--", "results/tiny/metrics.tsv", "results/tiny/report/representations.html"),
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    (row,) = read_metrics(results / "metrics.tsv")
-    assert (row.model, row.value) == ("toy", 12.5)
+    found = {(row.model, row.variant): row for row in read_metrics(results / "metrics.tsv")}
+    assert found["toy", "toy"].value == 12.5
+    assert set(found) == {("toy", "toy"), ("representation", "toy_flat")}
+    assert "toy_flat" in (results / "report/representations.html").read_text()
+
+
+def obstacles_of_toy_model(project):
+    """What would stop the toy model, as far as files tell without a run."""
+    included = re.findall(r'^include: "(.*)"', (project / "Snakefile").read_text(), re.MULTILINE)
+    file = project / "workflow/rules/toy.smk"
+    if not file.is_file() or "workflow/rules/toy.smk" not in included:
+        yield f"{file} is not there or not included"
+        return
+    rules = file.read_text()
+    schema = yaml.safe_load((project / "workflow/schemas/config.schema.yaml").read_text())
+    for path in re.findall(r'dpath="(\w+)/', rules):
+        if path not in schema["properties"]:
+            yield f"{path} is not a setting"
+    for name in re.findall(r'"(\.\./.*\.(?:py|rst))"', rules):
+        path = file.parent / name
+        if not path.is_file():
+            yield f"{path} is not there"
+        elif path.suffix == ".py":
+            for module in imported_modules(path.read_text()):
+                source = project / "src" / module.replace(".", "/")
+                files = (source / "__init__.py", source.with_suffix(".py"))
+                if module.startswith("drapeline") and not any(f.is_file() for f in files):
+                    yield f"{path.name} imports {module}"
+
+
+def test_a_model_needs_each_of_the_places_listed(tmp_path):
+    project = copy_project(tmp_path)
+    touched = touched_files(project, add_toy_model)
+    assert not list(obstacles_of_toy_model(project))
+    for place in filter(is_run, listed_places("A new model", model="toy")):
+        own = [path for path in touched if in_place(path, place)]
+        for path in own:
+            before, _ = touched[path]
+            if before is None:
+                (project / path).unlink()
+            else:
+                (project / path).write_bytes(before)
+        assert list(obstacles_of_toy_model(project)), f"{place} is not needed"
+        for path in own:
+            (project / path).write_bytes(touched[path][1])
 
 
 def test_a_new_model_makes_no_other_rule_run_again(extended):
@@ -305,9 +542,47 @@ def test_the_places_that_name_a_fabric_are_those_listed():
     assert set(FABRIC_COLOURS) == set(FABRICS)
     quoted = re.compile("|".join(f"[\"']{name}[\"']" for name in FABRICS))
     naming = {str(p.relative_to(ROOT)) for p in project_files() if quoted.search(p.read_text())}
-    guide = (ROOT / "docs/extending.md").read_text().partition("## A new fabric")[2]
-    listed = set(re.findall(r"`((?:src|docs)/[\w/.-]+)`", guide.partition("\n## ")[0]))
+    listed = set(listed_places("A new fabric"))
     assert naming == {path for path in listed if path.startswith("src/")}
     for page in sorted(listed - naming):
         text = (ROOT / page).read_text()
         assert all(name in text for name in FABRICS), f"{page} does not name every fabric"
+
+
+def test_a_row_of_the_table_makes_a_garment_type(tmp_path):
+    """Overalls: straps, separate legs, for males too; planned, made, labelled and coloured."""
+    project = copy_project(tmp_path)
+    add_toy_garment_type(project)
+    paths = os.pathsep.join([str(project / "src"), str(ROOT / "tests")])
+    run = subprocess.run(
+        [sys.executable, "-c", TOY_TYPE_USE],
+        cwd=project,
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr[-2000:]
+    made = json.loads(run.stdout)
+    assert {"upper", "trousers"} <= set(made["parts"])
+    assert "strap_m" in made["upper"]
+    assert made["held"] > 0
+    assert (made["index"], made["topology"]) == (len(GARMENTS), "body")
+    assert made["removable"] == "forearms"
+    assert len(made["colour"]) == 3
+
+
+def test_every_garment_type_is_in_the_places_listed():
+    """So that a place which a new type lacks is named."""
+    assert set(GARMENT_COLOURS) == set(GARMENTS)
+    listed = listed_places("A new garment type")
+    for place in listed:
+        lacking = [name for name in GARMENTS if name not in (ROOT / place).read_text()]
+        assert not lacking, f"{place} lacks {', '.join(lacking)}"
+    naming = {
+        str(path.relative_to(ROOT))
+        for path in [*project_files(), ROOT / "config.yaml"]
+        if all(re.search(rf"\b{name}\b", path.read_text()) for name in GARMENTS)
+    }
+    # The paper's own numbers are of its own types.
+    naming.remove("src/drapeline/report/models/gcvae/tables.py")
+    assert naming == {place for place in listed if not place.startswith("docs/")}

@@ -12,7 +12,12 @@ from snakemake.sourcecache import LocalSourceFile
 
 from snakemake_run import ROOT
 
-MODELS = ("gcvae", "garment4d")
+# Each model's rules files start with the name of its folder.
+MODELS = tuple(
+    path.name
+    for path in sorted((ROOT / "src/drapeline/models").iterdir())
+    if path.is_dir() and path.name not in {"layers", "training", "__pycache__"}
+)
 
 
 def compile_rules(path: Path) -> ast.Module:

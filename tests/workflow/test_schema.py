@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import checked_settings
-from drapeline.outfits.garment_types import OUTFIT_TYPES
+from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, TEMPLATE_TYPES
+from drapeline.registration.to_template.garment_template import LOOP_NAMES
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 
@@ -45,9 +46,17 @@ def test_shipped_configs_fit(name):
     checked_settings(yaml.safe_load((ROOT / name).read_text()), SCHEMA, name)
 
 
-def test_every_outfit_can_be_asked_for():
-    types = SCHEMA["properties"]["outfits"]["properties"]["types"]
-    assert set(types["items"]["enum"]) == set(types["default"]) == set(OUTFIT_TYPES)
+def test_every_garment_type_and_outfit_can_be_asked_for():
+    outfits, gcvae, garment4d = (
+        SCHEMA["properties"][name]["properties"] for name in ("outfits", "gcvae", "garment4d")
+    )
+    assert outfits["types"]["items"]["enum"] == outfits["types"]["default"] == [*OUTFIT_TYPES]
+    assert list(outfits["own_garments"]["properties"]) == [*GARMENTS]
+    sampled = gcvae["sampling"]["properties"]["garments"]["items"]["enum"]
+    assert sampled == ["prior", *GARMENTS]
+    files = garment4d["template"]["properties"]["files"]["properties"]
+    assert list(files) == garment4d["reconstruct"]["properties"]["garment"]["enum"]
+    assert tuple(files) == tuple(LOOP_NAMES) == TEMPLATE_TYPES
 
 
 @pytest.mark.parametrize("path", ["simulation/settings", "garment4d/posed/network"])

@@ -46,8 +46,8 @@ class MetricRow(NamedTuple):
     """One number.
 
     Attributes:
-        model: "svae", "dvae", "garment4d", "baseline" or "truth".
-        variant: which of them, such as "svae_no_mask" or "mean_garment".
+        model: such as "svae" or "garment4d"; also "baseline", "representation" or "truth".
+        variant: which of them, such as "svae_no_mask" or "mean_garment"; of one model only.
         split: "train", "val" or "test", or "scans" of a user.
         garment: one of the garment types, or "all".
         metric: a name that carries its unit; ends in `LOW` or `HIGH` for the ends of an interval.

@@ -8,13 +8,12 @@ A model has a folder of its own, `models/<name>/`, and imports no other model. T
 - `load.py`: trained modules from the checkpoints in that folder, without executing anything;
 - evaluation: rows of `metrics.table.MetricRow` for held-out garments, from codes, from
   reconstructions, or from whatever else the model predicts;
-- for figures, what `report/` draws, in the types of `metrics.predictions` and
-  `metrics.reconstructions`; `report/` does not import models;
+- for figures, what `report/` draws, as files or in types of `metrics/` such as `WornGarment` of
+  `metrics.predictions`; `report/` does not import models;
 - `representation.py`: each way in which the model holds a garment, as a `Representation`, by which
   all models are compared on the same garments.
 
-Outside its folder it has a rules file with its name, a block of the config's schema with its name,
-a script per rule, and its pages in `report/models/`.
+docs/extending.md lists what it has outside its folder.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,13 +42,21 @@ class Representation(Protocol):
     """A way to hold a garment, such as a code, from which its mesh can be rebuilt.
 
     Attributes:
-        variant: names the representation in the table of metrics.
+        variant: names the representation in the table of metrics; no other model has the name.
     """
 
     variant: str
 
     def rebuild(self, garments: Sequence[HeldOutGarment]) -> Iterator[Mesh]:
-        """Hold each garment in this way and give it back; in any topology, in the same frame."""
+        """Hold each garment in this way and give it back, in the same frame.
+
+        Args:
+            garments: to rebuild, in this order.
+
+        Returns:
+            A triangle mesh per garment, in any topology; without faces if nothing is left of it,
+            which leaves the garment out of the means.
+        """
 
     def code_numbers(self, garment: str) -> int | None:
         """How many numbers the code of a garment of this type has; None if there is no code."""

@@ -43,7 +43,7 @@ GARMENTS = tuple(GARMENT_TYPES)
 SKIRTS = tuple(name for name, kind in GARMENT_TYPES.items() if kind.skirt)
 # Every combination of garment types that makes an outfit. Plans depend on the order.
 OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
-# Types that Garment4D has templates of, in the order of its paper.
+# Types that Garment4D has templates of.
 TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 
 
