@@ -1,0 +1,61 @@
+"""Garments in motion over the torso, and the files of samples that wear them."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.skinning import skin_points
+from drapeline.frames import REST_POSE
+from drapeline.learning_data.moving import MovingGarment
+from drapeline.seeding import rng_for
+from drapeline.storage import write_json
+from gcvae_files import torso_registration
+from tiny_sample import TinySample, write_tiny_sample
+
+
+def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
+    """Cloth 2 cm over the torso that the body's own weights carry, wrinkles along X in rest."""
+    rng = rng_for(seed, "moving", split, name)
+    shape = rng.uniform(-1, 1, 10)
+    poses = np.tile(REST_POSE, (6, 1)) + rng.normal(0, 0.2, (6, 72))
+    registered = torso_registration(body, shape)
+    vertex = registered.vertex
+    still = rest_body(body, shape)[vertex] + registered.offsets[vertex] + [wrinkle, 0, 0]
+    cloth = skin_points(still, rest_to_pose(body, shape, poses), registered.weights)
+    return MovingGarment(
+        f"{split}{seed}",
+        split,
+        name,
+        "female",
+        shape,
+        poses,
+        registered,
+        np.zeros((0, 3), dtype=np.int32),
+        cloth.astype(np.float32),
+    )
+
+
+class SampleFiles(NamedTuple):
+    """A tiny sample and the folder of its registrations."""
+
+    tiny: TinySample
+    registration: Path
+
+
+def write_registered_sample(
+    stages: Path, body: BodyModel, name: str, split: str, status: str = "accepted"
+) -> SampleFiles:
+    """A tiny sample, and registrations of its garments if it was accepted."""
+    tiny = write_tiny_sample(stages, body, name, split, status=status)
+    folder = stages / "registration" / name
+    write_json(folder / "status.json", {"id": name, "status": status, "split": split})
+    if status == "accepted":
+        made = torso_registration(body, tiny.shape)
+        for garment, mesh in tiny.meshes.items():
+            corner = made.corner % len(mesh.vertices)
+            replace(made, corner=corner).save(folder / f"{garment}.npz")
+    return SampleFiles(tiny, folder)

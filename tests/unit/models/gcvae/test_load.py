@@ -1,0 +1,43 @@
+"""Trained garment VAEs from their checkpoints."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae, StaticPpcaVae
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from gcvae_files import SETTINGS, save_model, shaken
+from gcvae_toys import toy_domain
+
+MOVING = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, version="unposed"))
+
+
+@pytest.mark.parametrize(
+    ("cls", "settings"),
+    [
+        (StaticVae, SETTINGS),
+        (DynamicVae, MOVING),
+        (StaticPpcaVae, SETTINGS),
+        (DynamicPpcaVae, MOVING),
+    ],
+)
+def test_a_network_comes_back_with_its_class_settings_and_weights(tmp_path, cls, settings):
+    saved = save_model(tmp_path / "model", shaken(cls(settings, toy_domain())))
+    loaded = load_vae(tmp_path / "model/best.ckpt")
+    assert type(loaded) is cls
+    assert loaded.settings == settings
+    assert not loaded.training
+    for key, value in saved.state_dict().items():
+        torch.testing.assert_close(loaded.state_dict()[key], value, rtol=0, atol=0)
+    for key, value in saved.body_template.tensors().items():
+        torch.testing.assert_close(loaded.body_template.tensors()[key], value)
+
+
+def test_a_checkpoint_of_another_network_is_refused(tmp_path):
+    about = {"checkpoint_type": "conditioning"}
+    torch.save({"state_dict": {}, "drapeline": about}, tmp_path / "best.ckpt")
+    with pytest.raises(InputError, match=r"best\.ckpt: holds a 'conditioning' network, expected"):
+        load_vae(tmp_path / "best.ckpt")
