@@ -1,7 +1,8 @@
 """Fixtures that every test may use."""
 
-import hashlib
+import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,15 @@ from typing import Any
 import pytest
 from filelock import FileLock
 
+import drapeline
 from drapeline.bodies.model import BodyModel, load_body, save_body
+from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
 from portability import THREADS, portable_tests
 from toys import toy_body as build_toy_body
+
+# Hypothesis keeps examples and constants, which would otherwise lie in the checkout.
+os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", f"{tempfile.gettempdir()}/hypothesis")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -60,8 +66,8 @@ def baked_bodies() -> dict[str, BodyModel]:
     """The real baked bodies; baked on first use (a minute or two) and kept for later runs."""
     from drapeline.bodies import bake
 
-    code = b"".join(p.read_bytes() for p in sorted(Path(bake.__file__).parent.glob("bake*.py")))
-    folder = Path.home() / ".cache" / "drapeline" / hashlib.sha256(code).hexdigest()[:12]
+    code = Sources(Path(drapeline.__file__).parents[1]).digest(bake.__file__)
+    folder = Path.home() / ".cache" / "drapeline" / code
     paths = {gender: folder / f"{gender}.npz" for gender in GENDERS}
     folder.mkdir(parents=True, exist_ok=True)
     with FileLock(folder / "baking.lock"):  # one worker bakes, the others wait

@@ -53,13 +53,13 @@ def export_sample(
     """
     if file_format not in FORMATS:
         raise InputError(f"format '{file_format}' is unknown, expected one of {', '.join(FORMATS)}")
-    with Sample(folder, bodies=bodies) as sequence, atomic_folder(output) as scratch:
-        if sequence.meta is not None and sequence.meta["status"] != "accepted":
+    with Sample(folder, bodies=bodies) as sample, atomic_folder(output) as scratch:
+        if sample.meta is not None and sample.meta["status"] != "accepted":
             raise InputError(
-                f"{folder}: the sample was {sequence.meta['status']}"
-                f" ({sequence.meta['reason']}), expected an accepted one to export"
+                f"{folder}: the sample was {sample.meta['status']}"
+                f" ({sample.meta['reason']}), expected an accepted one to export"
             )
-        FORMATS[file_format](scratch, sequence.id, scene_parts(sequence))
+        FORMATS[file_format](scratch, sample.id, scene_parts(sample))
         return sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())
 
 

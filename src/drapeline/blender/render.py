@@ -49,20 +49,20 @@ def render_modalities(folder: str | Path, output: str | Path, frames: Sequence[i
     Raises:
         InputError: the sample was not accepted, or lacks a frame.
     """
-    with Sample(folder) as sequence, atomic_folder(output) as scratch:
-        if sequence.meta is not None and sequence.meta["status"] != "accepted":
+    with Sample(folder) as sample, atomic_folder(output) as scratch:
+        if sample.meta is not None and sample.meta["status"] != "accepted":
             raise InputError(
-                f"{folder}: the sample was {sequence.meta['status']}, expected an accepted one"
+                f"{folder}: the sample was {sample.meta['status']}, expected an accepted one"
             )
         for frame in frames:
-            if not 0 <= frame < len(sequence):
-                raise InputError(f"{folder}: frame {frame}, expected 0 to {len(sequence) - 1}")
-        parts = scene_parts(sequence)
-        place = sequence.info.camera_location
+            if not 0 <= frame < len(sample):
+                raise InputError(f"{folder}: frame {frame}, expected 0 to {len(sample) - 1}")
+        parts = scene_parts(sample)
+        place = sample.info.camera_location
         place = np.array([5.0, 0.0, 1.0]) if place is None else np.asarray(place, np.float64)
         cameras = {}
         for frame in progress(list(frames), label="modalities"):
-            root = sequence.root_positions(frame, frame + 1)[0]
+            root = sample.root_positions(frame, frame + 1)[0]
             target = np.array([root[0], root[1], place[2]])
             camera = look_at(target + [place[0], 0, 0], target, focal_px=FOCAL_PX, size=SIZE)
             cameras[str(frame)] = {"world_to_camera": camera.world_to_camera.tolist()}

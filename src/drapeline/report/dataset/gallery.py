@@ -58,22 +58,22 @@ def render_gallery(
         _save_still(still, _card(meta, still_size))
         _save_still(moving, _card(meta, moving_size))
         return
-    with Sample(folder) as sequence:
-        parts = scene_parts(sequence)
-        frames = np.unique(np.linspace(0, len(sequence) - 1, moving_frames).astype(int)).tolist()
+    with Sample(folder) as sample:
+        parts = scene_parts(sample)
+        frames = np.unique(np.linspace(0, len(sample) - 1, moving_frames).astype(int)).tolist()
         middle = frames[len(frames) // 2]
-        camera = _cameras(sequence, parts, frames, still_size)[middle]
-        _save_still(still, _shot(sequence, parts, middle, camera))
-        cameras = _cameras(sequence, parts, frames, moving_size)
+        camera = _cameras(sample, parts, frames, still_size)[middle]
+        _save_still(still, _shot(sample, parts, middle, camera))
+        cameras = _cameras(sample, parts, frames, moving_size)
         pictures = [
-            _shot(sequence, parts, frame, cameras[frame], samples=6)
+            _shot(sample, parts, frame, cameras[frame], samples=6)
             for frame in progress(frames, label="gallery")
         ]
-        save_animation(moving, pictures, round(1000 * len(sequence) / sequence.fps / len(frames)))
+        save_animation(moving, pictures, round(1000 * len(sample) / sample.fps / len(frames)))
 
 
 def _shot(
-    sequence: Sample,
+    sample: Sample,
     parts: Sequence[ScenePart],
     frame: int,
     camera: Camera,
@@ -85,7 +85,7 @@ def _shot(
             part.read(frame, frame + 1)[0],
             part.mesh.faces,
             SKIN if part.name == BODY else part.colour,
-            _GLOSS.get(sequence.fabrics.get(part.name) or "", 0.0),
+            _GLOSS.get(sample.fabrics.get(part.name) or "", 0.0),
         )
         for part in parts
     ]
@@ -94,12 +94,12 @@ def _shot(
 
 
 def _cameras(
-    sequence: Sample, parts: Sequence[ScenePart], frames: Sequence[int], size: tuple[int, int]
+    sample: Sample, parts: Sequence[ScenePart], frames: Sequence[int], size: tuple[int, int]
 ) -> dict[int, Camera]:
     """Frame -> camera; all look in one direction, at one scale."""
-    front = facing_direction(sequence.info.poses[frames[len(frames) // 2], :3])
+    front = facing_direction(sample.info.poses[frames[len(frames) // 2], :3])
     direction = view_direction(front, turn_deg=_TURN_DEG, rise=_RISE)
-    targets = sequence.root_positions()[list(frames)]
+    targets = sample.root_positions()[list(frames)]
     targets[:, 2] = _TARGET_HEIGHT_M
     focal_px = size[1] * _DISTANCE_M / _SEEN_HEIGHT_M
 

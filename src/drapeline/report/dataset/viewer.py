@@ -51,16 +51,16 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
     if meta["status"] != "accepted":
         title = f"Sample {meta['id']} was {meta['status']}"
         return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
-    with Sample(folder) as sequence:
-        parts = scene_parts(sequence)
-        for stride in range(max(1, -(-len(sequence) // FRAMES_MAX)), len(sequence) + 1):
-            header, blob = encode_parts(parts, range(0, len(sequence), stride))
+    with Sample(folder) as sample:
+        parts = scene_parts(sample)
+        for stride in range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1):
+            header, blob = encode_parts(parts, range(0, len(sample), stride))
             if 4 / 3 * len(blob) < 0.99 * BYTES_MAX:
                 break
         header |= {
-            "title": f"Sample {sequence.id}",
+            "title": f"Sample {sample.id}",
             "lines": _about(meta),
-            "fps": sequence.fps / stride,
+            "fps": sample.fps / stride,
             "stride": stride,
         }
     return _write(path, header, blob)
