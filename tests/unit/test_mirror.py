@@ -20,7 +20,6 @@ MODULES = sorted(
 COVERED_BY = {
     "errors": "unit/test_rule_log.py",
     "metrics/predictions": "unit/report/models/gcvae/test_views.py",
-    "models/gcvae/dynamic_template": "rules/test_train_dvae.py",
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",
     "models/gcvae/static_template": "rules/test_train_svae.py",
     "registration/to_body/samples": "rules/test_register_sample.py",

@@ -1,0 +1,90 @@
+"""The body template of garments in motion, on made-up frames of a few garments."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.rest_body import rest_body
+from drapeline.frames import GENDERS
+from drapeline.learning_data.static import static_cvar
+from drapeline.models.gcvae.dynamic_garments import DynamicGarments
+from drapeline.models.gcvae.dynamic_template import dynamic_body_template
+from drapeline.seeding import rng_for
+
+SPLIT = np.array(["train", "train", "test", "train"])  # of the garments
+OF_FRAME = np.repeat(np.arange(4), 3)
+
+
+@pytest.fixture(scope="module")
+def bodies(toy_body):
+    wider = replace(toy_body, v_template=toy_body.v_template * [1.1, 1, 1.1])
+    return {"female": toy_body, "male": wider}
+
+
+def frames(vertices, held_out_shift=0.0):
+    """Three frames each of four garments; what belongs to the held-out one may be shifted."""
+    rng = rng_for(0, "frames")
+    held_out = SPLIT == "test"
+    shape = rng.normal(size=(4, 10)) + held_out_shift * held_out[:, None]
+    gender = np.array([0, 1, 1, 0])
+    tightness = rng.normal(size=(4, 2))
+    offsets, base = rng.normal(size=(2, 12, vertices, 3)).astype(np.float32)
+    for arrays in (offsets, base):
+        arrays[held_out[OF_FRAME]] += held_out_shift
+    data = SimpleNamespace(
+        offsets=offsets,
+        base=base,
+        mask=np.ones((4, vertices), dtype=bool),
+        garment_index=OF_FRAME,
+        poses=rng.normal(size=(12, 4, 72)).astype(np.float32),
+        shape=shape,
+        gender=gender,
+        cvar=lambda g: static_cvar(shape[g], gender[g], tightness[g]),
+        rows=lambda split: np.flatnonzero(SPLIT[OF_FRAME] == split),
+    )
+    return DynamicGarments(data, np.zeros((4, 3), dtype=np.float32), 1)
+
+
+def template_of(garments, bodies):
+    faces = bodies["female"].faces
+    return dynamic_body_template(
+        garments,
+        SimpleNamespace(faces=faces, skirt_faces=faces[:-1]),
+        SimpleNamespace(edges={"body": []}, parents={"body": []}),
+        bodies,
+    )
+
+
+def test_offsets_and_bases_have_the_training_frames_statistics(bodies):
+    garments = frames(len(bodies["female"].v_template))
+    template, train = template_of(garments, bodies), garments.rows("train")
+    for name, values in (("offset", garments.data.offsets), ("base", garments.data.base)):
+        mean, std = (getattr(template, f"{name}_{moment}") for moment in ("mean", "std"))
+        np.testing.assert_allclose(mean, values[train].mean(axis=0), atol=1e-5)
+        np.testing.assert_allclose(std, np.maximum(values[train].std(axis=0), 0.01), atol=0.01)
+    np.testing.assert_allclose(template.cvar_mean, garments.cvar(train).mean(axis=0), atol=1e-5)
+    assert len(template.faces["skirt"]) == len(template.faces["body"]) - 1
+
+
+def test_bodies_have_the_statistics_of_the_training_garments_wearers_at_rest(bodies):
+    garments = frames(len(bodies["female"].v_template))
+    template, data = template_of(garments, bodies), garments.data
+    rest = np.stack(
+        [
+            rest_body(bodies[GENDERS[data.gender[garment]]], data.shape[garment])
+            for garment in np.flatnonzero(SPLIT == "train")
+        ]
+    )
+    np.testing.assert_allclose(template.body_mean, rest.mean(axis=0), atol=1e-5)
+    np.testing.assert_allclose(template.body_std, np.maximum(rest.std(axis=0), 0.01), atol=1e-5)
+
+
+def test_held_out_frames_do_not_count(bodies):
+    vertices = len(bodies["female"].v_template)
+    template, same = (template_of(frames(vertices, shift), bodies) for shift in (0.0, 5.0))
+    for name in ("offset", "base", "body", "cvar"):
+        for moment in ("mean", "std"):
+            key = f"{name}_{moment}"
+            np.testing.assert_array_equal(getattr(template, key), getattr(same, key), err_msg=key)
