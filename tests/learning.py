@@ -105,3 +105,23 @@ def errors_on_one_batch(
         module.logged.clear()
         errors.append(float(logged.values[f"train_{name}"]))
     return errors
+
+
+def assert_mixed_precision_agrees(module: M, loss: Callable[[M], torch.Tensor]) -> None:
+    """Fail unless loss and gradient are almost the same, but not quite, with 16 bits for products.
+
+    Args:
+        module: in 32 bits; it is left as it was.
+        loss: see `assert_true_gradients`.
+    """
+    value, slopes = _loss_and_slopes(module, loss)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        mixed_value, mixed_slopes = _loss_and_slopes(module, loss)
+    assert mixed_value != value
+    assert abs(mixed_value / value - 1) < 0.1
+    flat, mixed = (
+        torch.cat([part.flatten() for part in parts.values()]) for parts in (slopes, mixed_slopes)
+    )
+    assert torch.cosine_similarity(mixed, flat, dim=0) > 0.9
+    assert abs(mixed.norm() / flat.norm() - 1) < 0.2
+    assert mixed.dtype == torch.float32

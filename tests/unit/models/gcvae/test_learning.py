@@ -1,0 +1,125 @@
+"""What training the garment VAEs and their conditions comes to on any processor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.gcvae.loss import GcvaeLoss
+from drapeline.models.gcvae.networks import GcvaeNetwork
+from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae, StaticPpcaVae
+from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.train_conditioning import ConditioningSettings, ConditioningTraining
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.models.training.batches import as_tensors
+from drapeline.models.training.module import Position
+from gcvae_toys import ToyGarments, toy_domain
+from learning import (
+    assert_a_step_lowers,
+    assert_mixed_precision_agrees,
+    assert_true_gradients,
+    doubles,
+    errors_on_one_batch,
+)
+
+SETTINGS = VaeSettings(
+    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
+    loss=GcvaeLoss(normals=1.0),
+    training=GcvaeTraining(epochs=10, learning_rate=0.003, normal_parts=2),
+)
+OURS = replace(
+    SETTINGS, loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance")
+)
+VAES = {
+    "static": (StaticVae, SETTINGS),
+    "dynamic": (DynamicVae, SETTINGS),
+    "static_ppca": (StaticPpcaVae, OURS),
+    "dynamic_ppca": (DynamicPpcaVae, OURS),
+}
+
+
+def build(cls, settings, seed=0):
+    if issubclass(cls, DynamicVae):
+        training = replace(settings.training, version="unposed", mask=False)
+        settings = replace(settings, training=training)
+    settings = replace(settings, training=replace(settings.training, seed=seed))
+    vae = cls(settings, toy_domain())
+    vae.prepare(ToyGarments())
+    return vae
+
+
+def batch_of(count, *topologies):
+    """So many garments of each topology."""
+    garments = ToyGarments()
+    rows = [np.flatnonzero(garments.codes == topology)[:count] for topology in topologies]
+    return as_tensors(garments.batch(np.concatenate(rows)))
+
+
+def moved(vae):
+    """Late in training, when all terms have weight, and away from layers that begin as zero."""
+    rng = torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for weight in vae.parameters():
+            if weight.requires_grad:
+                weight.add_(0.05 * torch.randn(weight.shape, generator=rng))
+    vae.position = Position(epoch=8, step=3)
+    return vae
+
+
+@pytest.mark.parametrize("name", VAES)
+def test_gradients_of_the_whole_loss_by_finite_differences(name):
+    vae, batch = moved(build(*VAES[name])).double(), doubles(batch_of(2, 0, 1))
+    assert_true_gradients(vae, lambda vae: vae.training_step(batch))
+    assert_a_step_lowers(vae, lambda vae: vae.training_step(batch))
+
+
+@pytest.mark.parametrize("name", VAES)
+@pytest.mark.parametrize("order", [1, 3])
+def test_mixed_precision_gives_almost_the_same_loss_and_gradient(name, order):
+    cls, settings = VAES[name]
+    settings = replace(settings, network=replace(settings.network, order=order))
+    vae, batch = moved(build(cls, settings)), batch_of(2, 0, 1)
+    assert_mixed_precision_agrees(vae, lambda vae: vae.training_step(batch))
+
+
+@pytest.mark.parametrize("name", ["static", "dynamic"])
+def test_the_papers_vae_learns_two_garments_by_heart(name):
+    vae = build(*VAES[name]).train()
+    errors = errors_on_one_batch(vae, batch_of(2, 0), "offsets", steps=150)
+    assert min(errors) < 0.1 * errors[0]
+
+
+class RelatedConditions(ToyGarments):
+    """Conditions that two numbers tell."""
+
+    def cvar(self, rows):
+        mix = np.random.default_rng(1).normal(size=(2, 13))
+        return (self.shape[rows, :2] @ mix).astype(np.float32)
+
+
+def conditioning(seed):
+    settings = ConditioningSettings.of({"condition": 6, "training": {"seed": seed}})
+    return ConditioningTraining(settings, *cvar_statistics(conditions("train")["cvar"].numpy()))
+
+
+def conditions(split):
+    garments = RelatedConditions()
+    rows = garments.rows(split)
+    return as_tensors({"cvar": garments.cvar(rows), "names": garments.names(rows)})
+
+
+def test_gradients_of_the_conditions_loss_by_finite_differences():
+    module, batch = conditioning(0).double(), doubles(conditions("train"))
+    assert_true_gradients(module, lambda module: module.training_step(batch))
+    assert_a_step_lowers(module, lambda module: module.training_step(batch))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_conditions_are_learned_by_heart_and_held_out_ones_better_than_untrained(seed):
+    module, held_out = conditioning(seed), conditions("val")
+    before = float(module.autoencoder.loss(held_out["cvar"]))
+    errors = errors_on_one_batch(module, conditions("train"), "loss", steps=300)
+    assert min(errors) < 0.1 * errors[0]
+    assert float(module.autoencoder.loss(held_out["cvar"])) < 0.5 * before
