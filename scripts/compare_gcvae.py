@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
 from drapeline.models.compare import compare_representations, held_out_garments
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.representation import OffsetPca, RegisteredOffsets, VaeCode
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     data = StaticData(given.data)
-    models = {Path(folder).name: load_vae(Path(folder) / BEST) for folder in given.models}
+    models = {Path(folder).name: load_codec(Path(folder) / BEST) for folder in given.models}
     template = next(iter(models.values())).body_template
     outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
     rows = compare_representations(

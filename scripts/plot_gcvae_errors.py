@@ -10,7 +10,7 @@ from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.figure_cases import moving_cases, static_cases
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
@@ -24,14 +24,14 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     given = snakemake.input
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     cases = static_cases(
-        load_vae(Path(given.svae) / BEST),
+        load_codec(Path(given.svae) / BEST),
         StaticData(given.data),
         load_codes(given.codes)[0],
         given.outfits,
         bodies,
     )
     cases += moving_cases(
-        load_vae(Path(given.dvae) / BEST),
+        load_codec(Path(given.dvae) / BEST),
         load_dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
         moving_files_test_first(given.samples, given.registrations),
         {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS},

@@ -11,7 +11,7 @@ from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.body_template import wearer_mesh
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.interpolate import interpolate_as_figure_9
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.sampling.types import fit_training_types
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
-    model = load_vae(Path(snakemake.input.model) / BEST)
+    model = load_codec(Path(snakemake.input.model) / BEST)
     codes, _ = load_codes(snakemake.input.codes)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     data = StaticData(snakemake.input.data)

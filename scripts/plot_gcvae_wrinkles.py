@@ -8,7 +8,7 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.moving import moving_files_test_first
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.figure_cases import wrinkle_rows
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
@@ -23,7 +23,7 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     given = snakemake.input
     rows = wrinkle_rows(
         rng_for(snakemake.params.seed, "wrinkle codes"),
-        load_vae(Path(given.dvae) / BEST),
+        load_codec(Path(given.dvae) / BEST),
         load_dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
         moving_files_test_first(given.samples, given.registrations),
         {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS},

@@ -7,7 +7,7 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.sampling.draw import draw_requests, sample_garments
 from drapeline.models.gcvae.sampling.files import save_samples
 from drapeline.models.gcvae.sampling.types import fit_training_types
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    model = load_vae(Path(snakemake.input.model) / BEST)
+    model = load_codec(Path(snakemake.input.model) / BEST)
     codes, _ = load_codes(snakemake.input.codes)
     types = fit_training_types(codes, StaticData(snakemake.input.data))
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}

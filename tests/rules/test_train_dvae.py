@@ -14,7 +14,7 @@ from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import DynamicData
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.batches import as_tensors
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, points_from_offsets
 from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
@@ -117,20 +117,24 @@ def test_collected_frames_are_the_simulated_garment(collected, stages, folder, v
 
 @pytest.mark.parametrize(
     ("variant", "version", "frames"),
-    [("dvae_posed_1", "posed", 1), ("dvae_unposed_4", "unposed", 4), ("dvae_ours", "unposed", 4)],
+    [
+        ("dvae_posed_1", "posed", 1),
+        ("dvae_unposed_4", "unposed", 4),
+        ("dynamic_ppca", "unposed", 4),
+    ],
 )
 def test_a_variant_is_trained_on_poses_and_the_static_code(
     run_rule, collected, stages, folder, tmp_path, variant, version, frames
 ):
     static = train_static(run_rule, stages, tmp_path)
     data = collected(version)
-    ours = variant == "dvae_ours"
-    given = {**stages, "data": data, "svae": static}
-    if not ours:
+    fitted = variant == "dynamic_ppca"
+    given = {**stages, "data": data, "static": static}
+    if not fitted:
         given["conditioning"] = tmp_path / "conditioning_dynamic"
         run_rule(
             "train_dvae_conditioning",
-            input={"data": data, "svae": static},
+            input={"data": data, "static": static},
             output=[given["conditioning"]],
             params={
                 "settings": {"condition": 4, "training": {"epochs": 2}},
@@ -139,25 +143,26 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
             },
             wildcards={"version": version, "frames": str(frames)},
         )
+    training = {
+        "settings": SETTINGS,
+        "trainer": {"accelerator": "cpu"},
+        "progress": str(tmp_path / ".progress" / "d"),
+    }
     run_rule(
-        "train_dvae_ours" if ours else "train_dvae",
+        "fit_dynamic_ppca" if fitted else "train_dvae",
         input=given,
         output=[tmp_path / "dvae"],
-        params={
-            "settings": SETTINGS,
-            "trainer": {"accelerator": "cpu"},
-            "code": "c",
-            "progress": str(tmp_path / ".progress" / "d"),
-        },
-        wildcards={"dvae": variant},
+        params={"code": "c", **({"settings": {"latent": 6, "seed": 0}} if fitted else training)},
+        wildcards={} if fitted else {"dvae": variant},
     )
-    model = load_vae(tmp_path / "dvae" / "best.ckpt")
+    model = load_codec(tmp_path / "dvae" / "best.ckpt")
     garments = load_dynamic_garments(data, static, frames)
     batch = as_tensors(garments.batch(garments.rows("test")))
     assert batch["cvar"].shape == (8, 13 + 72 * frames + 6)
-    assert model.resolves_penetration == ours
-    scale = 1 if ours else 2
-    assert model.settings.network.level_widths == [6, *[scale * 8] * 5]
+    assert model.resolves_penetration == fitted
+    assert model.latent == 6
+    if not fitted:
+        assert model.settings.network.level_widths == [6, *[2 * 8] * 5]
     with torch.inference_mode():
         offsets, mask = model.decode(model.encode(batch).mean, batch["cvar"], batch["topology"])
     assert offsets.shape == (8, VERTICES, 3)

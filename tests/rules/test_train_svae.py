@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.batches import as_tensors
 from gcvae_stages import VERTICES, train_static, write_stages
 
@@ -18,16 +18,15 @@ def stages(tmp_path_factory, toy_body):
 
 @pytest.mark.parametrize(
     ("variant", "checkpoint_type"),
-    [("svae", "static"), ("svae_no_mask", "static"), ("svae_ours", "linear")],
+    [("svae", "static"), ("svae_no_mask", "static"), ("static_ppca", "static_ppca")],
 )
 def test_a_variant_is_trained_and_decodes_held_out_garments(
     run_rule, stages, tmp_path, variant, checkpoint_type
 ):
     folder = train_static(run_rule, stages, tmp_path, variant)
-    model, data = load_vae(folder / "best.ckpt"), StaticData(stages["data"])
+    model, data = load_codec(folder / "best.ckpt"), StaticData(stages["data"])
     assert model.checkpoint_type == checkpoint_type
     settings = json.loads((folder / "settings.json").read_text())
-    assert settings["training"]["mask"] == (variant != "svae_no_mask")
     batch = as_tensors(data.batch(data.rows("test")))
     with torch.inference_mode():
         code = model.encode(batch)
@@ -35,11 +34,14 @@ def test_a_variant_is_trained_and_decodes_held_out_garments(
     assert offsets.shape == (2, VERTICES, 3)
     assert torch.isfinite(offsets).all()
     assert (mask is None) == (variant == "svae_no_mask")
+    assert settings["checkpoint_type"] == checkpoint_type
+    if variant == "static_ppca":
+        assert (settings["latent"], settings["seed"]) == (6, 0)
+        return
+    assert settings["training"]["mask"] == (variant != "svae_no_mask")
     epochs = settings["training"]["epochs"]
-    rule = "train_svae_ours" if variant == "svae_ours" else "train_svae"
-    log = tmp_path / "log" / f"{rule}.log"
     assert len((folder / "history.tsv").read_text().splitlines()) == 1 + epochs
-    assert f"epoch {epochs} of {epochs}" in log.read_text()
+    assert f"epoch {epochs} of {epochs}" in (tmp_path / "log" / "train_svae.log").read_text()
 
 
 def test_a_training_that_cannot_go_on_says_so_in_one_sentence(run_rule, stages, tmp_path):

@@ -54,37 +54,35 @@ rule train_svae:
         "../../scripts/train_svae.py"
 
 
-rule train_svae_ours:
+rule fit_static_ppca:
     input:
         **SUPER_BODIES,
         data=static_data("train", "val"),
         topology=TOPOLOGY,
         hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
     output:
-        directory(f"{RESULTS}/gcvae/svae_ours"),
+        directory(f"{RESULTS}/gcvae/static_ppca"),
     log:
-        f"{LOGS}/train_svae_ours.log",
+        f"{LOGS}/fit_static_ppca.log",
     benchmark:
-        f"{BENCHMARKS}/train_svae_ours.tsv"
+        f"{BENCHMARKS}/fit_static_ppca.tsv"
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
         mem_mb=12000,
-        runtime=1440,
+        runtime=120,
     params:
-        settings=override_settings(vae_settings("svae"), config["gcvae"]["svae_ours"]),
-        trainer=lookup(dpath="gcvae/trainer", within=config),
-        progress=in_progress("svae"),
-        code=source_hash("train_svae_ours"),
+        settings=ppca_settings("svae"),
+        code=source_hash("fit_static_ppca"),
     script:
-        "../../scripts/train_svae_ours.py"
+        "../../scripts/fit_static_ppca.py"
 
 
 rule train_dvae_conditioning:
     input:
         data=conditioning_frames,
-        svae=static_model(),
+        static=static_model(),
     output:
         directory(f"{RESULTS}/gcvae/conditioning/{{version}}_{{frames}}"),
     log:
@@ -110,7 +108,7 @@ rule train_dvae_conditioning:
 rule train_dvae:
     input:
         **SUPER_BODIES,
-        svae=static_model(),
+        static=static_model(),
         topology=TOPOLOGY,
         hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
         data=dvae_frames,
@@ -138,32 +136,30 @@ rule train_dvae:
         "../../scripts/train_dvae.py"
 
 
-rule train_dvae_ours:
+rule fit_dynamic_ppca:
     input:
         **SUPER_BODIES,
-        svae=static_model(),
+        static=static_model(),
         topology=TOPOLOGY,
         hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
-        data=dvae_ours_frames,
+        data=dynamic_ppca_frames,
     output:
-        directory(f"{RESULTS}/gcvae/dvae_ours"),
+        directory(f"{RESULTS}/gcvae/dynamic_ppca"),
     log:
-        f"{LOGS}/train_dvae_ours.log",
+        f"{LOGS}/fit_dynamic_ppca.log",
     benchmark:
-        f"{BENCHMARKS}/train_dvae_ours.tsv"
+        f"{BENCHMARKS}/fit_dynamic_ppca.tsv"
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
         mem_mb=12000,
-        runtime=1440,
+        runtime=120,
     params:
-        settings=override_settings(vae_settings("dvae"), config["gcvae"]["dvae_ours"]),
-        trainer=lookup(dpath="gcvae/trainer", within=config),
-        progress=in_progress("dvae"),
-        code=source_hash("train_dvae_ours"),
+        settings=ppca_settings("dvae"),
+        code=source_hash("fit_dynamic_ppca"),
     script:
-        "../../scripts/train_dvae_ours.py"
+        "../../scripts/fit_dynamic_ppca.py"
 
 
 rule evaluate_baselines:
@@ -192,17 +188,17 @@ rule evaluate_baselines:
         "../../scripts/evaluate_baselines.py"
 
 
-rule evaluate_svae:
+rule evaluate_static:
     input:
-        model=f"{RESULTS}/gcvae/{{svae}}",
+        model=f"{RESULTS}/gcvae/{{static}}",
         data=f"{RESULTS}/static/data",
     output:
-        metrics=f"{RESULTS}/metrics/{{svae}}.tsv",
-        codes=f"{RESULTS}/codes/{{svae}}.npz",
+        metrics=f"{RESULTS}/metrics/{{static}}.tsv",
+        codes=f"{RESULTS}/codes/{{static}}.npz",
     log:
-        f"{LOGS}/evaluate_svae/{{svae}}.log",
+        f"{LOGS}/evaluate_static/{{static}}.log",
     benchmark:
-        f"{BENCHMARKS}/evaluate_svae/{{svae}}.tsv"
+        f"{BENCHMARKS}/evaluate_static/{{static}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
@@ -211,9 +207,9 @@ rule evaluate_svae:
         runtime=60,
     params:
         splits=EVALUATED_SPLITS,
-        code=source_hash("evaluate_svae"),
+        code=source_hash("evaluate_static"),
     script:
-        "../../scripts/evaluate_svae.py"
+        "../../scripts/evaluate_static.py"
 
 
 rule evaluate_dynamic_baselines:
@@ -241,19 +237,19 @@ rule evaluate_dynamic_baselines:
         "../../scripts/evaluate_dynamic_baselines.py"
 
 
-rule evaluate_dvae:
+rule evaluate_dynamic:
     input:
         **MOVING_INPUTS,
         **SUPER_BODIES,
-        model=f"{RESULTS}/gcvae/{{dvae}}",
+        model=f"{RESULTS}/gcvae/{{dynamic}}",
         data=dvae_data,
         static=static_model(),
     output:
-        f"{RESULTS}/metrics/{{dvae}}.tsv",
+        f"{RESULTS}/metrics/{{dynamic}}.tsv",
     log:
-        f"{LOGS}/evaluate_dvae/{{dvae}}.log",
+        f"{LOGS}/evaluate_dynamic/{{dynamic}}.log",
     benchmark:
-        f"{BENCHMARKS}/evaluate_dvae/{{dvae}}.tsv"
+        f"{BENCHMARKS}/evaluate_dynamic/{{dynamic}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
@@ -262,14 +258,14 @@ rule evaluate_dvae:
         runtime=60,
     params:
         splits=EVALUATED_SPLITS,
-        code=source_hash("evaluate_dvae"),
+        code=source_hash("evaluate_dynamic"),
     script:
-        "../../scripts/evaluate_dvae.py"
+        "../../scripts/evaluate_dynamic.py"
 
 
 rule compare_gcvae:
     input:
-        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/svae_ours"],
+        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/static_ppca"],
         data=static_data(*EVALUATED_SPLITS),
         outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
     output:

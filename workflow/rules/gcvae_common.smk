@@ -1,11 +1,12 @@
 from drapeline.experiment.checks import require_splits
 from drapeline.models.gcvae.variants import (
     DVAE_VARIANTS,
+    DYNAMIC_PPCA,
+    STATIC_PPCA,
     SVAE_VARIANTS,
     dynamic_conditions,
     pooling_of,
 )
-from drapeline.models.training.settings import override_settings
 
 # Samples in motion as their metrics read them.
 MOVING_INPUTS = {
@@ -15,23 +16,23 @@ MOVING_INPUTS = {
 }
 GCVAE_BASELINES = ["baselines", "dynamic_baselines"]
 METRIC_TABLES["metrics"] += [
-    *[*GCVAE_BASELINES, "svae", "svae_ours"],
-    *["dvae_unposed_4", "dvae_ours"],
+    *[*GCVAE_BASELINES, "svae", STATIC_PPCA],
+    *["dvae_unposed_4", DYNAMIC_PPCA],
 ]
 METRIC_TABLES["representations"] += ["representations_gcvae"]
 METRIC_TABLES["metrics_gcvae_ablations"] = [
-    *[*GCVAE_BASELINES, *SVAE_VARIANTS, "svae_ours"],
-    *[*DVAE_VARIANTS, "dvae_ours"],
+    *[*GCVAE_BASELINES, *SVAE_VARIANTS, STATIC_PPCA],
+    *[*DVAE_VARIANTS, DYNAMIC_PPCA],
 ]
 
 
 wildcard_constraints:
-    svae="|".join([*SVAE_VARIANTS, "svae_ours"]),
-    dvae="|".join([*DVAE_VARIANTS, "dvae_ours"]),
+    static="|".join([*SVAE_VARIANTS, STATIC_PPCA]),
+    dynamic="|".join([*DVAE_VARIANTS, DYNAMIC_PPCA]),
 
 
 def static_model():
-    """The SVAE whose codes the DVAE is conditioned on."""
+    """The static model whose codes the dynamic ones are conditioned on."""
     return f"{RESULTS}/gcvae/{config['gcvae']['dvae']['static_model']}"
 
 
@@ -52,14 +53,14 @@ def dvae_frames(wildcards):
     return training_frames(dynamic_conditions(wildcards.dvae)[0])
 
 
-def dvae_ours_frames(wildcards):
-    """Input function: `training_frames` of our own dynamic model."""
-    return training_frames(dynamic_conditions("dvae_ours")[0])
+def dynamic_ppca_frames(wildcards):
+    """Input function: `training_frames` of the dynamic PCA."""
+    return training_frames(dynamic_conditions(DYNAMIC_PPCA)[0])
 
 
 def dvae_data(wildcards):
     """Input function: frames of a variant's version of the offsets."""
-    return f"{RESULTS}/dynamic/{dynamic_conditions(wildcards.dvae)[0]}"
+    return f"{RESULTS}/dynamic/{dynamic_conditions(wildcards.dynamic)[0]}"
 
 
 def dvae_conditioning(wildcards):
@@ -85,10 +86,16 @@ def vae_settings(model):
     }
 
 
+def ppca_settings(model):
+    """Settings of the PCA that the svae or dvae is compared with: codes of the same size."""
+    latent = config["gcvae"][model]["network"]["latent"]
+    return {"latent": latent, "seed": config["seed"]}
+
+
 def svae_hierarchy(wildcards):
     return f"{RESULTS}/registration/hierarchy_{pooling_of(wildcards.svae)}.npz"
 
 
-def shown_svae():
+def shown_static():
     """The static model that figures and samples are made with."""
     return config["gcvae"]["sampling"]["variant"]

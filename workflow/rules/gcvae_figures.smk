@@ -1,6 +1,6 @@
 # The dynamic model that figures are made with.
 SHOWN_DVAE = {
-    "dvae": f"{RESULTS}/gcvae/dvae_ours",
+    "dvae": f"{RESULTS}/gcvae/dynamic_ppca",
     "dynamic": f"{RESULTS}/dynamic/unposed",
     "static": static_model(),
 }
@@ -9,7 +9,7 @@ DEFAULT_TARGETS += [
     *expand(
         f"{RESULTS}/report/gcvae_{{name}}.png",
         name=[
-            *["errors", "codes_svae", "codes_svae_ours"],
+            *["errors", "codes_svae", "codes_static_ppca"],
             *["walks", "walk_moving", "wrinkles", "samples"],
         ],
     ),
@@ -56,8 +56,8 @@ rule sample_garments:
     input:
         **WHOLE_BODIES,
         data=f"{RESULTS}/static/data",
-        model=f"{RESULTS}/gcvae/{shown_svae()}",
-        codes=f"{RESULTS}/codes/{shown_svae()}.npz",
+        model=f"{RESULTS}/gcvae/{shown_static()}",
+        codes=f"{RESULTS}/codes/{shown_static()}.npz",
     output:
         directory(f"{RESULTS}/sampled_garments"),
     log:
@@ -117,18 +117,18 @@ rule plot_gcvae_samples:
 
 rule plot_gcvae_codes:
     input:
-        f"{RESULTS}/codes/{{svae}}.npz",
+        f"{RESULTS}/codes/{{static}}.npz",
     output:
         report(
-            f"{RESULTS}/report/gcvae_codes_{{svae}}.png",
+            f"{RESULTS}/report/gcvae_codes_{{static}}.png",
             caption="../report/gcvae_codes.rst",
             category="Garment VAE",
-            labels={"shows": "figure 8: codes of static garments ({svae})"},
+            labels={"shows": "figure 8: codes of static garments ({static})"},
         ),
     log:
-        f"{LOGS}/plot_gcvae_codes/{{svae}}.log",
+        f"{LOGS}/plot_gcvae_codes/{{static}}.log",
     benchmark:
-        f"{BENCHMARKS}/plot_gcvae_codes/{{svae}}.tsv"
+        f"{BENCHMARKS}/plot_gcvae_codes/{{static}}.tsv"
     conda:
         "../../envs/train.yaml"
     threads: 1
@@ -144,8 +144,8 @@ rule plot_gcvae_codes:
 rule plot_gcvae_walks:
     input:
         **WHOLE_BODIES,
-        model=f"{RESULTS}/gcvae/{shown_svae()}",
-        codes=f"{RESULTS}/codes/{shown_svae()}.npz",
+        model=f"{RESULTS}/gcvae/{shown_static()}",
+        codes=f"{RESULTS}/codes/{shown_static()}.npz",
         data=f"{RESULTS}/static/data",
     output:
         sheet=report(
@@ -185,8 +185,8 @@ rule plot_gcvae_errors:
         **SHOWN_DVAE,
         **WHOLE_BODIES,
         **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
-        svae=f"{RESULTS}/gcvae/{shown_svae()}",
-        codes=f"{RESULTS}/codes/{shown_svae()}.npz",
+        svae=f"{RESULTS}/gcvae/{shown_static()}",
+        codes=f"{RESULTS}/codes/{shown_static()}.npz",
         data=static_data(*EVALUATED_SPLITS),
         outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
     output:

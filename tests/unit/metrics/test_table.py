@@ -80,9 +80,9 @@ def test_missing_table_is_named(tmp_path):
 def test_collecting_keeps_order_and_refuses_doubles(tmp_path):
     first, second = tmp_path / "a.tsv", tmp_path / "b.tsv"
     write_metrics(first, [ROW])
-    write_metrics(second, [ROW._replace(variant="svae_ours")])
+    write_metrics(second, [ROW._replace(variant="static_ppca")])
     assert collect_metrics(tmp_path / "all.tsv", [second, first]) == 2
-    assert [r.variant for r in read_metrics(tmp_path / "all.tsv")] == ["svae_ours", "svae"]
+    assert [r.variant for r in read_metrics(tmp_path / "all.tsv")] == ["static_ppca", "svae"]
     with pytest.raises(InputError, match="twice"):
         collect_metrics(tmp_path / "all.tsv", [first, first])
 

@@ -9,8 +9,8 @@ import torch
 
 from drapeline.dataset.splits import SPLITS
 from drapeline.metrics.static import Prediction, StaticRows
+from drapeline.models.gcvae.codec import GarmentCodec, Garments
 from drapeline.models.gcvae.loss import kl_nat
-from drapeline.models.gcvae.vae import Garments, GarmentVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.storage import load_npz, save_npz
 
@@ -36,7 +36,7 @@ class Codes(NamedTuple):
         return Codes(self.mean[rows], self.log_variance[rows])
 
 
-def encode_garments(model: GarmentVae, garments: Garments, rows: Sequence[int]) -> Codes:
+def encode_garments(model: GarmentCodec, garments: Garments, rows: Sequence[int]) -> Codes:
     """Codes of rows of a dataset, in their order."""
     means, log_variances = [], []
     for start in range(0, len(rows), _BATCH):
@@ -49,7 +49,7 @@ def encode_garments(model: GarmentVae, garments: Garments, rows: Sequence[int]) 
 
 
 def decode_codes(
-    model: GarmentVae, z: np.ndarray, cvar: np.ndarray, topology: np.ndarray
+    model: GarmentCodec, z: np.ndarray, cvar: np.ndarray, topology: np.ndarray
 ) -> Iterator[Prediction]:
     """Garments of codes, one by one: offsets (V, 3) in metres, and mask (V,) or None.
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from drapeline.bodies.kinematics import mirror_poses
 from drapeline.learning_data.dynamic import DynamicData
-from drapeline.models.gcvae.load import load_vae
-from drapeline.models.gcvae.vae import GarmentVae
+from drapeline.models.gcvae.codec import GarmentCodec
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
@@ -72,7 +72,7 @@ class DynamicGarments:
         }
 
 
-def encode_rest_garments(model: GarmentVae, data: DynamicData) -> np.ndarray:
+def encode_rest_garments(model: GarmentCodec, data: DynamicData) -> np.ndarray:
     """(G, Z) float32: mean static code of each garment."""
     garments = np.arange(len(data.garment))
     return np.concatenate(
@@ -96,5 +96,5 @@ def load_dynamic_garments(folder: str | Path, static: str | Path, frames: int) -
     Raises:
         InputError: a file is missing or damaged.
     """
-    data, model = DynamicData(folder), load_vae(Path(static) / BEST)
+    data, model = DynamicData(folder), load_codec(Path(static) / BEST)
     return DynamicGarments(data, encode_rest_garments(model, data), frames)

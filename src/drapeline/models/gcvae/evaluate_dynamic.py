@@ -1,4 +1,4 @@
-"""Metrics of garments in motion, reconstructed by a trained VAE."""
+"""Metrics of garments in motion, encoded and decoded."""
 
 from collections.abc import Iterable, Mapping
 
@@ -7,10 +7,10 @@ from drapeline.learning_data.moving import MovingGarment
 from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
 from drapeline.metrics.static import add_kl
 from drapeline.metrics.table import MetricRow
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import encode_garments
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.models.gcvae.posed_points import decode_points, resolve_points
-from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 
@@ -18,14 +18,14 @@ RESOLVED_SUFFIX = "_settled"  # of a variant whose garments were pushed out of t
 
 
 def evaluate_dynamic(
-    model: DynamicVae,
+    model: GarmentCodec,
     garments: DynamicGarments,
     held_out: Mapping[str, Iterable[MovingGarment]],
     bodies: Mapping[str, BodyModel],
     topology: Topology,
     variant: str,
 ) -> list[MetricRow]:
-    """Rows of the table of metrics for a trained dynamic VAE.
+    """Rows of the table of metrics for a dynamic model.
 
     A model that resolves penetration has rows of its garments before and after that.
 
@@ -36,7 +36,7 @@ def evaluate_dynamic(
         topology: of the super-resolved bodies.
         variant: name of the model in the table.
     """
-    seed = model.settings.training.seed
+    seed = model.seed
     found = []
     for split, movings in held_out.items():
         measured: dict[str, list[Measured]] = {}
@@ -56,5 +56,5 @@ def evaluate_dynamic(
                 own = Measured(moving.sample, moving.name, add_kl(measures, codes.kl_nat()))
                 measured.setdefault(name, []).append(own)
         for name, own in measured.items():
-            found += moving_summary(own, model="dvae", variant=name, split=split, seed=seed)
+            found += moving_summary(own, model=model.model, variant=name, split=split, seed=seed)
     return found

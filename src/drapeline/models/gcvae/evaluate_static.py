@@ -14,8 +14,8 @@ from drapeline.metrics.static import (
 )
 from drapeline.metrics.table import MetricRow
 from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.codec import GarmentCodec, Garments
 from drapeline.models.gcvae.codes import Codes, decode_codes
-from drapeline.models.gcvae.vae import Garments, StaticVae
 from drapeline.registration.to_body.topology import TOPOLOGIES
 
 
@@ -35,7 +35,7 @@ def static_truth(template: BodyTemplate, garments: StaticGarments) -> Truth:
 
 
 def measure_static(
-    model: StaticVae, garments: StaticGarments, rows: np.ndarray, codes: Codes
+    model: GarmentCodec, garments: StaticGarments, rows: np.ndarray, codes: Codes
 ) -> list[dict[str, float]]:
     """Every metric of each row's reconstruction from the mean of its code (n, Z)."""
     decoded = decode_codes(model, codes.mean, garments.cvar(rows), garments.topology(rows))
@@ -46,21 +46,21 @@ def measure_static(
 
 
 def evaluate_static(
-    model: StaticVae, garments: StaticGarments, codes: Codes, variant: str, splits: Sequence[str]
+    model: GarmentCodec, garments: StaticGarments, codes: Codes, variant: str, splits: Sequence[str]
 ) -> list[MetricRow]:
-    """Rows of the table of metrics for a trained static VAE.
+    """Rows of the table of metrics for a static model.
 
     Args:
         codes: (N, Z) of all rows of the dataset.
         variant: name of the model in the table.
         splits: to measure on.
     """
-    seed = model.settings.training.seed
+    seed = model.seed
     found = []
     for split in splits:
         rows = garments.rows(split)
         measures = measure_static(model, garments, rows, codes.of(rows))
         found += static_summary(
-            garments, rows, measures, model="svae", variant=variant, split=split, seed=seed
+            garments, rows, measures, model=model.model, variant=variant, split=split, seed=seed
         )
     return found

@@ -15,12 +15,12 @@ from drapeline.learning_data.dynamic import HISTORY_FRAMES
 from drapeline.learning_data.moving import MovingFiles, MovingGarment
 from drapeline.metrics.garment import garment_mesh, surface_error_mm
 from drapeline.metrics.predictions import GarmentCase, WornGarment
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes, decode_codes, encode_garments
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.models.gcvae.evaluate_static import StaticGarments, static_truth
 from drapeline.models.gcvae.posed_points import decode_points_for_display
 from drapeline.models.gcvae.sampling.types import smooth_bootstrap
-from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_body.topology import Topology
@@ -29,7 +29,7 @@ _MEAN_FRAMES = 64  # whose mean wrinkle code stands for that of a type
 
 
 def static_cases(
-    model: StaticVae,
+    model: GarmentCodec,
     garments: StaticGarments,
     codes: Codes,
     shards: Iterable[str | Path],
@@ -84,7 +84,7 @@ def static_cases(
 
 
 def moving_cases(
-    model: DynamicVae,
+    model: GarmentCodec,
     garments: DynamicGarments,
     files: Sequence[MovingFiles],
     super_bodies: Mapping[str, BodyModel],
@@ -129,7 +129,7 @@ def moving_cases(
 
 def wrinkle_rows(
     rng: np.random.Generator,
-    model: DynamicVae,
+    model: GarmentCodec,
     garments: DynamicGarments,
     files: Sequence[MovingFiles],
     super_bodies: Mapping[str, BodyModel],
@@ -192,7 +192,7 @@ def wrinkle_rows(
 
 def _wrinkle_codes(
     rng: np.random.Generator,
-    model: DynamicVae,
+    model: GarmentCodec,
     garments: DynamicGarments,
     name: str,
     count: int,

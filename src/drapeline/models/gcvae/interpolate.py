@@ -7,11 +7,11 @@ import numpy as np
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes
 from drapeline.models.gcvae.evaluate_static import StaticGarments
 from drapeline.models.gcvae.sampling.draw import decode_by_type
 from drapeline.models.gcvae.sampling.types import GarmentTypes
-from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 
 _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
@@ -32,7 +32,7 @@ class Step(NamedTuple):
 
 
 def interpolate(
-    model: StaticVae,
+    model: GarmentCodec,
     types: GarmentTypes,
     start: tuple[np.ndarray, np.ndarray],
     end: tuple[np.ndarray, np.ndarray],
@@ -55,7 +55,7 @@ def interpolate(
 
 
 def interpolate_as_figure_9(
-    model: StaticVae,
+    model: GarmentCodec,
     types: GarmentTypes,
     garments: StaticGarments,
     rows: np.ndarray,

@@ -1,21 +1,21 @@
-"""Trained garment VAEs from their checkpoint files."""
+"""Models of this room from their checkpoint files."""
 
 from pathlib import Path
 
 from drapeline.errors import InputError
 from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae, StaticPpcaVae
-from drapeline.models.gcvae.settings import VaeSettings
-from drapeline.models.gcvae.vae import DynamicVae, GarmentVae, StaticVae
+from drapeline.models.gcvae.codec import GarmentCodec
+from drapeline.models.gcvae.garment_ppca import DynamicPpca, StaticPpca
+from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.checkpoints import read_checkpoint
 
-_CLASSES: dict[str, type[GarmentVae]] = {
-    cls.checkpoint_type: cls for cls in (StaticVae, DynamicVae, StaticPpcaVae, DynamicPpcaVae)
+_CLASSES: dict[str, type[GarmentCodec]] = {
+    cls.checkpoint_type: cls for cls in (StaticVae, DynamicVae, StaticPpca, DynamicPpca)
 }
 
 
-def load_vae(path: str | Path) -> GarmentVae:
-    """A trained SVAE or DVAE, ready to encode and decode.
+def load_codec(path: str | Path) -> GarmentCodec:
+    """A trained VAE or a fitted PCA, ready to encode and decode.
 
     Args:
         path: of a checkpoint.
@@ -30,8 +30,8 @@ def load_vae(path: str | Path) -> GarmentVae:
         raise InputError(
             f"{path}: holds a '{checkpoint_type}' network, expected {' or '.join(_CLASSES)}"
         )
-    settings = VaeSettings.of(about["settings"])
+    cls = _CLASSES[checkpoint_type]
     template = BodyTemplate.from_tensors(about["body_template"])
-    model = _CLASSES[checkpoint_type](settings, template)
+    model = cls(cls.parse(about["settings"]), template)
     model.load_state_dict(checkpoint["state_dict"])
     return model.eval()

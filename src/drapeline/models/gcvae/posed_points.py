@@ -7,15 +7,15 @@ from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import faces_within
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.models.gcvae.body_template import STATIC_CVAR
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import decode_codes
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.registration.to_body.dynamic_offsets import points_from_offsets
 from drapeline.registration.to_body.topology import Topology
 
 
 def decode_points(
-    model: DynamicVae,
+    model: GarmentCodec,
     garments: DynamicGarments,
     rows: np.ndarray,
     moving: MovingGarment,
@@ -72,7 +72,7 @@ def resolve_points(
 
 
 def decode_points_for_display(
-    model: DynamicVae,
+    model: GarmentCodec,
     garments: DynamicGarments,
     rows: np.ndarray,
     moving: MovingGarment,

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import torch
 from torch import nn
 
-from drapeline.models.layers.precision import full_precision
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
@@ -123,13 +122,11 @@ class Ppca(nn.Module):
         for name, value in fit._asdict().items():
             getattr(self, name).copy_(value)
 
-    @full_precision
     def forward(self, z: torch.Tensor, conditions: torch.Tensor) -> torch.Tensor:
         """(B, Z) and (B, C) -> mean fields (V, channels, B)."""
         field = append_one(conditions) @ self.regression + z @ self.basis
         return field.T.unflatten(0, (-1, self.channels))
 
-    @full_precision
     def posterior(
         self, fields: torch.Tensor, mask: torch.Tensor, conditions: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:

@@ -11,9 +11,9 @@ from drapeline.metrics.garment import garment_mesh
 from drapeline.metrics.static import Prediction
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import decode_codes, encode_garments
 from drapeline.models.gcvae.evaluate_static import static_truth
-from drapeline.models.gcvae.vae import StaticVae
 
 
 class RegisteredOffsets:
@@ -74,13 +74,13 @@ class VaeCode(RegisteredOffsets):
         model: with a mask branch.
     """
 
-    def __init__(self, variant: str, model: StaticVae, data: StaticData) -> None:
+    def __init__(self, variant: str, model: GarmentCodec, data: StaticData) -> None:
         super().__init__(data, model.body_template)
         self.variant, self._model = variant, model
 
     def code_numbers(self, garment: str) -> int:
         """The size of z."""
-        return self._model.settings.network.latent
+        return self._model.latent
 
     def predict(self, rows: np.ndarray) -> Iterator[Prediction]:
         """Offsets and mask of rows, encoded and decoded."""

@@ -4,8 +4,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from drapeline.models.gcvae.codec import Garments
 from drapeline.models.gcvae.conditioning import load_conditioning
-from drapeline.models.gcvae.vae import Garments, GarmentVae
+from drapeline.models.gcvae.vae import GarmentVae
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.digests import tensors_digest
@@ -18,7 +19,7 @@ def train_vae(
     model: GarmentVae,
     garments: Garments,
     *,
-    conditioning: str | Path | None,
+    conditioning: str | Path,
     code: str,
     progress: str | Path,
     trainer: dict[str, Any],
@@ -30,7 +31,7 @@ def train_vae(
         folder, progress, trainer, threads: see `fit`.
         model: untrained.
         garments: of training and validation rows.
-        conditioning: folder of the trained conditioning autoencoder, for models that have one.
+        conditioning: folder of the trained conditioning autoencoder.
         code: digest of the code; only the same code resumes a training.
 
     Raises:
@@ -43,10 +44,9 @@ def train_vae(
         "body_template": tensors_digest(model.body_template.tensors()),
         "code": code,
     }
-    if conditioning is not None:
-        path = Path(conditioning) / BEST
-        load_conditioning(read_checkpoint(path), model.conditioning, path)
-        about["conditioning"] = tensors_digest(model.conditioning.state_dict())
+    path = Path(conditioning) / BEST
+    load_conditioning(read_checkpoint(path), model.conditioning, path)
+    about["conditioning"] = tensors_digest(model.conditioning.state_dict())
     model.prepare(garments)
     fit(
         model,

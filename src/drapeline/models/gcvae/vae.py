@@ -2,13 +2,14 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict
-from typing import Any, ClassVar, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 
 from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
+from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of, planes
 from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
 from drapeline.models.gcvae.loss import (
     distance_sums,
@@ -21,29 +22,9 @@ from drapeline.models.gcvae.networks import Code, Gcvae
 from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
-from drapeline.models.training.module import TrainableModule, plain
+from drapeline.models.training.module import TrainableModule
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
-
-
-class Garments(Protocol):
-    """Registered garments with conditions, as VAEs are trained on them and encode them."""
-
-    def rows(self, split: str) -> np.ndarray:
-        """Indices of the rows of a split."""
-
-    def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) codes of `TOPOLOGIES`."""
-
-    def cvar(self, rows: np.ndarray) -> np.ndarray:
-        """(n, C) conditions."""
-
-    def batch(self, rows: np.ndarray) -> Batch:
-        """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,) and `names`.
-
-        Garments in motion also have `base` (B, V, 3), what their offsets are added to.
-        """
-
 
 # The encoder's input is clamped to so many deviations from the mean: outside its mask a garment
 # has no offset, which is dozens of deviations away at vertices where all others have a large one.
@@ -51,31 +32,22 @@ _CLAMP_DEVIATIONS = 5.0
 _FIRST_BATCH = 64
 
 
-class Part(NamedTuple):
-    """The samples of a batch that share a topology, in coordinate planes.
+@dataclass(frozen=True)
+class VaePart(Part):
+    """A part as the networks see it.
 
     Attributes:
-        rows: (B_t,) their places in the batch.
-        names: of the samples.
-        cvar: (B_t, C) conditions.
-        offsets: (V, 3, B_t) metres.
-        mask: (V, B_t) bool.
         base: (V, 3, B_t) metres, what the offsets are added to.
         inputs: (V, C, B_t) normalised encoder input.
         target: (V, 3, B_t) normalised offsets.
     """
 
-    rows: torch.Tensor
-    names: list[str]
-    cvar: torch.Tensor
-    offsets: torch.Tensor
-    mask: torch.Tensor
     base: torch.Tensor
     inputs: torch.Tensor
     target: torch.Tensor
 
 
-class GarmentVae(TrainableModule):
+class GarmentVae(GarmentCodec, TrainableModule):
     """What SVAE and DVAE share: network, loss, schedules and metrics.
 
     Args:
@@ -85,8 +57,7 @@ class GarmentVae(TrainableModule):
     """
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate, *, inputs: int) -> None:
-        super().__init__()
-        self.settings, self.body_template = settings, body_template
+        super().__init__(settings, body_template)
         seed = settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
         self.build(body_template, inputs, rng)
@@ -101,16 +72,25 @@ class GarmentVae(TrainableModule):
                 for name in TOPOLOGIES
             }
         )
-        for name in ("offset", "base", "body"):
+        for name in ("base", "body"):
             for moment in ("mean", "std"):
                 self._constant(f"{name}_{moment}")
         self._constant("body_basis")
 
-    def _constant(self, name: str) -> None:
-        table = torch.from_numpy(np.asarray(getattr(self.body_template, name), dtype=np.float32))
-        self.register_buffer(name, table, persistent=False)
+    @classmethod
+    def parse(cls, values: Mapping[str, Any]) -> VaeSettings:
+        """Settings from nested mappings, as in a config or a checkpoint."""
+        return VaeSettings.of(values)
 
-    # ---- what subclasses may do differently
+    @property
+    def latent(self) -> int:
+        """Numbers of a code."""
+        return self.settings.network.latent
+
+    @property
+    def seed(self) -> int:
+        """Of weights, order and noise."""
+        return self.settings.training.seed
 
     def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
         """Make the networks."""
@@ -149,82 +129,24 @@ class GarmentVae(TrainableModule):
 
     # ---- from batches to parts and back
 
-    def parts(self, batch: Batch) -> dict[str, Part]:
-        """The batch by topology; a topology without samples is left out."""
-        parts = {}
-        for code, name in enumerate(TOPOLOGIES):
-            rows = torch.nonzero(batch["topology"] == code)[:, 0]
-            if len(rows) == 0:
-                continue
-            offsets = planes(batch["offsets"][rows])
-            base, inputs = self.base_and_inputs(batch, rows)
-            target = self.normalise(offsets, "offset")
-            parts[name] = Part(
-                rows=rows,
-                names=[batch["names"][row] for row in rows.tolist()],
-                cvar=batch["cvar"][rows],
-                offsets=offsets,
-                mask=batch["mask"][rows].T,
-                base=base,
-                inputs=torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS),
-                target=target,
-            )
-        return parts
+    def part(self, batch: Batch, rows: torch.Tensor) -> VaePart:
+        """With what the networks see of it."""
+        part = Part.of(batch, rows)
+        base, inputs = self.base_and_inputs(batch, rows)
+        target = self.normalise(part.offsets, "offset")
+        inputs = torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
+        return VaePart(**vars(part), base=base, inputs=inputs, target=target)
 
-    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+    def encode_parts(self, parts: Mapping[str, VaePart]) -> Code:
         """Codes in the order of the parts."""
         return self.network.encode(network_inputs(parts))
 
     def decode_parts(
         self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
     ) -> dict[str, torch.Tensor]:
-        """Topology -> (V, 3 or 4, B_t) normalised offsets and mask logit."""
+        """Topology -> (V, 3 or 4, B_t) normalised offsets and any mask logit."""
         out = self.network.decode(z, self.conditioning(cvar), counts)
         return {name: x.transpose(1, 2).contiguous() for name, x in out.items()}
-
-    @torch.no_grad()
-    def encode(self, batch: Batch) -> Code:
-        """Codes of the samples of a batch, in its order."""
-        parts = self.parts(batch)
-        code = self.encode_parts(parts)
-        order = torch.argsort(torch.cat([part.rows for part in parts.values()]))
-        return Code(*(x[order] for x in code))
-
-    def decode(
-        self, z: torch.Tensor, cvar: torch.Tensor, topology: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor | None]:
-        """Garments from codes and conditions alone.
-
-        Args:
-            z: (B, latent).
-            cvar: (B, C) conditions.
-            topology: (B,) codes of `TOPOLOGIES`.
-
-        Returns:
-            Offsets (B, V, 3) in metres, and the mask's probability (B, V) or None without a mask
-            branch.
-        """
-        rows = {name: torch.nonzero(topology == code)[:, 0] for code, name in enumerate(TOPOLOGIES)}
-        rows = {name: part for name, part in rows.items() if len(part)}
-        order = torch.cat(list(rows.values()))
-        counts = {name: len(part) for name, part in rows.items()}
-        parts = self.decode_parts(z[order], cvar[order], counts)
-        out = torch.cat(list(parts.values()), 2)[..., torch.argsort(order)]
-        offsets = self.to_metres(out[:, :3]).permute(2, 0, 1)
-        return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
-
-    def normalise(self, x: torch.Tensor, name: str) -> torch.Tensor:
-        """(V, 3, B) metres -> deviations from the mean of `name`, per vertex.
-
-        Args:
-            name: "offset", "base" or "body".
-        """
-        mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
-        return (x - mean[..., None]) / std[..., None]
-
-    def to_metres(self, normalised: torch.Tensor) -> torch.Tensor:
-        """(V, 3, B) normalised offsets -> metres."""
-        return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
 
     # ---- training
 
@@ -257,7 +179,7 @@ class GarmentVae(TrainableModule):
         }
 
     def garment_terms(
-        self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor], faces: int
+        self, parts: Mapping[str, VaePart], out: Mapping[str, torch.Tensor], faces: int
     ) -> dict[str, torch.Tensor]:
         """Offsets, normals and mask terms of equation 4, over all topologies together."""
         weights = self.settings.loss
@@ -300,7 +222,7 @@ class GarmentVae(TrainableModule):
         self.log_means("val", values, len(cvar))
 
     def _metrics(
-        self, parts: Mapping[str, Part], out: Mapping[str, torch.Tensor]
+        self, parts: Mapping[str, VaePart], out: Mapping[str, torch.Tensor]
     ) -> dict[str, torch.Tensor]:
         """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
         errors, overlaps = [], []
@@ -323,35 +245,17 @@ class GarmentVae(TrainableModule):
         rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
         return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
 
-    def about(self) -> dict[str, Any]:
-        """Everything needed to rebuild the network, as plain values and tensors."""
-        return {
-            "checkpoint_type": self.checkpoint_type,
-            "settings": plain(asdict(self.settings)),
-            "body_template": self.body_template.tensors(),
-        }
 
-
-def network_inputs(parts: Mapping[str, Part]) -> dict[str, torch.Tensor]:
+def network_inputs(parts: Mapping[str, VaePart]) -> dict[str, torch.Tensor]:
     """Topology -> (V, B_t, C), as the graph network takes it."""
     return {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
-
-
-def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:
-    """Conditions (B, C) in the order of the parts, and how many samples each part has."""
-    cvar = torch.cat([part.cvar for part in parts.values()])
-    return cvar, {name: len(part.rows) for name, part in parts.items()}
-
-
-def planes(x: torch.Tensor) -> torch.Tensor:
-    """(B, V, C) -> (V, C, B), contiguous."""
-    return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
 
 
 class StaticVae(GarmentVae):
     """SVAE: garments in rest pose, conditioned on shape, gender and tightness."""
 
     checkpoint_type = "static"
+    model = "svae"
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(settings, body_template, inputs=6)
@@ -371,14 +275,10 @@ class DynamicVae(GarmentVae):
     C_d - T_d are added to the posed body, which the encoder sees too. Version "unposed": offsets
     K^-1(C_d) - C_s are added to the static garment, and the encoder sees it and the rest body.
     A batch brings what its offsets are added to as `base` (B, V, 3).
-
-    Attributes:
-        resolves_penetration: whether decoded garments are evened out and pushed out of the body,
-            which the paper does not do.
     """
 
     checkpoint_type = "dynamic"
-    resolves_penetration: ClassVar[bool] = False
+    model = "dvae"
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(

@@ -19,18 +19,13 @@ DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     for version in ("posed", "unposed")
     for frames in (1, 4)
 }
-OUR_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
-    "svae_ours": {"loss": {"mask_form": "bce", "offsets_form": "distance"}},
-    "dvae_ours": {
-        "loss": {"offsets_form": "distance"},
-        "training": {"version": "unposed", "mask": False},
-    },
-}
+# Masked probabilistic PCA, which the networks are compared with.
+STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
 
 
 def dynamic_conditions(variant: str) -> tuple[str, int]:
     """A dynamic variant's version of the offsets, and the number of poses it is conditioned on."""
-    if variant == "dvae_ours":
+    if variant == DYNAMIC_PPCA:
         return "unposed", 4
     _, version, frames = variant.split("_")
     return version, int(frames)

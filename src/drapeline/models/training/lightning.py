@@ -20,7 +20,7 @@ from pytorch_lightning.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from drapeline.models.training.batches import Batch, TrainingBatches
-from drapeline.models.training.module import BEST, LAST, Position, TrainableModule
+from drapeline.models.training.module import BEST, LAST, SETTINGS, Position, TrainableModule
 from drapeline.rule_log import LOGGER
 from drapeline.storage import atomic_file, atomic_folder, write_json
 
@@ -30,7 +30,7 @@ for _name in ("pytorch_lightning", "lightning_fabric"):
     _chatter.handlers.clear()
     _chatter.parent, _chatter.propagate = LOGGER, True
 
-HISTORY, SETTINGS = "history.tsv", "settings.json"
+HISTORY = "history.tsv"
 CURVES = "tensorboard"
 
 

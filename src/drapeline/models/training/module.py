@@ -14,7 +14,8 @@ import torch
 from drapeline.errors import InputError
 from drapeline.models.training.batches import Batch
 
-LAST, BEST = "last.ckpt", "best.ckpt"  # in the folder of a training
+# Files in the folder of a training.
+LAST, BEST, SETTINGS = "last.ckpt", "best.ckpt", "settings.json"
 
 
 @dataclass(frozen=True)

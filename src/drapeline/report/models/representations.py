@@ -10,7 +10,7 @@ from drapeline.report.html import html_table, write_page
 # Shown under these names and in this order; other representations go by their variant.
 _CODES = {
     "svae": "SVAE, as printed",
-    "svae_ours": "SVAE, our variant",
+    "static_ppca": "Masked PPCA",
     "body_pca": "PCA of offsets from the body",
     "garment4d_pca": "PCA of Garment4D's templates",
 }

@@ -29,11 +29,11 @@ POSED_STAGES = {
 }
 
 
-def build(name, sequences, **training):
+def build(name, sequences, astray=0.0, **training):
     """A stage with the windows it is trained on.
 
-    The posed ones dress bodies in a garment that is far from where it belongs: most of what they
-    have to make up for is then the same everywhere, and no network is too small to learn it.
+    The posed ones dress bodies in garments that are so far `astray` (metres): what they have to
+    make up for is then mostly the same everywhere, and no network is too small to learn it.
     """
     cls, values = (CANONICAL_STAGES | POSED_STAGES)[name]
     values = {**values, "training": {**values["training"], **training}}
@@ -42,9 +42,12 @@ def build(name, sequences, **training):
         windows = stage_windows(stage, sequences)
         stage.prepare(windows)
         return stage, windows
-    stage = cls(cls.parse(values), build_canonical(sequences, PLAIN).eval())
-    astray = sequences.data.canonical + np.float32([0, 0.3, 0])
-    dressed = DressedSequences(sequences, astray, stage.settings.skinning)
+    canonical = build_canonical(sequences, PLAIN).eval()
+    with torch.no_grad():  # an untrained one may see no garment, and so show the posed ones nothing
+        canonical.network.segmentation.head[-1].bias[canonical.label] += 1e3
+    stage = cls(cls.parse(values), canonical)
+    worn = sequences.data.canonical + np.float32([0, astray, 0])
+    dressed = DressedSequences(sequences, worn, stage.settings.skinning)
     return stage, stage_windows(stage, dressed)
 
 
@@ -76,7 +79,11 @@ def test_gradients_of_the_whole_loss_by_finite_differences(sequences, name):
 def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name):
     stage, windows = build(name, sequences)
     batch = batch_of(windows, 2)
-    assert_mixed_precision_agrees(moved(stage), lambda stage: stage.training_step(batch))
+    # Points that are almost as far as others take turns in the canonical network's many maxima.
+    cosine = 0.9 if name in POSED_STAGES else 0.0
+    assert_mixed_precision_agrees(
+        moved(stage), lambda stage: stage.training_step(batch), cosine=cosine
+    )
 
 
 @pytest.mark.parametrize(
@@ -90,7 +97,7 @@ def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name
     ],
 )
 def test_one_batch_is_learned_by_heart(sequences, name, windows, steps, rate):
-    stage, drawn = build(name, sequences, learning_rate=rate)
+    stage, drawn = build(name, sequences, astray=0.3, learning_rate=rate)
     stage.train()
     errors = errors_on_one_batch(stage, batch_of(drawn, windows), stage.ERROR, steps=steps)
     assert min(errors) < 0.1 * errors[0]

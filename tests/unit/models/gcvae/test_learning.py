@@ -9,7 +9,6 @@ import torch
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.models.gcvae.loss import GcvaeLoss
 from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae, StaticPpcaVae
 from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.train_conditioning import ConditioningSettings, ConditioningTraining
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
@@ -29,14 +28,14 @@ SETTINGS = VaeSettings(
     loss=GcvaeLoss(normals=1.0),
     training=GcvaeTraining(epochs=10, learning_rate=0.003, normal_parts=2),
 )
-OURS = replace(
+DISTANCE = replace(
     SETTINGS, loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance")
 )
 VAES = {
     "static": (StaticVae, SETTINGS),
     "dynamic": (DynamicVae, SETTINGS),
-    "static_ppca": (StaticPpcaVae, OURS),
-    "dynamic_ppca": (DynamicPpcaVae, OURS),
+    "static_distance": (StaticVae, DISTANCE),
+    "dynamic_distance": (DynamicVae, DISTANCE),
 }
 
 
@@ -81,7 +80,7 @@ def test_mixed_precision_gives_almost_the_same_loss_and_gradient(name, order):
     cls, settings = VAES[name]
     settings = replace(settings, network=replace(settings.network, order=order))
     vae, batch = moved(build(cls, settings)), batch_of(2, 0, 1)
-    assert_mixed_precision_agrees(vae, lambda vae: vae.training_step(batch))
+    assert_mixed_precision_agrees(vae, lambda vae: vae.training_step(batch), cosine=0.9)
 
 
 @pytest.mark.parametrize("name", ["static", "dynamic"])
@@ -119,7 +118,7 @@ def test_gradients_of_the_conditions_loss_by_finite_differences():
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_conditions_are_learned_by_heart_and_held_out_ones_better_than_untrained(seed):
     module, held_out = conditioning(seed), conditions("val")
-    before = float(module.autoencoder.loss(held_out["cvar"]))
+    before = module.autoencoder.loss(held_out["cvar"]).item()
     errors = errors_on_one_batch(module, conditions("train"), "loss", steps=300)
     assert min(errors) < 0.1 * errors[0]
-    assert float(module.autoencoder.loss(held_out["cvar"])) < 0.5 * before
+    assert module.autoencoder.loss(held_out["cvar"]).item() < 0.5 * before

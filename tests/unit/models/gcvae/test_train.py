@@ -8,10 +8,9 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.loss import GcvaeLoss
 from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.ppca_vae import StaticPpcaVae
 from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
@@ -37,14 +36,9 @@ MOVING = replace(
     SETTINGS,
     training=replace(SETTINGS.training, version="unposed", mask=False),
 )
-OURS = replace(
-    SETTINGS,
-    loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance"),
-)
 CLASS_AND_SETTINGS = {
     "paper": (StaticVae, SETTINGS),
     "moving": (DynamicVae, MOVING),
-    "ours": (StaticPpcaVae, OURS),
 }
 
 
@@ -57,7 +51,7 @@ def train(tmp_path, conditioning):
             tmp_path / name,
             cls(settings, toy_domain()),
             garments or ToyGarments(),
-            conditioning=None if cls is StaticPpcaVae else given,
+            conditioning=given,
             code="c",
             progress=tmp_path / ".progress" / name,
             trainer={"accelerator": "cpu", **options},
@@ -75,10 +69,8 @@ def test_the_conditioning_autoencoder_is_frozen_in_the_vae(train, conditioning):
         torch.testing.assert_close(after[name], value)
 
 
-@pytest.mark.parametrize("name", ["paper", "ours"])
-def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, name):
-    cls, settings = CLASS_AND_SETTINGS[name]
-    folder = train("model", settings, cls=cls)
+def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path):
+    folder = train("model")
     assert sorted(p.name for p in folder.iterdir()) == [
         "best.ckpt",
         "history.tsv",
@@ -93,8 +85,8 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path, nam
     assert {"epoch", "val_selection", "val_surface_error_mm", "val_mask_iou"} <= set(
         header.split("\t")
     )
-    model, batch = load_vae(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
-    assert type(model) is cls
+    model, batch = load_codec(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
+    assert type(model) is StaticVae
     code = model.encode(batch)
     with torch.inference_mode():
         offsets, mask = model.decode(code.mean, batch["cvar"], batch["topology"])
@@ -194,10 +186,8 @@ def test_a_loss_that_is_not_finite_stops_with_the_samples_of_its_batch(train, tm
     assert not (tmp_path / "model").exists()
 
 
-@pytest.mark.parametrize("model", ["paper", "ours"])
-def test_garments_that_are_not_finite_are_named_before_training(train, model):
-    cls, settings = CLASS_AND_SETTINGS[model]
+def test_garments_that_are_not_finite_are_named_before_training(train):
     garments = ToyGarments()
     garments.offsets[5, 3] = np.inf
     with pytest.raises(InputError, match=rf"^samples {garments.names([5])[0]}: offsets hold NaN"):
-        train("model", settings, garments, cls)
+        train("model", SETTINGS, garments)

@@ -2,7 +2,7 @@
 
 from drapeline.models.gcvae.variants import (
     DVAE_VARIANTS,
-    OUR_VARIANTS,
+    DYNAMIC_PPCA,
     SVAE_VARIANTS,
     dynamic_conditions,
 )
@@ -11,8 +11,8 @@ from drapeline.models.training.settings import override_settings
 
 def test_dynamic_variants_tell_their_offsets_and_frames():
     assert dynamic_conditions("dvae_posed_1") == ("posed", 1)
-    assert dynamic_conditions("dvae_ours") == ("unposed", 4)
-    for variant, changes in [*DVAE_VARIANTS.items(), ("dvae_ours", OUR_VARIANTS["dvae_ours"])]:
+    assert dynamic_conditions(DYNAMIC_PPCA) == ("unposed", 4)
+    for variant, changes in DVAE_VARIANTS.items():
         assert changes["training"]["version"] == dynamic_conditions(variant)[0]
 
 

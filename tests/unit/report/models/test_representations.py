@@ -14,12 +14,12 @@ def row(variant, garment, value, metric="surface_to_true_mm", split="test"):
 
 def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
     rows = [
-        row("svae_ours", "Skirt", 3.25),
-        row("svae_ours", "Skirt", 3.0, "surface_to_true_mm" + LOW),
-        row("svae_ours", "Skirt", 3.5, "surface_to_true_mm" + HIGH),
-        row("svae_ours", "Skirt", 77.0, split="val"),
+        row("static_ppca", "Skirt", 3.25),
+        row("static_ppca", "Skirt", 3.0, "surface_to_true_mm" + LOW),
+        row("static_ppca", "Skirt", 3.5, "surface_to_true_mm" + HIGH),
+        row("static_ppca", "Skirt", 77.0, split="val"),
         row("garment4d_pca", "all", 4.5),
-        *(row("svae_ours", kind, 128, "code_numbers") for kind in TEMPLATE_TYPES),
+        *(row("static_ppca", kind, 128, "code_numbers") for kind in TEMPLATE_TYPES),
         row("garment4d_pca", "Skirt", 64, "code_numbers"),
         row("garment4d_pca", "Trousers", 51, "code_numbers"),
     ]
@@ -29,7 +29,7 @@ def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
     assert "3.25 (3.00 to 3.50)" in page
     assert "4.50" in page
     assert "77" not in page
-    first = page.split("SVAE, our variant")[1].split("</tr>")[0]
+    first = page.split("Masked PPCA")[1].split("</tr>")[0]
     assert first.count(">-<") == 3
     assert "128" in first
     assert "64 / - / 51" in page

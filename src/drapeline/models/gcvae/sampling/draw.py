@@ -18,9 +18,9 @@ from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.static import static_cvar
 from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import decode_codes
 from drapeline.models.gcvae.sampling.types import GarmentTypes
-from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
@@ -46,7 +46,7 @@ class DecodedGarment(NamedTuple):
 
 
 def decode_by_type(
-    model: StaticVae,
+    model: GarmentCodec,
     types: GarmentTypes,
     z: np.ndarray,
     cvar: np.ndarray,
@@ -180,7 +180,7 @@ class SampledGarment:
 
 
 def sample_garments(
-    model: StaticVae,
+    model: GarmentCodec,
     types: GarmentTypes,
     requests: Mapping[str, Request],
     seed: int,
@@ -214,7 +214,7 @@ def sample_garments(
     return [_push_out(sample, model) for sample in sampled] if settle else sampled
 
 
-def _push_out(sample: SampledGarment, model: StaticVae) -> SampledGarment:
+def _push_out(sample: SampledGarment, model: GarmentCodec) -> SampledGarment:
     piece = sample.piece
     if not len(piece.faces):
         return sample
@@ -226,7 +226,7 @@ def _push_out(sample: SampledGarment, model: StaticVae) -> SampledGarment:
 
 
 def _draw_once(
-    model: StaticVae,
+    model: GarmentCodec,
     types: GarmentTypes,
     requests: Mapping[str, Request],
     rngs: Mapping[str, np.random.Generator],

@@ -1,4 +1,4 @@
-"""Rule `evaluate_svae`: codes of all static garments, and metrics of their reconstructions."""
+"""Rule `evaluate_static`: codes of all static garments, and metrics of their reconstructions."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
 from drapeline.models.gcvae.codes import encode_garments, save_codes
 from drapeline.models.gcvae.evaluate_static import evaluate_static
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    model = load_vae(Path(snakemake.input.model) / BEST)
+    model = load_codec(Path(snakemake.input.model) / BEST)
     data = StaticData(snakemake.input.data)
     codes = encode_garments(model, data, np.arange(len(data.garment)))
     save_codes(snakemake.output.codes, codes, data)
-    splits, variant = snakemake.params.splits, snakemake.wildcards.svae
+    splits, variant = snakemake.params.splits, snakemake.wildcards.static
     write_metrics(snakemake.output.metrics, evaluate_static(model, data, codes, variant, splits))

@@ -1,15 +1,18 @@
-"""The garment VAEs in closed form."""
-
-from dataclasses import replace
+"""Garments as masked probabilistic PCA."""
 
 import numpy as np
 import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.ppca_vae import StaticPpcaVae, mirror_batch
-from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.gcvae.garment_ppca import (
+    DynamicPpca,
+    PpcaSettings,
+    StaticPpca,
+    mirror_batch,
+    save_fit,
+)
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.batches import as_tensors
 from gcvae_toys import ToyGarments, toy_domain
 
@@ -32,10 +35,8 @@ def test_a_mirrored_garment_is_what_a_mirror_shows():
 
 @pytest.fixture(scope="module")
 def fitted():
-    """Fitted to the toy garments, its refiner untrained and thus zero."""
-    network = GcvaeNetwork(widths=(6, 8, 8, 10), latent=8)
-    model = StaticPpcaVae(VaeSettings(network=network), toy_domain())
-    model.prepare(ToyGarments())
+    model = StaticPpca(PpcaSettings(latent=8), toy_domain())
+    model.fit(ToyGarments())
     return model.eval()
 
 
@@ -67,8 +68,8 @@ def test_the_fit_looks_at_training_rows_alone(fitted):
     garments = ToyGarments()
     for split in ("val", "test"):
         garments.offsets[garments.rows(split)] = 7.0
-    model = StaticPpcaVae(fitted.settings, toy_domain())
-    model.prepare(garments)
+    model = StaticPpca(fitted.settings, toy_domain())
+    model.fit(garments)
     for key, value in model.ppca.state_dict().items():
         torch.testing.assert_close(value, fitted.ppca.state_dict()[key])
 
@@ -76,6 +77,29 @@ def test_the_fit_looks_at_training_rows_alone(fitted):
 def test_offsets_that_are_not_finite_are_refused_by_name(fitted):
     garments = ToyGarments()
     garments.offsets[5, 3] = np.inf
-    model = StaticPpcaVae(replace(fitted.settings), toy_domain())
+    model = StaticPpca(fitted.settings, toy_domain())
     with pytest.raises(InputError, match="^samples toy005: offsets hold NaN"):
-        model.prepare(garments)
+        model.fit(garments)
+
+
+@pytest.mark.parametrize("cls", [StaticPpca, DynamicPpca])
+def test_a_saved_fit_is_loaded_again_and_needs_no_training(tmp_path, cls):
+    """Codes and garments are the same to the bit."""
+    garments = ToyGarments()
+    model = cls(PpcaSettings(latent=8, seed=3), toy_domain())
+    model.fit(garments)
+    save_fit(tmp_path / "fit", model)
+    assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == [
+        "best.ckpt",
+        "settings.json",
+    ]
+    again = load_codec(tmp_path / "fit" / "best.ckpt")
+    assert type(again) is cls
+    assert (again.latent, again.seed) == (8, 3)
+    batch = as_tensors(garments.batch(garments.rows("test")))
+    z = model.encode(batch).mean
+    assert torch.equal(again.encode(batch).mean, z)
+    offsets, mask = again.decode(z, batch["cvar"], batch["topology"])
+    expected, _ = model.decode(z, batch["cvar"], batch["topology"])
+    assert torch.equal(offsets, expected)
+    assert (mask is None) == (cls is DynamicPpca)

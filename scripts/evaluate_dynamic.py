@@ -1,4 +1,4 @@
-"""Rule `evaluate_dvae`: metrics of the reconstructions of garments in motion."""
+"""Rule `evaluate_dynamic`: metrics of the reconstructions of garments in motion."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ from drapeline.learning_data.moving import load_moving
 from drapeline.metrics.table import write_metrics
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.evaluate_dynamic import evaluate_dynamic
-from drapeline.models.gcvae.load import load_vae
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.variants import dynamic_conditions
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given = snakemake.input
-    variant = snakemake.wildcards.dvae
+    variant = snakemake.wildcards.dynamic
     _, frames = dynamic_conditions(variant)
     rows = evaluate_dynamic(
-        load_vae(Path(given.model) / BEST),
+        load_codec(Path(given.model) / BEST),
         load_dynamic_garments(given.data, given.static, frames),
         {
             split: load_moving(given.samples, given.registrations, split)

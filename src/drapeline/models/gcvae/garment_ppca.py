@@ -1,28 +1,31 @@
-"""Garment VAEs in closed form: probabilistic PCA, with a graph network that refines it."""
+"""Garments as masked probabilistic PCA: codes and decoder in closed form, nothing is trained.
+
+Not in the paper, and what its networks are to be compared with. A garment has no offsets outside
+its mask; the fit takes them for missing instead of zero, so that no hem is a jump in the field, see
+`ppca`. Encoding is the exact posterior; decoding needs only z and the conditions.
+"""
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import torch
 
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
-from drapeline.models.gcvae.networks import PLACES, Code, mesh_graphs
+from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of
+from drapeline.models.gcvae.networks import Code
 from drapeline.models.gcvae.ppca import Ppca, blur_mask, fit_ppca
-from drapeline.models.gcvae.refiner import Refiner
-from drapeline.models.gcvae.vae import (
-    DynamicVae,
-    Garments,
-    GarmentVae,
-    Part,
-    StaticVae,
-    conditions_of,
-)
+from drapeline.models.layers.mesh_graph import scaled_laplacian
+from drapeline.models.layers.sparse_matrix import SparseMatrix
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
+from drapeline.models.training.module import BEST, SETTINGS
 from drapeline.registration.to_body.super_body import mirror_of
+from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
+from drapeline.storage import atomic_folder, write_json
 
 
 class MirroredGarments(Garments, Protocol):
@@ -33,8 +36,21 @@ class MirroredGarments(Garments, Protocol):
 
 
 @dataclass(frozen=True)
+class PpcaSettings:
+    """What a fit depends on besides its data.
+
+    Attributes:
+        latent: numbers of a code.
+        seed: of the rows and the vertices that are chosen.
+    """
+
+    latent: int = 128
+    seed: int = 0
+
+
+@dataclass(frozen=True)
 class PpcaConstants:
-    """Constants of the probabilistic PCA and of its refiner.
+    """Constants of the fit.
 
     Attributes:
         unit_m: unit of the offsets in a field.
@@ -48,7 +64,6 @@ class PpcaConstants:
             component has.
         rows_max: the fit uses at most so many training rows.
         vertices_max: the posterior looks at no more vertices, chosen at random.
-        widths: of the refiner, finest first.
         steepness: of the mask's logit against its ramp.
     """
 
@@ -60,56 +75,68 @@ class PpcaConstants:
     noise: float = 0.1
     rows_max: int = 2000
     vertices_max: int = 3000
-    widths: tuple[int, ...] = (16, 32, 64)
     steepness: float = 6.0
 
 
-class PpcaVae(GarmentVae):
-    """Probabilistic PCA of partly missing fields as a conditional VAE, refined by a graph U-Net.
-
-    Posterior and decoder of the PCA are exact and computed before training. Training fits the
-    refiner, from the field of a sampled code and the rest body to offsets and mask, so decoding
-    needs only z and the conditions, as in the paper's network.
+class GarmentPpca(GarmentCodec):
+    """What the fits of garments at rest and in motion share.
 
     Attributes:
         constants: of the fit.
         channels: of a field: offsets, and the ramp of the mask where there is one.
     """
 
+    model = "ppca"
     constants: ClassVar[PpcaConstants]
     channels: ClassVar[int]
 
-    def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
-        """Make the graphs, the PCA and the refiner."""
-        network, vertices = self.settings.network, len(body_template.offset_mean)
+    def __init__(self, settings: PpcaSettings, body_template: BodyTemplate) -> None:
+        super().__init__(settings, body_template)
+        vertices = len(body_template.offset_mean)
         count = min(self.constants.vertices_max, vertices)
-        rng_observed = rng_for(self.settings.training.seed, "posterior")
+        rng_observed = rng_for(settings.seed, "posterior")
         observed = np.sort(rng_observed.permutation(vertices)[:count])
-        self.graphs = mesh_graphs(body_template, network.order)
         self.ppca = Ppca(
             vertices,
             len(body_template.cvar_mean),
-            network.latent,
+            settings.latent,
             torch.from_numpy(observed),
             self.channels,
         )
+        self.laplacians = torch.nn.ModuleDict(
+            {
+                name: SparseMatrix(scaled_laplacian(body_template.edges[name][0], vertices))
+                for name in TOPOLOGIES
+            }
+        )
         for moment in ("mean", "std"):
             self._constant(f"cvar_{moment}")
-        self.refiner = Refiner(
-            self.channels + 3, self.channels, PLACES, self.constants.widths, network.order, rng
-        )
-        self._codes: dict[str, tuple[torch.Tensor, torch.Tensor]] = {}
+
+    @classmethod
+    def parse(cls, values: Mapping[str, Any]) -> PpcaSettings:
+        """Settings from a mapping, as in a config or a checkpoint."""
+        return PpcaSettings(**values)
+
+    @property
+    def latent(self) -> int:
+        """Numbers of a code."""
+        return self.settings.latent
+
+    @property
+    def seed(self) -> int:
+        """Of the rows and the vertices that are chosen."""
+        return self.settings.seed
 
     @torch.no_grad()
-    def prepare(self, garments: MirroredGarments) -> None:
-        """Fit the PCA to the training rows.
+    def fit(self, garments: MirroredGarments) -> None:
+        """Fit to the training rows and their mirror images.
 
         Raises:
             InputError: offsets are not finite; names the samples.
         """
         rows = garments.rows("train")
         if len(rows) > self.constants.rows_max:
-            rng = rng_for(self.settings.training.seed, "linear rows")
+            rng = rng_for(self.settings.seed, "linear rows")
             rows = np.sort(rng.choice(rows, self.constants.rows_max, replace=False))
         batch = garments.batch(rows)
         refuse_unfinite(batch["offsets"], batch["names"], "offsets")
@@ -127,7 +154,7 @@ class PpcaVae(GarmentVae):
             fields,
             known,
             conditions,
-            latent=self.settings.network.latent,
+            latent=self.latent,
             rounds=self.constants.rounds,
             ridge=self.constants.ridge,
         )
@@ -144,47 +171,25 @@ class PpcaVae(GarmentVae):
         return *flat, self._normalise_conditions(conditions_of(parts)[0])
 
     def encode_parts(self, parts: Mapping[str, Part]) -> Code:
-        """The exact posterior of the PCA; it never changes, so training remembers it."""
-        means, log_variances = [], []
-        for name, part in parts.items():
-            if self.position is not None and all(n in self._codes for n in part.names):
-                pairs = [self._codes[n] for n in part.names]
-                mean, log_variance = (torch.stack(half) for half in zip(*pairs, strict=True))
-            else:
-                mean, log_variance = self.ppca.posterior(
-                    self.fields(name, part), part.mask, self._normalise_conditions(part.cvar)
-                )
-                if self.position is not None:
-                    self._codes |= zip(
-                        part.names, zip(mean, log_variance, strict=True), strict=True
-                    )
-            means.append(mean)
-            log_variances.append(log_variance)
-        mean = torch.cat(means)
-        return Code(mean, torch.cat(log_variances), mean[:, :0])
+        """The exact posterior."""
+        pairs = [
+            self.ppca.posterior(
+                self.fields(name, part), part.mask, self._normalise_conditions(part.cvar)
+            )
+            for name, part in parts.items()
+        ]
+        mean, log_variance = (torch.cat(half) for half in zip(*pairs, strict=True))
+        return Code(mean, log_variance, mean[:, :0])
 
     def decode_parts(
         self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
     ) -> dict[str, torch.Tensor]:
         """Topology -> (V, channels, B_t) normalised offsets and any mask logit."""
         field = self.ppca(z, self._normalise_conditions(cvar))
-        body = rest_bodies(self.body_basis, cvar)
-        seen = torch.cat([field, self.normalised_body(body)], 1)
-        out, start = {}, 0
-        for name, count in counts.items():
-            part = slice(start, start + count)
-            graph = self.graphs[name]
-            change = self.refiner(graph, seen[..., part].transpose(1, 2).contiguous())
-            change = change.transpose(1, 2)
-            offsets = self.normalise(self._to_metres(field[:, :3, part]), "offset")
-            ramp = field[:, 3:, part] * (self.constants.steepness / self.constants.ramp_weight)
-            out[name] = torch.cat([offsets, ramp], 1) + change
-            start += count
-        return out
-
-    @abstractmethod
-    def normalised_body(self, body: torch.Tensor) -> torch.Tensor:
-        """Rest bodies (V, 3, B) in metres, normalised for the refiner."""
+        metres = field[:, :3] * self.constants.unit_m + self.offset_mean[..., None]
+        logit = field[:, 3:] * (self.constants.steepness / self.constants.ramp_weight)
+        made = torch.cat([self.normalise(metres, "offset"), logit], 1)
+        return dict(zip(counts, made.split(list(counts.values()), 2), strict=True))
 
     @abstractmethod
     def fields(self, name: str, part: Part) -> torch.Tensor:
@@ -194,37 +199,26 @@ class PpcaVae(GarmentVae):
         """(V, 3, B_t) offsets from their mean, in `unit_m`."""
         return (part.offsets - self.offset_mean[..., None]) / self.constants.unit_m
 
-    def code_terms(self, code: Code, cvar: torch.Tensor) -> dict[str, torch.Tensor]:
-        """None, since the encoder is not trained."""
-        return {}
-
     def _normalise_conditions(self, cvar: torch.Tensor) -> torch.Tensor:
         return (cvar - self.cvar_mean) / self.cvar_std
 
-    def _to_metres(self, units: torch.Tensor) -> torch.Tensor:
-        return units * self.constants.unit_m + self.offset_mean[..., None]
 
-
-class StaticPpcaVae(PpcaVae, StaticVae):
+class StaticPpca(GarmentPpca):
     """Garments at rest. The mask is a fourth channel: a ramp across the hem."""
 
-    checkpoint_type = "linear"
+    checkpoint_type = "static_ppca"
     constants = PpcaConstants()
     channels = 4
 
-    def normalised_body(self, body: torch.Tensor) -> torch.Tensor:
-        """By the statistics of `base`, which is the rest body."""
-        return self.normalise(body, "base")
-
     def fields(self, name: str, part: Part) -> torch.Tensor:
         """(V, 4, B_t): offsets from their mean in `unit_m`, and the ramp of the mask."""
-        ramp = blur_mask(part.mask, self.graphs[name].laplacians[0], self.constants.blur_passes)
+        ramp = blur_mask(part.mask, self.laplacians[name], self.constants.blur_passes)
         return torch.cat(
             [self.offsets_in_units(part), self.constants.ramp_weight * ramp[:, None]], 1
         )
 
 
-class DynamicPpcaVae(PpcaVae, DynamicVae):
+class DynamicPpca(GarmentPpca):
     """Garments in motion. The mask is that of the static garment, so a field is offsets alone.
 
     A few sequences say little about what poses and static codes do to cloth, so the regression on
@@ -232,14 +226,10 @@ class DynamicPpcaVae(PpcaVae, DynamicVae):
     codes of new frames would lie far outside the prior.
     """
 
-    checkpoint_type = "linear_dynamic"
+    checkpoint_type = "dynamic_ppca"
     resolves_penetration = True
     constants = PpcaConstants(ridge=2000.0, noise=3.0)
     channels = 3
-
-    def normalised_body(self, body: torch.Tensor) -> torch.Tensor:
-        """By the statistics of the samples' rest bodies."""
-        return self.normalise(body, "body")
 
     def fields(self, name: str, part: Part) -> torch.Tensor:
         """(V, 3, B_t): offsets from their mean in `unit_m`."""
@@ -258,3 +248,18 @@ def mirror_batch(batch: Batch, mirror: np.ndarray) -> Batch:
         "offsets": batch["offsets"][:, mirror] * flip,
         "mask": batch["mask"][:, mirror],
     }
+
+
+def save_fit(folder: str | Path, ppca: GarmentPpca) -> None:
+    """Leave a folder like that of a training, with a checkpoint and settings but no history."""
+    with atomic_folder(folder) as scratch:
+        checkpoint = {"state_dict": ppca.state_dict(), "drapeline": ppca.about()}
+        torch.save(checkpoint, scratch / BEST)
+        write_json(
+            scratch / SETTINGS,
+            {
+                "checkpoint_type": ppca.checkpoint_type,
+                **asdict(ppca.settings),
+                "constants": asdict(ppca.constants),
+            },
+        )

@@ -1,0 +1,33 @@
+"""Rule `fit_dynamic_ppca`: masked probabilistic PCA of garments in motion."""
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
+from drapeline.models.gcvae.dynamic_template import dynamic_body_template
+from drapeline.models.gcvae.garment_ppca import DynamicPpca, save_fit
+from drapeline.models.gcvae.variants import DYNAMIC_PPCA, dynamic_conditions
+from drapeline.registration.to_body.hierarchy import load_hierarchy
+from drapeline.registration.to_body.topology import load_topology
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given = snakemake.input
+    torch.set_num_threads(snakemake.threads)
+    _, frames = dynamic_conditions(DYNAMIC_PPCA)
+    garments = load_dynamic_garments(given.data, given.static, frames)
+    template = dynamic_body_template(
+        garments,
+        load_topology(given.topology),
+        load_hierarchy(given.hierarchy),
+        {gender: load_body(given[gender]) for gender in GENDERS},
+    )
+    model = DynamicPpca(DynamicPpca.parse(snakemake.params.settings), template)
+    model.fit(garments)
+    save_fit(snakemake.output[0], model)

@@ -1,0 +1,202 @@
+"""What encodes and decodes registered garments: the interface of all models of this room."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import torch
+
+from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.networks import Code
+from drapeline.models.training.batches import Batch
+from drapeline.models.training.module import plain
+from drapeline.registration.to_body.topology import TOPOLOGIES
+
+
+class Garments(Protocol):
+    """Registered garments with conditions, as models are trained on them and encode them."""
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of a split."""
+
+    def topology(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) codes of `TOPOLOGIES`."""
+
+    def cvar(self, rows: np.ndarray) -> np.ndarray:
+        """(n, C) conditions."""
+
+    def batch(self, rows: np.ndarray) -> Batch:
+        """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,) and `names`.
+
+        Garments in motion also have `base` (B, V, 3), what their offsets are added to.
+        """
+
+
+@dataclass(frozen=True)
+class Part:
+    """The samples of a batch that share a topology, in coordinate planes.
+
+    Attributes:
+        rows: (B_t,) their places in the batch.
+        names: of the samples.
+        cvar: (B_t, C) conditions.
+        offsets: (V, 3, B_t) metres.
+        mask: (V, B_t) bool.
+    """
+
+    rows: torch.Tensor
+    names: list[str]
+    cvar: torch.Tensor
+    offsets: torch.Tensor
+    mask: torch.Tensor
+
+    @classmethod
+    def of(cls, batch: Batch, rows: torch.Tensor) -> "Part":
+        """Some samples of a batch."""
+        return cls(
+            rows=rows,
+            names=[batch["names"][row] for row in rows.tolist()],
+            cvar=batch["cvar"][rows],
+            offsets=planes(batch["offsets"][rows]),
+            mask=batch["mask"][rows].T,
+        )
+
+
+class GarmentCodec(torch.nn.Module, ABC):
+    """Garments to codes and back, given conditions.
+
+    Args:
+        settings: a dataclass, from which the codec can be built again.
+        body_template: faces, statistics and rest bodies.
+
+    Attributes:
+        checkpoint_type: names the class in its checkpoints.
+        model: its name in the table of metrics.
+        resolves_penetration: whether decoded garments in motion are evened out and pushed out of
+            the body, which the paper does not do.
+    """
+
+    checkpoint_type: ClassVar[str]
+    model: ClassVar[str]
+    resolves_penetration: ClassVar[bool] = False
+
+    def __init__(self, settings: Any, body_template: BodyTemplate) -> None:
+        super().__init__()
+        self.settings, self.body_template = settings, body_template
+        for moment in ("mean", "std"):
+            self._constant(f"offset_{moment}")
+
+    def _constant(self, name: str) -> None:
+        table = torch.from_numpy(np.asarray(getattr(self.body_template, name), dtype=np.float32))
+        self.register_buffer(name, table, persistent=False)
+
+    @property
+    def device(self) -> torch.device:
+        """Where its weights are."""
+        return self.offset_mean.device
+
+    # ---- what models do differently
+
+    @classmethod
+    @abstractmethod
+    def parse(cls, values: Mapping[str, Any]) -> Any:
+        """Settings from mappings, as in a config or a checkpoint."""
+
+    @property
+    @abstractmethod
+    def latent(self) -> int:
+        """Numbers of a code."""
+
+    @property
+    @abstractmethod
+    def seed(self) -> int:
+        """Of whatever is drawn."""
+
+    def part(self, batch: Batch, rows: torch.Tensor) -> Part:
+        """The samples of a batch in rows of one topology."""
+        return Part.of(batch, rows)
+
+    @abstractmethod
+    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+        """Codes in the order of the parts."""
+
+    @abstractmethod
+    def decode_parts(
+        self, z: torch.Tensor, cvar: torch.Tensor, counts: Mapping[str, int]
+    ) -> dict[str, torch.Tensor]:
+        """Topology -> (V, 3 or 4, B_t) normalised offsets and any mask logit."""
+
+    # ---- the same for all
+
+    def parts(self, batch: Batch) -> dict[str, Part]:
+        """The batch by topology; a topology without samples is left out."""
+        rows = {
+            name: torch.nonzero(batch["topology"] == code)[:, 0]
+            for code, name in enumerate(TOPOLOGIES)
+        }
+        return {name: self.part(batch, some) for name, some in rows.items() if len(some)}
+
+    @torch.no_grad()
+    def encode(self, batch: Batch) -> Code:
+        """Codes of the samples of a batch, in its order."""
+        parts = self.parts(batch)
+        code = self.encode_parts(parts)
+        order = torch.argsort(torch.cat([part.rows for part in parts.values()]))
+        return Code(*(x[order] for x in code))
+
+    def decode(
+        self, z: torch.Tensor, cvar: torch.Tensor, topology: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor | None]:
+        """Garments from codes and conditions alone.
+
+        Args:
+            z: (B, latent).
+            cvar: (B, C) conditions.
+            topology: (B,) codes of `TOPOLOGIES`.
+
+        Returns:
+            Offsets (B, V, 3) in metres, and the mask's probability (B, V) or None if the model
+            has none.
+        """
+        rows = {name: torch.nonzero(topology == code)[:, 0] for code, name in enumerate(TOPOLOGIES)}
+        rows = {name: part for name, part in rows.items() if len(part)}
+        order = torch.cat(list(rows.values()))
+        counts = {name: len(part) for name, part in rows.items()}
+        parts = self.decode_parts(z[order], cvar[order], counts)
+        out = torch.cat(list(parts.values()), 2)[..., torch.argsort(order)]
+        offsets = self.to_metres(out[:, :3]).permute(2, 0, 1)
+        return offsets, torch.sigmoid(out[:, 3]).T if out.shape[1] > 3 else None
+
+    def normalise(self, x: torch.Tensor, name: str) -> torch.Tensor:
+        """(V, 3, B) metres -> deviations from the mean of `name`, per vertex.
+
+        Args:
+            name: "offset", or what else a subclass has the statistics of.
+        """
+        mean, std = getattr(self, f"{name}_mean"), getattr(self, f"{name}_std")
+        return (x - mean[..., None]) / std[..., None]
+
+    def to_metres(self, normalised: torch.Tensor) -> torch.Tensor:
+        """(V, 3, B) normalised offsets -> metres."""
+        return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
+
+    def about(self) -> dict[str, Any]:
+        """Everything needed to build it again, as plain values and tensors."""
+        return {
+            "checkpoint_type": self.checkpoint_type,
+            "settings": plain(asdict(self.settings)),
+            "body_template": self.body_template.tensors(),
+        }
+
+
+def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:
+    """Conditions (B, C) in the order of the parts, and how many samples each part has."""
+    cvar = torch.cat([part.cvar for part in parts.values()])
+    return cvar, {name: len(part.rows) for name, part in parts.items()}
+
+
+def planes(x: torch.Tensor) -> torch.Tensor:
+    """(B, V, C) -> (V, C, B), contiguous."""
+    return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
