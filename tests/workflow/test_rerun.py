@@ -42,10 +42,10 @@ FILES = {
 }
 # What a trained garment VAE of either kind decodes garments for, and what Garment4D trains.
 USE_SVAE = {
-    *("compare_gcvae", "evaluate_svae", "plot_gcvae_errors", "plot_gcvae_walks"),
+    *("compare_gcvae", "evaluate_static", "plot_gcvae_errors", "plot_gcvae_walks"),
     *("plot_gcvae_wrinkles", "sample_garments"),
 }
-TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae", "train_dvae_ours"}
+TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
 TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
@@ -82,19 +82,22 @@ RERUN = {
     | USE_GARMENT4D
     | {"collect_garment4d", "plot_skinning"},
     "learning_data/dynamic.py": TRAIN_DVAE
-    | {"collect_dynamic", "evaluate_dvae", "plot_gcvae_errors", "plot_gcvae_wrinkles"},
+    | {"collect_dynamic", "evaluate_dynamic", "fit_dynamic_ppca"}
+    | {"plot_gcvae_errors", "plot_gcvae_wrinkles"},
     "metrics/baselines.py": {"evaluate_baselines", "compare_gcvae"},
-    "metrics/dynamic.py": {"evaluate_dvae", "evaluate_dynamic_baselines"},
+    "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
     "models/contract.py": {"compare_gcvae", "compare_garment4d"},
-    "models/gcvae/train.py": {"train_svae", "train_svae_ours", "train_dvae", "train_dvae_ours"},
+    "models/gcvae/train.py": {"train_svae", "train_dvae"},
     "models/gcvae/train_conditioning.py": {"train_svae_conditioning", "train_dvae_conditioning"},
     # A dynamic model takes codes of a static one, which may be of either kind.
-    "models/gcvae/ppca_vae.py": {"train_svae_ours", "evaluate_dvae"} | TRAIN_DVAE | USE_SVAE,
-    "models/gcvae/evaluate_dynamic.py": {"evaluate_dvae"},
+    "models/gcvae/garment_ppca.py": {"fit_static_ppca", "fit_dynamic_ppca", "evaluate_dynamic"}
+    | TRAIN_DVAE
+    | USE_SVAE,
+    "models/gcvae/evaluate_dynamic.py": {"evaluate_dynamic"},
     "models/garment4d/canonical_stage.py": TRAIN_GARMENT4D | USE_GARMENT4D,
     "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
-    "models/training/lightning.py": {"train_svae", "train_svae_ours", "train_svae_conditioning"}
+    "models/training/lightning.py": {"train_svae", "train_svae_conditioning"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
     "rendering/modalities.py": {"render_modalities"},
@@ -169,7 +172,7 @@ GARMENT4D = rules_of(ROOT / "workflow/rules/garment4d.smk")
     ("file", "never"),
     [
         (
-            "models/gcvae/ppca_vae.py",
+            "models/gcvae/garment_ppca.py",
             GARMENT4D | {"train_svae", "train_svae_conditioning", "register_static"},
         ),
         (
