@@ -1,4 +1,4 @@
-"""Trained garment VAEs from their checkpoints."""
+"""Trained networks and fitted PCA from their checkpoints."""
 
 from dataclasses import replace
 
@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.load import load_vae
-from drapeline.models.gcvae.ppca_vae import DynamicPpcaVae, StaticPpcaVae
+from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings, StaticPpca
+from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from gcvae_files import SETTINGS, save_model, shaken
 from gcvae_toys import toy_domain
@@ -20,13 +20,13 @@ MOVING = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, versi
     [
         (StaticVae, SETTINGS),
         (DynamicVae, MOVING),
-        (StaticPpcaVae, SETTINGS),
-        (DynamicPpcaVae, MOVING),
+        (StaticPpca, PpcaSettings(latent=5)),
+        (DynamicPpca, PpcaSettings(latent=5, seed=3)),
     ],
 )
 def test_a_network_comes_back_with_its_class_settings_and_weights(tmp_path, cls, settings):
     saved = save_model(tmp_path / "model", shaken(cls(settings, toy_domain())))
-    loaded = load_vae(tmp_path / "model/best.ckpt")
+    loaded = load_codec(tmp_path / "model/best.ckpt")
     assert type(loaded) is cls
     assert loaded.settings == settings
     assert not loaded.training
@@ -40,4 +40,4 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
     about = {"checkpoint_type": "conditioning"}
     torch.save({"state_dict": {}, "drapeline": about}, tmp_path / "best.ckpt")
     with pytest.raises(InputError, match=r"best\.ckpt: holds a 'conditioning' network, expected"):
-        load_vae(tmp_path / "best.ckpt")
+        load_codec(tmp_path / "best.ckpt")
