@@ -10,7 +10,6 @@ from drapeline.metrics.table import write_metrics
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.evaluate_dynamic import evaluate_dynamic
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.variants import dynamic_conditions
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -19,18 +18,13 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    given = snakemake.input
-    variant = snakemake.wildcards.dynamic
-    _, frames = dynamic_conditions(variant)
+    given, params = snakemake.input, snakemake.params
     rows = evaluate_dynamic(
         load_codec(Path(given.model) / BEST),
-        load_dynamic_garments(given.data, given.static, frames),
-        {
-            split: load_moving(given.samples, given.registrations, split)
-            for split in snakemake.params.splits
-        },
+        load_dynamic_garments(given.data, given.static, params.frames),
+        {split: load_moving(given.samples, given.registrations, split) for split in params.splits},
         {gender: load_body(given[gender]) for gender in GENDERS},
         load_topology(given.topology),
-        variant,
+        snakemake.wildcards.dynamic,
     )
     write_metrics(snakemake.output[0], rows)

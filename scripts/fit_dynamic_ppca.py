@@ -9,7 +9,6 @@ from drapeline.frames import GENDERS
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.dynamic_template import dynamic_body_template
 from drapeline.models.gcvae.garment_ppca import DynamicPpca, save_fit
-from drapeline.models.gcvae.variants import DYNAMIC_PPCA, dynamic_conditions
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -18,16 +17,15 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    given = snakemake.input
+    given, params = snakemake.input, snakemake.params
     torch.set_num_threads(snakemake.threads)
-    _, frames = dynamic_conditions(DYNAMIC_PPCA)
-    garments = load_dynamic_garments(given.data, given.static, frames)
+    garments = load_dynamic_garments(given.data, given.static, params.frames)
     template = dynamic_body_template(
         garments,
         load_topology(given.topology),
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    model = DynamicPpca(DynamicPpca.parse(snakemake.params.settings), template)
+    model = DynamicPpca(DynamicPpca.parse(params.settings), template)
     model.fit(garments)
     save_fit(snakemake.output[0], model)

@@ -9,8 +9,6 @@ from drapeline.models.gcvae.dynamic_template import dynamic_body_template
 from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae
-from drapeline.models.gcvae.variants import DVAE_VARIANTS, dynamic_conditions
-from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -20,16 +18,14 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
-    variant = snakemake.wildcards.dvae
-    _, frames = dynamic_conditions(variant)
-    garments = load_dynamic_garments(given.data, given.static, frames)
+    garments = load_dynamic_garments(given.data, given.static, params.frames)
     template = dynamic_body_template(
         garments,
         load_topology(given.topology),
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    settings = VaeSettings.of(override_settings(params.settings, DVAE_VARIANTS[variant]))
+    settings = VaeSettings.of(params.settings)
     train_vae(
         snakemake.output[0],
         DynamicVae(settings, template),

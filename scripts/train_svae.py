@@ -9,8 +9,6 @@ from drapeline.models.gcvae.settings import VaeSettings
 from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import StaticVae
-from drapeline.models.gcvae.variants import SVAE_VARIANTS
-from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
-    variant = snakemake.wildcards.svae
     garments = StaticData(given.data)
     template = static_body_template(
         garments,
@@ -28,7 +25,7 @@ with rule_log(snakemake.log[0]):
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    settings = VaeSettings.of(override_settings(params.settings, SVAE_VARIANTS[variant]))
+    settings = VaeSettings.of(params.settings)
     train_vae(
         snakemake.output[0],
         StaticVae(settings, template),

@@ -9,6 +9,8 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.learning_data.static import collect_static
+from drapeline.models.gcvae.variants import SVAE_VARIANTS
+from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.hierarchy import build_hierarchy, level_counts, save_hierarchy
 from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import build_topology, save_topology
@@ -73,7 +75,7 @@ def train_static(run_rule, files: dict[str, Path], folder: Path, variant: str = 
         input={**files, "conditioning": train_conditioning(run_rule, files, folder)},
         output=[folder / variant],
         params={
-            "settings": SETTINGS,
+            "settings": override_settings(SETTINGS, SVAE_VARIANTS[variant]),
             "trainer": {"accelerator": "cpu"},
             "code": "c",
             "progress": str(folder / ".progress" / variant),

@@ -102,7 +102,7 @@ def test_evaluate_dynamic_measures_held_out_frames(run_rule, files, tmp_path):
         "evaluate_dynamic",
         input=files,
         output=[tmp_path / "dvae.tsv"],
-        params={"splits": ["val", "test"]},
+        params={"splits": ["val", "test"], "frames": FRAMES},
         wildcards={"dynamic": "dvae_unposed_4"},
     )
     rows = read_metrics(tmp_path / "dvae.tsv")
@@ -131,7 +131,7 @@ def test_a_pca_is_measured_as_decoded_and_settled(run_rule, files_of_ppca, tmp_p
         "evaluate_dynamic",
         input=files_of_ppca,
         output=[tmp_path / "ppca.tsv"],
-        params={"splits": ["test"]},
+        params={"splits": ["test"], "frames": FRAMES},
         wildcards={"dynamic": "dynamic_ppca"},
     )
     rows = read_metrics(tmp_path / "ppca.tsv")

@@ -12,6 +12,8 @@ from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
+from drapeline.models.garment4d.variants import POSED_VARIANTS
+from drapeline.models.training.settings import override_settings
 from garment4d_toys import CANONICAL, GARMENT, POINTS, POSED, save_toy_data
 
 BODY_POINTS = 30
@@ -51,14 +53,14 @@ def trained(run_rule, folder, bodies, sequences):
             "canonical": CANONICAL,
             "mgn": MGN,
             "pointnet": {**CANONICAL, "training": SHORT},
-        }
+        }.get(name, {**POSED, "training": SHORT})
         run_rule(
             f"train_garment4d_{stage}",
             input={"data": folder / "data", **bodies}
             | ({} if canonical else {"canonical": train("canonical")}),
             output=[output],
             params={
-                "settings": settings.get(name, {**POSED, "training": SHORT}),
+                "settings": override_settings(settings, POSED_VARIANTS.get(name, {})),
                 "body_points": BODY_POINTS,
                 "trainer": {"accelerator": "cpu"},
                 "code": "c",

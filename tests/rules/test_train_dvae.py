@@ -15,7 +15,9 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import DynamicData
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.variants import DVAE_VARIANTS
 from drapeline.models.training.batches import as_tensors
+from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, points_from_offsets
 from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
 from tiny_sample import write_tiny_sample
@@ -144,7 +146,7 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
             wildcards={"version": version, "frames": str(frames)},
         )
     training = {
-        "settings": SETTINGS,
+        "settings": override_settings(SETTINGS, DVAE_VARIANTS.get(variant, {})),
         "trainer": {"accelerator": "cpu"},
         "progress": str(tmp_path / ".progress" / "d"),
     }
@@ -152,7 +154,11 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
         "fit_dynamic_ppca" if fitted else "train_dvae",
         input=given,
         output=[tmp_path / "dvae"],
-        params={"code": "c", **({"settings": {"latent": 6, "seed": 0}} if fitted else training)},
+        params={
+            "code": "c",
+            "frames": frames,
+            **({"settings": {"latent": 6, "seed": 0}} if fitted else training),
+        },
         wildcards={} if fitted else {"dvae": variant},
     )
     model = load_codec(tmp_path / "dvae" / "best.ckpt")

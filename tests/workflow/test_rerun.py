@@ -88,6 +88,9 @@ RERUN = {
     "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
     "models/contract.py": {"compare_gcvae", "compare_garment4d"},
     "models/gcvae/train.py": {"train_svae", "train_dvae"},
+    # A new variant is trained, and nothing else: the rules hand its settings on.
+    "models/gcvae/variants.py": set(),
+    "models/garment4d/variants.py": set(),
     "models/gcvae/train_conditioning.py": {"train_svae_conditioning", "train_dvae_conditioning"},
     # A dynamic model takes codes of a static one, which may be of either kind.
     "models/gcvae/garment_ppca.py": {"fit_static_ppca", "fit_dynamic_ppca", "evaluate_dynamic"}

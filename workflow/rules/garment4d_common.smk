@@ -1,5 +1,6 @@
 from drapeline.experiment.checks import planned_sequences, require_sequences
 from drapeline.models.garment4d.variants import posed_variants
+from drapeline.models.training.settings import override_settings
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 
 G4D = f"{RESULTS}/garment4d"
@@ -122,7 +123,8 @@ def stage_settings(stage):
 
 
 def posed_settings(wildcards):
-    return stage_settings(posed_stage(wildcards))
+    changes = POSED_VARIANTS.get(wildcards.posed, {})
+    return override_settings(stage_settings(posed_stage(wildcards)), changes)
 
 
 def posed_variants_of(wildcards):

@@ -46,7 +46,7 @@ rule train_svae:
         mem_mb=12000,
         runtime=1440,
     params:
-        settings=vae_settings("svae"),
+        settings=svae_settings,
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("svae"),
         code=source_hash("train_svae"),
@@ -128,7 +128,8 @@ rule train_dvae:
         mem_mb=12000,
         runtime=1440,
     params:
-        settings=vae_settings("dvae"),
+        settings=dvae_settings,
+        frames=lambda wildcards: dynamic_conditions(wildcards.dvae)[1],
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("dvae"),
         code=source_hash("train_dvae"),
@@ -157,6 +158,7 @@ rule fit_dynamic_ppca:
         runtime=120,
     params:
         settings=ppca_settings("dvae"),
+        frames=dynamic_conditions(DYNAMIC_PPCA)[1],
         code=source_hash("fit_dynamic_ppca"),
     script:
         "../../scripts/fit_dynamic_ppca.py"
@@ -258,6 +260,7 @@ rule evaluate_dynamic:
         runtime=60,
     params:
         splits=EVALUATED_SPLITS,
+        frames=lambda wildcards: dynamic_conditions(wildcards.dynamic)[1],
         code=source_hash("evaluate_dynamic"),
     script:
         "../../scripts/evaluate_dynamic.py"

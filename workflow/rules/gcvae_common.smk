@@ -7,6 +7,7 @@ from drapeline.models.gcvae.variants import (
     dynamic_conditions,
     pooling_of,
 )
+from drapeline.models.training.settings import override_settings
 
 # Samples in motion as their metrics read them.
 MOVING_INPUTS = {
@@ -84,6 +85,16 @@ def vae_settings(model):
         "loss": config["gcvae"]["loss"],
         "training": {**config["gcvae"][model]["training"], "seed": config["seed"]},
     }
+
+
+def svae_settings(wildcards):
+    """Input function: settings of a static variant."""
+    return override_settings(vae_settings("svae"), SVAE_VARIANTS[wildcards.svae])
+
+
+def dvae_settings(wildcards):
+    """Input function: settings of a dynamic variant."""
+    return override_settings(vae_settings("dvae"), DVAE_VARIANTS[wildcards.dvae])
 
 
 def ppca_settings(model):
