@@ -121,9 +121,13 @@ def test_ignored_parts_are_not_looked_at(toy_body, parts):
 def test_solution_moves_with_the_body(toy_body, parts):
     vertices, solution = solve(toy_body, parts, arms_down(1.38))
     turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=np.float32)
-    turned = solve_self_collisions(vertices @ turn.T + 3, parts, gap_m=GAP_M)
-    np.testing.assert_allclose(turned.depth_m.max(), solution.depth_m.max(), atol=1e-4)
-    assert len(turned.vertex) == pytest.approx(len(solution.vertex), abs=4)
+    moved = vertices @ turn.T + 3
+    again = solve_self_collisions(moved, parts, gap_m=GAP_M)
+    assert solution.depth_m.max() > 0.01
+    # Rounding decides about vertices at the edge of a collision, and those hardly move.
+    np.testing.assert_allclose(
+        (corrected(moved, again) - 3) @ turn, corrected(vertices, solution), atol=0.005
+    )
 
 
 def test_parts_cover_the_body_and_pairs_are_unique(toy_body, parts):
