@@ -18,7 +18,7 @@ from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
-from gcvae_toys import ToyGarments, toy_domain, tube
+from gcvae_toys import ToyGarments, toy_template, tube
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4),
@@ -80,7 +80,7 @@ def torso_registration(body: BodyModel, shape: np.ndarray) -> SampleGarment:
     )
 
 
-def body_domain(body: BodyModel, cvar: int) -> BodyTemplate:
+def template_on_body(body: BodyModel, cvar: int) -> BodyTemplate:
     """The body's mesh for both topologies, with a made-up hierarchy and plain statistics."""
     links, parents = [edges(body.faces)], []
     for count in (48, 12, 4):
@@ -119,7 +119,7 @@ def shaken(model: GarmentVae) -> GarmentVae:
 
 def save_model(folder: Path, model: GarmentVae | None = None) -> GarmentVae:
     """What a training leaves: the best checkpoint, here of an untrained network."""
-    model = model or shaken(StaticVae(SETTINGS, toy_domain()))
+    model = model or shaken(StaticVae(SETTINGS, toy_template()))
     checkpoint = {"state_dict": model.state_dict(), "drapeline": model.about()}
     folder.mkdir(parents=True)
     torch.save(checkpoint, folder / "best.ckpt")

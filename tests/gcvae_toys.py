@@ -107,7 +107,7 @@ def body_basis() -> np.ndarray:
 
 
 @cache
-def toy_domain() -> BodyTemplate:
+def toy_template() -> BodyTemplate:
     """The tube with and without seam, and the statistics of `ToyGarments()`."""
     garments = ToyGarments()
     train = garments.rows("train")

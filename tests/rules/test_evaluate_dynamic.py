@@ -22,7 +22,7 @@ from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.registration.to_body.topology import Topology, save_topology
 from drapeline.storage import save_npz, write_json
-from gcvae_files import SETTINGS, body_domain, save_model, shaken, torso_registration
+from gcvae_files import SETTINGS, save_model, shaken, template_on_body, torso_registration
 from tiny_sample import write_tiny_sample
 
 FRAMES = 4
@@ -78,10 +78,12 @@ def files(toy_body, tmp_path):
     bodies = dict.fromkeys(GENDERS, toy_body)
     pairs = dict(zip(samples, registrations, strict=True))
     collect_dynamic(tmp_path / "dynamic", pairs, bodies, version="unposed", step=2)
-    save_model(tmp_path / "static", shaken(StaticVae(SETTINGS, body_domain(toy_body, STATIC_CVAR))))
+    save_model(
+        tmp_path / "static", shaken(StaticVae(SETTINGS, template_on_body(toy_body, STATIC_CVAR)))
+    )
     training = replace(SETTINGS.training, mask=False, version="unposed")
     latent = SETTINGS.network.latent
-    body_template = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
+    body_template = template_on_body(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
     save_model(
         tmp_path / "dvae", DynamicVae(replace(SETTINGS, training=training), body_template).eval()
     )
@@ -115,7 +117,7 @@ def test_evaluate_dynamic_measures_held_out_frames(run_rule, files, tmp_path):
 @pytest.fixture
 def files_of_ppca(files, toy_body, tmp_path):
     """The same with a PCA that was not fitted: all of its garments are the mean."""
-    body_template = body_domain(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
+    body_template = template_on_body(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
     model = DynamicPpca(PpcaSettings(SETTINGS.network.latent), body_template).eval()
     save_model(tmp_path / "ppca", model)
     return {**files, "dvae": tmp_path / "ppca", "model": tmp_path / "ppca"}

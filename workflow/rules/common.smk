@@ -17,7 +17,7 @@ os.environ.update(
 
 from drapeline.errors import InputError
 from drapeline.experiment.checks import refuse_contradictions, require_splits
-from drapeline.experiment.config import checked_settings
+from drapeline.experiment.config import fill_settings
 from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
@@ -27,7 +27,7 @@ from drapeline.outfits.static_plan import plan_static
 
 try:
     config.update(
-        checked_settings(
+        fill_settings(
             config,
             yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text()),
             " + ".join(map(os.path.relpath, workflow.configfiles)),

@@ -10,7 +10,7 @@ from jsonschema.exceptions import ValidationError
 from drapeline.errors import InputError
 
 
-def checked_settings(
+def fill_settings(
     settings: Mapping[str, Any], schema: Mapping[str, Any], source: str
 ) -> dict[str, Any]:
     """A copy of `settings` with every default of `schema` filled in.

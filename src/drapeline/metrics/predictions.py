@@ -37,13 +37,13 @@ class WornGarment(NamedTuple):
     """A garment on its wearer.
 
     Attributes:
-        kind: type of the garment.
+        garment_type: one of `GARMENTS`.
         garment: root-relative metres.
         wearer: the whole body in the same pose.
         root_rotation: (3,) axis-angle of the wearer's root joint, rad.
     """
 
-    kind: str
+    garment_type: str
     garment: Mesh
     wearer: Mesh
     root_rotation: np.ndarray

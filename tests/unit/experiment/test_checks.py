@@ -13,7 +13,7 @@ from drapeline.experiment.checks import (
     require_sequences,
     require_splits,
 )
-from drapeline.experiment.config import checked_settings
+from drapeline.experiment.config import fill_settings
 from drapeline.experiment.samples import SamplePlan
 from drapeline.outfits.static_plan import StaticPlan
 
@@ -23,7 +23,7 @@ SHARES = {"val_share": 0, "test_share": 0.2}
 
 
 def settings(**given):
-    return checked_settings(given, SCHEMA, "x.yaml")
+    return fill_settings(given, SCHEMA, "x.yaml")
 
 
 @pytest.mark.parametrize(

@@ -129,16 +129,16 @@ class MapRegression(nn.Module):
                 off[one] = np.linalg.solve(np.eye(len(one)) - hat, off[one])
             return off
 
-        def squared(off: np.ndarray) -> float:
+        def square(off: np.ndarray) -> float:
             return float(((off @ metric) * off).sum() / len(count))
 
-        ridge = min(_RIDGES, key=lambda one: squared(errors(one)))
+        ridge = min(_RIDGES, key=lambda one: square(errors(one)))
         off = errors(ridge)
         kept = singular / (singular**2 + ridge)
         fitted = {**standard, "weight": right.T @ (kept[:, None] * inner), "bias": middle}
         for name, value in fitted.items():
             getattr(self, name).copy_(torch.from_numpy(value))
-        return (coefficients - off / root).astype(np.float32), squared(off) ** 0.5
+        return (coefficients - off / root).astype(np.float32), square(off) ** 0.5
 
 
 def _standardise(maps: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -11,7 +11,7 @@ from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.seeding import rng_for
 from gcvae_files import SETTINGS, TypedGarments, shaken
-from gcvae_toys import DRESS, TROUSERS, ToyGarments, half, toy_domain
+from gcvae_toys import DRESS, TROUSERS, ToyGarments, half, toy_template
 from gcvae_trainings import train_condition
 
 
@@ -22,7 +22,7 @@ def garments():
 
 @pytest.fixture(scope="module")
 def model():
-    return shaken(StaticVae(SETTINGS, toy_domain()))
+    return shaken(StaticVae(SETTINGS, toy_template()))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def conditioning(tmp_path_factory):
 @pytest.fixture(scope="package")
 def prepared_model():
     """An untrained network, prepared by the toy garments, with a last layer that is not zero."""
-    model = StaticVae(SETTINGS, toy_domain()).eval()
+    model = StaticVae(SETTINGS, toy_template()).eval()
     model.prepare(ToyGarments())
     weight = model.network.decoder.branches.weight
     torch.nn.init.normal_(weight, std=0.3, generator=torch.Generator().manual_seed(0))

@@ -8,7 +8,7 @@ import torch
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis, rest_bodies, wearer_mesh
-from gcvae_toys import toy_domain
+from gcvae_toys import toy_template
 
 
 def test_a_wearer_between_the_genders_is_between_their_bodies(toy_body):
@@ -23,7 +23,7 @@ def test_a_wearer_between_the_genders_is_between_their_bodies(toy_body):
 
 
 def test_a_template_survives_its_flat_form():
-    body_template = toy_domain()
+    body_template = toy_template()
     again = BodyTemplate.from_tensors(body_template.tensors())
     np.testing.assert_array_equal(again.offset_std, body_template.offset_std)
     for name in ("body", "skirt"):

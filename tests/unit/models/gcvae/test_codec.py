@@ -6,7 +6,7 @@ import torch
 
 from drapeline.models.gcvae.codec import planes
 from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
-from gcvae_toys import VERTICES, ToyGarments, toy_domain
+from gcvae_toys import VERTICES, ToyGarments, toy_template
 
 
 def rows_of(batch, rows):
@@ -18,7 +18,7 @@ def rows_of(batch, rows):
 
 @pytest.fixture(scope="module")
 def fitted():
-    model = StaticPpca(PpcaSettings(latent=8), toy_domain())
+    model = StaticPpca(PpcaSettings(latent=8), toy_template())
     model.fit(ToyGarments())
     return model.eval()
 

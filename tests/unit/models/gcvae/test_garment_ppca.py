@@ -14,7 +14,7 @@ from drapeline.models.gcvae.garment_ppca import (
 )
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.batches import as_tensors
-from gcvae_toys import ToyGarments, toy_domain
+from gcvae_toys import ToyGarments, toy_template
 
 
 def test_a_mirrored_garment_is_what_a_mirror_shows():
@@ -35,7 +35,7 @@ def test_a_mirrored_garment_is_what_a_mirror_shows():
 
 @pytest.fixture(scope="module")
 def fitted():
-    model = StaticPpca(PpcaSettings(latent=8), toy_domain())
+    model = StaticPpca(PpcaSettings(latent=8), toy_template())
     model.fit(ToyGarments())
     return model.eval()
 
@@ -68,7 +68,7 @@ def test_the_fit_looks_at_training_rows_alone(fitted):
     garments = ToyGarments()
     for split in ("val", "test"):
         garments.offsets[garments.rows(split)] = 7.0
-    model = StaticPpca(fitted.settings, toy_domain())
+    model = StaticPpca(fitted.settings, toy_template())
     model.fit(garments)
     for key, value in model.ppca.state_dict().items():
         torch.testing.assert_close(value, fitted.ppca.state_dict()[key])
@@ -77,7 +77,7 @@ def test_the_fit_looks_at_training_rows_alone(fitted):
 def test_offsets_that_are_not_finite_are_refused_by_name(fitted):
     garments = ToyGarments()
     garments.offsets[5, 3] = np.inf
-    model = StaticPpca(fitted.settings, toy_domain())
+    model = StaticPpca(fitted.settings, toy_template())
     with pytest.raises(InputError, match="^samples toy005: offsets hold NaN"):
         model.fit(garments)
 
@@ -86,7 +86,7 @@ def test_offsets_that_are_not_finite_are_refused_by_name(fitted):
 def test_a_saved_fit_is_loaded_again_and_needs_no_training(tmp_path, cls):
     """Codes and garments are the same to the bit."""
     garments = ToyGarments()
-    model = cls(PpcaSettings(latent=8, seed=3), toy_domain())
+    model = cls(PpcaSettings(latent=8, seed=3), toy_template())
     model.fit(garments)
     save_fit(tmp_path / "fit", model)
     assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == [

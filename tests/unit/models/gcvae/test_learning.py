@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
+import gcvae_files
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.models.gcvae.loss import GcvaeLoss
-from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.settings import GcvaeTraining
 from drapeline.models.gcvae.train_conditioning import ConditioningSettings, ConditioningTraining
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
-from gcvae_toys import ToyGarments, toy_domain
+from gcvae_toys import ToyGarments, toy_template
 from learning import (
     assert_a_step_lowers,
     assert_mixed_precision_agrees,
@@ -23,8 +23,8 @@ from learning import (
     errors_on_one_batch,
 )
 
-SETTINGS = VaeSettings(
-    network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
+SETTINGS = replace(
+    gcvae_files.SETTINGS,
     loss=GcvaeLoss(normals=1.0),
     training=GcvaeTraining(epochs=10, learning_rate=0.003, normal_parts=2),
 )
@@ -44,7 +44,7 @@ def build(cls, settings, seed=0):
         training = replace(settings.training, version="unposed", mask=False)
         settings = replace(settings, training=training)
     settings = replace(settings, training=replace(settings.training, seed=seed))
-    vae = cls(settings, toy_domain())
+    vae = cls(settings, toy_template())
     vae.prepare(ToyGarments())
     return vae
 

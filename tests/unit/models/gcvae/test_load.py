@@ -10,7 +10,7 @@ from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings, Stati
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from gcvae_files import SETTINGS, save_model, shaken
-from gcvae_toys import toy_domain
+from gcvae_toys import toy_template
 
 MOVING = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, version="unposed"))
 
@@ -25,7 +25,7 @@ MOVING = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, versi
     ],
 )
 def test_a_network_comes_back_with_its_class_settings_and_weights(tmp_path, cls, settings):
-    saved = save_model(tmp_path / "model", shaken(cls(settings, toy_domain())))
+    saved = save_model(tmp_path / "model", shaken(cls(settings, toy_template())))
     loaded = load_codec(tmp_path / "model/best.ckpt")
     assert type(loaded) is cls
     assert loaded.settings == settings

@@ -22,7 +22,7 @@ from drapeline.models.gcvae.vae import StaticVae, conditions_of
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
-from gcvae_toys import ToyGarments, toy_domain
+from gcvae_toys import ToyGarments, toy_template
 
 ROWS = np.arange(6)
 
@@ -141,7 +141,7 @@ SETTINGS = VaeSettings(
 
 def vae(**loss):
     """In 64 bits, and with a last layer that is not zero."""
-    model = StaticVae(replace(SETTINGS, loss=replace(SETTINGS.loss, **loss)), toy_domain())
+    model = StaticVae(replace(SETTINGS, loss=replace(SETTINGS.loss, **loss)), toy_template())
     model.prepare(ToyGarments())
     with torch.no_grad():
         model.network.decoder.branches.bias.normal_(std=0.3, generator=rng(2))
@@ -197,7 +197,7 @@ def test_terms_of_a_batch_are_means_over_all_its_garments(form, within):
     model, batch = vae(offsets_form=form, offsets_within=within), toy_batch()
     parts, out = decoded(model, batch)
     found = model.garment_terms(parts, out, 0)
-    for name, wanted in slow_terms(toy_domain(), batch, parts, out, form, within).items():
+    for name, wanted in slow_terms(toy_template(), batch, parts, out, form, within).items():
         assert float(found.pop(name).detach()) == pytest.approx(wanted, rel=1e-4), name
     assert not found
 
@@ -248,7 +248,7 @@ def test_codes_are_drawn_with_the_posterior_s_mean_and_deviation(monkeypatch):
     def decode(z, cvar, counts):
         drawn.append(z)
         return {
-            name: torch.zeros(len(toy_domain().offset_mean), 4, n) for name, n in counts.items()
+            name: torch.zeros(len(toy_template().offset_mean), 4, n) for name, n in counts.items()
         }
 
     monkeypatch.setattr(model, "encode_parts", code)
@@ -268,7 +268,7 @@ def test_the_best_weights_are_chosen_by_offsets_and_a_tenth_of_kl():
     (logged,) = model.logged
     values = {name.removeprefix("val_"): float(value) for name, value in logged.values.items()}
     parts, out = decoded(model, batch)
-    terms = slow_terms(toy_domain(), batch, parts, out)
+    terms = slow_terms(toy_template(), batch, parts, out)
     assert values["offsets"] == pytest.approx(terms["offsets"], rel=1e-4)
     assert values["kl_nat"] > 0
     chosen = values["offsets"] + 0.1 * values["kl_nat"] / 8
@@ -285,7 +285,7 @@ def test_validation_tells_millimetres_and_the_overlap_of_masks():
         for column, row in enumerate(part.rows.tolist()):
             mask, true = batch["mask"][row].numpy(), batch["offsets"][row].numpy()
             made = out[name][..., column].detach().numpy()
-            metres = made[:, :3] * toy_domain().offset_std + toy_domain().offset_mean
+            metres = made[:, :3] * toy_template().offset_std + toy_template().offset_mean
             errors.append(1000 * np.linalg.norm(metres - true, axis=1)[mask].mean())
             seen = 1 / (1 + np.exp(-made[:, 3])) > 0.5
             overlaps.append((seen & mask).sum() / (seen | mask).sum())
@@ -297,7 +297,7 @@ def test_validation_tells_millimetres_and_the_overlap_of_masks():
 def test_a_step_against_the_gradient_of_a_term_lowers_what_it_stands_for(name):
     model, batch = vae(), toy_batch()
     parts, out = decoded(model, batch)
-    before = slow_terms(toy_domain(), batch, parts, out)
+    before = slow_terms(toy_template(), batch, parts, out)
     term = model.garment_terms(parts, out, 0)[name]
     trained = [p for p in model.network.parameters() if p.requires_grad]
     slopes = torch.autograd.grad(term, trained, allow_unused=True)
@@ -306,7 +306,7 @@ def test_a_step_against_the_gradient_of_a_term_lowers_what_it_stands_for(name):
         for parameter, slope in zip(trained, slopes, strict=True):
             if slope is not None:
                 parameter.sub_(slope, alpha=1e-5 * before[name] / size)
-    after = slow_terms(toy_domain(), batch, *decoded(model, batch))
+    after = slow_terms(toy_template(), batch, *decoded(model, batch))
     # To first order, the step lowers the term by a hundred thousandth of itself.
     assert (before[name] - after[name]) / before[name] == pytest.approx(1e-5, rel=0.1)
 

@@ -9,7 +9,7 @@ import torch
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from gcvae_files import SETTINGS
-from gcvae_toys import VERTICES, ToyGarments, toy_domain
+from gcvae_toys import VERTICES, ToyGarments, toy_template
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def model(prepared_model):
 def test_the_first_and_last_layers_keep_their_width_when_the_rest_doubles():
     double = replace(SETTINGS.network, scale=2)
     assert double.level_widths == [6, 16, 16, 20]
-    model = StaticVae(replace(SETTINGS, network=double), toy_domain())
+    model = StaticVae(replace(SETTINGS, network=double), toy_template())
     assert model.network.encoder.levels[0].first.weight.shape == (2, 6, 6)
     assert model.network.decoder.branches.weight.shape == (VERTICES, 6, 4)
 
@@ -39,11 +39,11 @@ def test_a_level_is_a_convolution_that_knows_its_place_beside_a_skip_connection(
 
 
 def test_places_are_positions_and_normals_of_the_mean_body_and_means_further_up(model):
-    graph, body = model.network.graphs["skirt"], toy_domain().body_mean
+    graph, body = model.network.graphs["skirt"], toy_template().body_mean
     position = (body - body.mean(0)) / (body - body.mean(0)).std()
     np.testing.assert_allclose(graph.places(0)[:, :3], position, atol=1e-6)
     np.testing.assert_allclose(graph.places(0)[:, 3:].norm(dim=1), 1, atol=1e-5)
-    for level, parents in enumerate(toy_domain().parents["skirt"]):
+    for level, parents in enumerate(toy_template().parents["skirt"]):
         fine, coarse = graph.places(level).numpy(), graph.places(level + 1).numpy()
         for node in range(len(coarse)):
             np.testing.assert_allclose(coarse[node], fine[parents == node].mean(0), atol=1e-5)

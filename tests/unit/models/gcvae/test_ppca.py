@@ -6,7 +6,7 @@ import torch
 
 from drapeline.models.gcvae.networks import mesh_graphs
 from drapeline.models.gcvae.ppca import Ppca, PpcaFit, blur_mask, fit_ppca
-from gcvae_toys import AROUND, RINGS, toy_domain, tube
+from gcvae_toys import AROUND, RINGS, toy_template, tube
 
 
 def doubles(*shape, seed=0):
@@ -61,7 +61,7 @@ def test_what_is_missing_is_inferred_from_what_is_known():
 def test_a_blurred_mask_is_a_ramp_across_its_hem():
     height = np.round(tube()[:, 2] / 0.6 * (RINGS - 1)).astype(int)
     mask = torch.from_numpy(height >= RINGS // 2)[:, None]
-    graph = mesh_graphs(toy_domain(), 1)["body"]
+    graph = mesh_graphs(toy_template(), 1)["body"]
     ramp = blur_mask(mask, graph.laplacians[0], 12)[:, 0]
     assert ramp.abs().max() <= 1 + 1e-6
     assert torch.equal(ramp > 0, mask[:, 0])

@@ -7,11 +7,11 @@ from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.codes import decode_codes, encode_garments
 from drapeline.models.gcvae.representation import OffsetPca, RegisteredOffsets, VaeCode
 from drapeline.outfits.garment_types import GARMENTS
-from gcvae_toys import toy_domain
+from gcvae_toys import toy_template
 
 
 def as_registered(garments, row):
-    template = toy_domain()
+    template = toy_template()
     body = template.rest_body(garments.cvar([row])[0])
     faces = template.faces_of(garments.garment[row])
     return garment_mesh(body + garments.offsets[row], faces, garments.mask[row])
@@ -36,7 +36,7 @@ def assert_same(mesh: Mesh, expected: Mesh, atol=0.0):
 
 
 def test_registered_offsets_give_back_what_was_registered(garments, held_out):
-    registered = RegisteredOffsets(garments, toy_domain())
+    registered = RegisteredOffsets(garments, toy_template())
     for one, mesh in zip(held_out, registered.rebuild(held_out), strict=True):
         assert_same(mesh, one.mesh)
         assert registered.code_numbers(one.garment) is None
@@ -45,9 +45,9 @@ def test_registered_offsets_give_back_what_was_registered(garments, held_out):
 def test_pca_gives_training_garments_back_if_it_has_as_many_components(garments):
     rows = garments.rows("train")[:3]
     training = [HeldOutGarment(row, "", "", as_registered(garments, row)) for row in rows]
-    pca = OffsetPca(garments, toy_domain(), 64)
+    pca = OffsetPca(garments, toy_template(), 64)
     assert pca.code_numbers("Dress") == len(pca._pca.axes) <= 64
-    assert OffsetPca(garments, toy_domain(), 2).code_numbers("Dress") == 2
+    assert OffsetPca(garments, toy_template(), 2).code_numbers("Dress") == 2
     for one, mesh in zip(training, pca.rebuild(training), strict=True):
         assert_same(mesh, one.mesh, atol=1e-5)
 

@@ -16,7 +16,7 @@ from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint
-from gcvae_toys import ToyGarments, toy_domain
+from gcvae_toys import ToyGarments, toy_template
 from gcvae_trainings import (
     CONDITIONING,
     Killed,
@@ -49,7 +49,7 @@ def train(tmp_path, conditioning):
     def run(name, settings=SETTINGS, garments=None, cls=StaticVae, given=conditioning, **options):
         train_vae(
             tmp_path / name,
-            cls(settings, toy_domain()),
+            cls(settings, toy_template()),
             garments or ToyGarments(),
             conditioning=given,
             code="c",

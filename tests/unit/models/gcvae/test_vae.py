@@ -7,7 +7,7 @@ import torch
 
 from drapeline.models.gcvae.vae import StaticVae
 from gcvae_files import SETTINGS
-from gcvae_toys import VERTICES, toy_domain
+from gcvae_toys import VERTICES, toy_template
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_topologies_differ_in_graph_alone(model, batch):
 
 def test_without_a_mask_branch_there_are_offsets_only(batch):
     settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
-    model = StaticVae(settings, toy_domain())
+    model = StaticVae(settings, toy_template())
     z = model.encode(batch).mean
     offsets, mask = model.decode(z, batch["cvar"], batch["topology"])
     assert offsets.shape == (9, VERTICES, 3)
@@ -32,9 +32,9 @@ def test_without_a_mask_branch_there_are_offsets_only(batch):
 
 
 def test_same_seed_same_weights():
-    first, again = (StaticVae(SETTINGS, toy_domain()).state_dict() for _ in range(2))
+    first, again = (StaticVae(SETTINGS, toy_template()).state_dict() for _ in range(2))
     other = StaticVae(
-        replace(SETTINGS, training=replace(SETTINGS.training, seed=1)), toy_domain()
+        replace(SETTINGS, training=replace(SETTINGS.training, seed=1)), toy_template()
     ).state_dict()
     assert all(torch.equal(first[key], again[key]) for key in first)
     assert not torch.equal(

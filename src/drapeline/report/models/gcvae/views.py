@@ -144,7 +144,9 @@ def walk_view(garment: Mesh, wearer: Mesh, garment_type: str) -> View:
 def worn_view(worn: WornGarment) -> View:
     """A garment in motion on its wearer, in the colour of its type."""
     front = facing_direction(worn.root_rotation)
-    return replace(wearer_view(worn.wearer, garment_colour(worn.kind), front), garment=worn.garment)
+    return replace(
+        wearer_view(worn.wearer, garment_colour(worn.garment_type), front), garment=worn.garment
+    )
 
 
 def wearer_view(

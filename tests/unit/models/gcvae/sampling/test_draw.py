@@ -12,13 +12,13 @@ from drapeline.models.gcvae.sampling.draw import sample_garments
 from drapeline.models.gcvae.sampling.files import sample_table
 from drapeline.models.gcvae.vae import StaticVae
 from gcvae_files import SETTINGS, requests
-from gcvae_toys import AROUND, VERTICES, half, toy_domain
+from gcvae_toys import AROUND, VERTICES, half, toy_template
 
 
 def test_a_model_without_a_mask_cannot_be_sampled(types):
     settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
     with pytest.raises(InputError, match="without a mask branch cannot be sampled"):
-        model = StaticVae(settings, toy_domain()).eval()
+        model = StaticVae(settings, toy_template()).eval()
         sample_garments(model, types, requests(), seed=0, settle=False)
 
 
