@@ -217,7 +217,7 @@ import numpy as np
 import yaml
 
 from drapeline.dataset.labels import LABELS
-from drapeline.experiment.config import checked_settings
+from drapeline.experiment.config import fill_settings
 from drapeline.experiment.samples import plan_samples
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
@@ -232,7 +232,7 @@ wanted = {
     "outfits": {"types": ["Overalls"], "own_garments": {"Overalls": "mine.obj"}},
     "gcvae": {"sampling": {"garments": ["Overalls"]}},
 }
-types = checked_settings(wanted, schema, "toy.yaml")["outfits"]["types"]
+types = fill_settings(wanted, schema, "toy.yaml")["outfits"]["types"]
 samples = plan_samples(
     1, {"walk": 60}, frames=60, frames_min=60, count=3, val_share=0.0, test_share=0.0,
     female_share=0.0, outfit_types=types, male_skirts=False,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drapeline.experiment.config import checked_settings
+from drapeline.experiment.config import fill_settings
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, TEMPLATE_TYPES
 from drapeline.registration.to_template.garment_template import LOOP_NAMES
 from drapeline.simulation.attempts import SimulationSettings
@@ -36,14 +36,14 @@ def test_every_object_is_closed_and_every_key_described_or_an_object():
     ("key", "settings"), [("settings", SimulationSettings()), ("bounds", HealthBounds())]
 )
 def test_defaults_agree_with_the_library(key, settings):
-    assert checked_settings({}, SCHEMA, "")["simulation"][key] == asdict(settings)
+    assert fill_settings({}, SCHEMA, "")["simulation"][key] == asdict(settings)
 
 
 @pytest.mark.parametrize(
     "name", ["config.yaml", "tests/data/tiny.yaml", "workflow/config/paper.yaml"]
 )
 def test_shipped_configs_fit(name):
-    checked_settings(yaml.safe_load((ROOT / name).read_text()), SCHEMA, name)
+    fill_settings(yaml.safe_load((ROOT / name).read_text()), SCHEMA, name)
 
 
 def test_every_garment_type_and_outfit_can_be_asked_for():
@@ -72,7 +72,7 @@ def test_the_paper_size_takes_back_what_the_default_adds(path):
         found(yaml.safe_load((ROOT / name).read_text()))
         for name in ("config.yaml", "workflow/config/paper.yaml")
     )
-    printed = found(checked_settings({}, SCHEMA, ""))
+    printed = found(fill_settings({}, SCHEMA, ""))
     assert {**printed, **default} != printed
     assert {**printed, **default, **paper} == printed
 
@@ -83,7 +83,7 @@ def test_the_paper_size_trains_with_the_printed_loss():
         yaml.safe_load((ROOT / name).read_text())["gcvae"]
         for name in ("config.yaml", "workflow/config/paper.yaml")
     )
-    printed = checked_settings({}, SCHEMA, "")["gcvae"]
+    printed = fill_settings({}, SCHEMA, "")["gcvae"]
     assert {**printed["loss"], **default["loss"]} != printed["loss"]
     assert {**printed["loss"], **default["loss"], **paper["loss"]} == printed["loss"]
     assert (printed["loss"]["normals"], printed["loss"]["mask"]) == (70, 0.1)

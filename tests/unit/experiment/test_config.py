@@ -2,7 +2,7 @@ import pytest
 import yaml
 
 from drapeline.errors import InputError
-from drapeline.experiment.config import checked_settings
+from drapeline.experiment.config import fill_settings
 
 SCHEMA = yaml.safe_load(
     """
@@ -23,7 +23,7 @@ properties:
 
 def test_defaults_are_filled_at_every_level_and_given_values_kept():
     given = {"cloth": {"kind": "denim"}}
-    assert checked_settings(given, SCHEMA, "x.yaml") == {
+    assert fill_settings(given, SCHEMA, "x.yaml") == {
         "seed": 1,
         "cloth": {"gap_m": 0.004, "kind": "denim"},
     }
@@ -31,9 +31,9 @@ def test_defaults_are_filled_at_every_level_and_given_values_kept():
 
 
 def test_defaults_of_two_calls_are_independent():
-    first = checked_settings({}, SCHEMA, "x.yaml")
+    first = fill_settings({}, SCHEMA, "x.yaml")
     first["cloth"]["gap_m"] = 99
-    assert checked_settings({}, SCHEMA, "x.yaml")["cloth"]["gap_m"] == 0.004
+    assert fill_settings({}, SCHEMA, "x.yaml")["cloth"]["gap_m"] == 0.004
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_defaults_of_two_calls_are_independent():
 )
 def test_a_wrong_setting_is_named_with_what_is_allowed(given, message):
     with pytest.raises(InputError, match=message):
-        checked_settings(given, SCHEMA, "x.yaml")
+        fill_settings(given, SCHEMA, "x.yaml")
 
 
 FORMS = yaml.safe_load(
@@ -97,12 +97,12 @@ properties:
 )
 def test_every_bound_is_told(given, message):
     with pytest.raises(InputError, match=message):
-        checked_settings(given, FORMS, "x.yaml")
+        fill_settings(given, FORMS, "x.yaml")
 
 
 @pytest.mark.parametrize("devices", ["auto", -1, 1, 8])
 def test_a_value_may_have_one_of_several_forms(devices):
-    assert checked_settings({"devices": devices}, FORMS, "x.yaml")["devices"] == devices
+    assert fill_settings({"devices": devices}, FORMS, "x.yaml")["devices"] == devices
 
 
 @pytest.mark.parametrize("devices", ["two", 0, -2, True, 1.5])
@@ -111,4 +111,4 @@ def test_a_value_of_none_of_the_forms_is_told_all(devices):
         rf"devices is {devices!r}, expected one of auto, -1 or an integer of at least 1 \(How"
     )
     with pytest.raises(InputError, match=expected):
-        checked_settings({"devices": devices}, FORMS, "x.yaml")
+        fill_settings({"devices": devices}, FORMS, "x.yaml")
