@@ -29,7 +29,11 @@ try:
     config.update(
         fill_settings(
             config,
-            yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text()),
+            yaml.load(
+                (ROOT / "workflow/schemas/config.schema.yaml").read_text(),
+                # Every command reads it, and in pure Python that takes most of a second.
+                getattr(yaml, "CSafeLoader", yaml.SafeLoader),
+            ),
             " + ".join(map(os.path.relpath, workflow.configfiles)),
         )
     )
