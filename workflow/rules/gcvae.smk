@@ -129,7 +129,7 @@ rule train_dvae:
         runtime=1440,
     params:
         settings=dvae_settings,
-        frames=lambda wildcards: dynamic_conditions(wildcards.dvae)[1],
+        frames=dvae_poses,
         trainer=lookup(dpath="gcvae/trainer", within=config),
         progress=in_progress("dvae"),
         code=source_hash("train_dvae"),
@@ -260,7 +260,7 @@ rule evaluate_dynamic:
         runtime=60,
     params:
         splits=EVALUATED_SPLITS,
-        frames=lambda wildcards: dynamic_conditions(wildcards.dynamic)[1],
+        frames=dynamic_poses,
         code=source_hash("evaluate_dynamic"),
     script:
         "../../scripts/evaluate_dynamic.py"

@@ -97,6 +97,16 @@ def dvae_settings(wildcards):
     return override_settings(vae_settings("dvae"), DVAE_VARIANTS[wildcards.dvae])
 
 
+def dvae_poses(wildcards):
+    """Input function: the number of poses that a variant is conditioned on."""
+    return dynamic_conditions(wildcards.dvae)[1]
+
+
+def dynamic_poses(wildcards):
+    """Input function: the same for any dynamic model."""
+    return dynamic_conditions(wildcards.dynamic)[1]
+
+
 def ppca_settings(model):
     """Settings of the PCA that the svae or dvae is compared with: codes of the same size."""
     latent = config["gcvae"][model]["network"]["latent"]
