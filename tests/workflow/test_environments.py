@@ -2,6 +2,7 @@
 
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -62,12 +63,12 @@ def script_environments():
                 yield script.group(1), environment and environment.group(1), None
 
 
+@cache
 def third_party(path):
     """Distributions that a file imports, but for what only type checkers see."""
-    for name in imported_modules(path.read_text()):
-        top = name.split(".")[0]
-        if top not in sys.stdlib_module_names | {"drapeline", "snakemake"}:
-            yield DISTRIBUTIONS.get(top, top)
+    tops = {name.split(".")[0] for name in imported_modules(path.read_text())}
+    others = tops - sys.stdlib_module_names - {"drapeline", "snakemake"}
+    return {DISTRIBUTIONS.get(top, top) for top in others}
 
 
 @pytest.mark.parametrize(
@@ -79,5 +80,5 @@ def test_a_rules_environment_holds_what_its_script_imports(script, environment, 
     pins = {pin.lower().split("==")[0] for pin in dependencies[-1]["pip"]}
     imported = SOURCES.imported_files(file, *([module] if module else []))
     files = [file, *(f for f in imported if f.suffix == ".py")]
-    needed = {name for path in files for name in third_party(path)}
+    needed = set().union(*map(third_party, files))
     assert needed <= pins, f"envs/{environment}.yaml lacks {', '.join(sorted(needed - pins))}"
