@@ -74,6 +74,15 @@ def test_the_fit_looks_at_training_rows_alone(fitted):
         torch.testing.assert_close(value, fitted.ppca.state_dict()[key])
 
 
+def test_the_fit_looks_at_offsets_within_the_masks_alone(fitted):
+    garments = ToyGarments()
+    garments.offsets[~garments.mask] = 7.0
+    model = StaticPpca(fitted.settings, toy_template())
+    model.fit(garments)
+    for key, value in model.ppca.state_dict().items():
+        torch.testing.assert_close(value, fitted.ppca.state_dict()[key])
+
+
 def test_offsets_that_are_not_finite_are_refused_by_name(fitted):
     garments = ToyGarments()
     garments.offsets[5, 3] = np.inf
