@@ -1,10 +1,10 @@
-"""Closest points on a triangle, a cube and a ball."""
+"""Closest points on a triangle, a cube and a ball, and on what faces the same way."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from drapeline.geometry.closest import closest_points
+from drapeline.geometry.closest import closest_facing, closest_points
 
 
 @pytest.mark.parametrize(
@@ -40,3 +40,26 @@ def test_closest_points_from_within_a_ball_lie_on_its_surface():
     points = 0.3 * np.eye(3)
     place, _ = closest_points(points, ball.vertices, ball.faces)
     np.testing.assert_allclose(place, 0.5 * np.eye(3), atol=0.02)
+
+
+@pytest.mark.parametrize("least_cosine", [-1.1, 0.0, 0.7])
+def test_closest_points_on_what_faces_the_same_way_are_those_of_a_loop_over_faces(least_cosine):
+    rng = np.random.default_rng(3)
+    soup = rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(0, 0.2, (60, 3, 3))
+    faces = np.arange(180).reshape(60, 3)
+    points = rng.uniform(-1, 1, (50, 3))
+    normals = rng.normal(size=(50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    reach = 0.6
+    face, weights = closest_facing(
+        points, normals, soup.reshape(-1, 3), faces, reach_m=reach, least_cosine=least_cosine
+    )
+    across = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
+    facing = normals @ (across / np.linalg.norm(across, axis=1, keepdims=True)).T > least_cosine
+    nearest = np.stack([trimesh.triangles.closest_point(soup, [p] * 60) for p in points])
+    away = np.where(facing, np.linalg.norm(nearest - points[:, None], axis=2), np.inf)
+    found = away.min(axis=1) < reach
+    np.testing.assert_array_equal(face, np.where(found, away.argmin(axis=1), -1))
+    assert 0 < found.sum() < 50 or least_cosine < 0
+    made = np.einsum("pc,pci->pi", weights[found], soup[face[found]])
+    np.testing.assert_allclose(made, nearest[found, face[found]], atol=1e-5)
