@@ -40,14 +40,12 @@ class Part:
 
     Attributes:
         rows: (B_t,) their places in the batch.
-        names: of the samples.
         cvar: (B_t, C) conditions.
         offsets: (V, 3, B_t) metres.
         mask: (V, B_t) bool.
     """
 
     rows: torch.Tensor
-    names: list[str]
     cvar: torch.Tensor
     offsets: torch.Tensor
     mask: torch.Tensor
@@ -57,7 +55,6 @@ class Part:
         """Some samples of a batch."""
         return cls(
             rows=rows,
-            names=[batch["names"][row] for row in rows.tolist()],
             cvar=batch["cvar"][rows],
             offsets=planes(batch["offsets"][rows]),
             mask=batch["mask"][rows].T,
@@ -132,11 +129,8 @@ class GarmentCodec(torch.nn.Module, ABC):
 
     def parts(self, batch: Batch) -> dict[str, Part]:
         """The batch by topology; a topology without samples is left out."""
-        rows = {
-            name: torch.nonzero(batch["topology"] == code)[:, 0]
-            for code, name in enumerate(TOPOLOGIES)
-        }
-        return {name: self.part(batch, some) for name, some in rows.items() if len(some)}
+        rows = rows_by_topology(batch["topology"])
+        return {name: self.part(batch, some) for name, some in rows.items()}
 
     @torch.no_grad()
     def encode(self, batch: Batch) -> Code:
@@ -160,8 +154,7 @@ class GarmentCodec(torch.nn.Module, ABC):
             Offsets (B, V, 3) in metres, and the mask's probability (B, V) or None if the model
             has none.
         """
-        rows = {name: torch.nonzero(topology == code)[:, 0] for code, name in enumerate(TOPOLOGIES)}
-        rows = {name: part for name, part in rows.items() if len(part)}
+        rows = rows_by_topology(topology)
         order = torch.cat(list(rows.values()))
         counts = {name: len(part) for name, part in rows.items()}
         parts = self.decode_parts(z[order], cvar[order], counts)
@@ -189,6 +182,12 @@ class GarmentCodec(torch.nn.Module, ABC):
             "settings": plain(asdict(self.settings)),
             "body_template": self.body_template.tensors(),
         }
+
+
+def rows_by_topology(topology: torch.Tensor) -> dict[str, torch.Tensor]:
+    """Topology -> its places among codes (B,) of `TOPOLOGIES`; those without any are left out."""
+    rows = {name: torch.nonzero(topology == code)[:, 0] for code, name in enumerate(TOPOLOGIES)}
+    return {name: some for name, some in rows.items() if len(some)}
 
 
 def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:

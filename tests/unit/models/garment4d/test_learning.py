@@ -16,6 +16,7 @@ from learning import (
     assert_true_gradients,
     doubles,
     errors_on_one_batch,
+    shake_weights,
 )
 
 CANONICAL_STAGES = {
@@ -57,20 +58,10 @@ def batch_of(windows, count):
     return as_tensors(windows.batch(rows[:: len(rows) // count][:count]))
 
 
-def moved(stage):
-    """Away from layers that begin as zero."""
-    rng = torch.Generator().manual_seed(1)
-    with torch.no_grad():
-        for weight in stage.parameters():
-            if weight.requires_grad:
-                weight.add_(0.02 * torch.randn(weight.shape, generator=rng))
-    return stage.train()
-
-
 @pytest.mark.parametrize("name", CANONICAL_STAGES | POSED_STAGES)
 def test_gradients_of_the_whole_loss_by_finite_differences(sequences, name):
     stage, windows = build(name, sequences)
-    stage, batch = moved(stage).double(), doubles(batch_of(windows, 2))
+    stage, batch = shake_weights(stage, 0.02).train().double(), doubles(batch_of(windows, 2))
     assert_true_gradients(stage, lambda stage: stage.training_step(batch))
     assert_a_step_lowers(stage, lambda stage: stage.training_step(batch))
 
@@ -82,7 +73,9 @@ def test_mixed_precision_gives_almost_the_same_loss_and_gradient(sequences, name
     # Points that are almost as far as others take turns in the canonical network's many maxima.
     cosine = 0.9 if name in POSED_STAGES else 0.0
     assert_mixed_precision_agrees(
-        moved(stage), lambda stage: stage.training_step(batch), cosine=cosine
+        shake_weights(stage, 0.02).train(),
+        lambda stage: stage.training_step(batch),
+        cosine=cosine,
     )
 
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from drapeline.models.gcvae.codes import Codes, decode_codes
+from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
 from drapeline.models.gcvae.sampling import draw
 from drapeline.models.gcvae.sampling.types import fit_types
 from drapeline.models.gcvae.vae import StaticVae
@@ -63,6 +64,14 @@ def prepared_model():
     weight = model.network.decoder.branches.weight
     torch.nn.init.normal_(weight, std=0.3, generator=torch.Generator().manual_seed(0))
     return model
+
+
+@pytest.fixture(scope="package")
+def fitted():
+    """Masked PCA of the toy garments."""
+    model = StaticPpca(PpcaSettings(latent=8), toy_template())
+    model.fit(ToyGarments())
+    return model.eval()
 
 
 @pytest.fixture(scope="package")

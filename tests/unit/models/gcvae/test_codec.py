@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from drapeline.models.gcvae.codec import planes
-from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
-from gcvae_toys import VERTICES, ToyGarments, toy_template
+from gcvae_toys import VERTICES
 
 
 def rows_of(batch, rows):
@@ -14,13 +13,6 @@ def rows_of(batch, rows):
         key: [value[i] for i in rows] if isinstance(value, list) else value[torch.tensor(rows)]
         for key, value in batch.items()
     }
-
-
-@pytest.fixture(scope="module")
-def fitted():
-    model = StaticPpca(PpcaSettings(latent=8), toy_template())
-    model.fit(ToyGarments())
-    return model.eval()
 
 
 @pytest.fixture(params=["network", "ppca"])

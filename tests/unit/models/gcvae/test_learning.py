@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 import gcvae_files
 from drapeline.models.gcvae.conditioning import cvar_statistics
@@ -21,6 +20,7 @@ from learning import (
     assert_true_gradients,
     doubles,
     errors_on_one_batch,
+    shake_weights,
 )
 
 SETTINGS = replace(
@@ -56,20 +56,15 @@ def batch_of(count, *topologies):
     return as_tensors(garments.batch(np.concatenate(rows)))
 
 
-def moved(vae):
-    """Late in training, when all terms have weight, and away from layers that begin as zero."""
-    rng = torch.Generator().manual_seed(1)
-    with torch.no_grad():
-        for weight in vae.parameters():
-            if weight.requires_grad:
-                weight.add_(0.05 * torch.randn(weight.shape, generator=rng))
+def late(vae):
+    """Late in training, when all terms have weight."""
     vae.position = Position(epoch=8, step=3)
-    return vae
+    return shake_weights(vae, 0.05)
 
 
 @pytest.mark.parametrize("name", VAES)
 def test_gradients_of_the_whole_loss_by_finite_differences(name):
-    vae, batch = moved(build(*VAES[name])).double(), doubles(batch_of(2, 0, 1))
+    vae, batch = late(build(*VAES[name])).double(), doubles(batch_of(2, 0, 1))
     assert_true_gradients(vae, lambda vae: vae.training_step(batch))
     assert_a_step_lowers(vae, lambda vae: vae.training_step(batch))
 
@@ -79,7 +74,7 @@ def test_gradients_of_the_whole_loss_by_finite_differences(name):
 def test_mixed_precision_gives_almost_the_same_loss_and_gradient(name, order):
     cls, settings = VAES[name]
     settings = replace(settings, network=replace(settings.network, order=order))
-    vae, batch = moved(build(cls, settings)), batch_of(2, 0, 1)
+    vae, batch = late(build(cls, settings)), batch_of(2, 0, 1)
     assert_mixed_precision_agrees(vae, lambda vae: vae.training_step(batch), cosine=0.9)
 
 
