@@ -44,7 +44,7 @@ class SamplePlan:
     def removable(self) -> str:
         """Limbs that the outfit certainly leaves bare, a key of `bodies.animation.REMOVABLE`."""
         worn = (GARMENT_TYPES[name] for name in self.outfit_type.split("+"))
-        return "hands" if any(kind.sleeve_chance for kind in worn) else "forearms"
+        return "hands" if any(garment_type.sleeve_chance for garment_type in worn) else "forearms"
 
 
 def sub_sequences(

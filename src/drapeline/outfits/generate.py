@@ -55,20 +55,20 @@ def sample_numbers(
     names = outfit_type.split("+")
     out = []
     for name in names:
-        kind = GARMENT_TYPES[name]
-        whole = kind.region == "whole"
+        garment_type = GARMENT_TYPES[name]
+        whole = garment_type.region == "whole"
         parts: dict[str, Any] = {}
-        if "upper" in kind.parts:
-            sleeves = _has_sleeves(rng, kind.sleeve_chance)
+        if "upper" in garment_type.parts:
+            sleeves = _has_sleeves(rng, garment_type.sleeve_chance)
             parts["upper"] = sample_upper(rng, ranges, sleeves=sleeves, opens=not whole)
-        if "trousers" in kind.parts:
+        if "trousers" in garment_type.parts:
             parts["trousers"] = sample_trousers(rng, ranges)
-        if "skirt" in kind.parts:
+        if "skirt" in garment_type.parts:
             parts["skirt"] = sample_skirt(rng, ranges)
-        if kind.region == "upper" and any(GARMENT_TYPES[worn].skirt for worn in names):
+        if garment_type.region == "upper" and any(GARMENT_TYPES[worn].skirt for worn in names):
             parts["upper"]["hem"] *= _HEM_OVER_SKIRT  # the skirt would carry a long hem
         if whole:
-            parts[kind.parts[-1]]["waist"] = uniform(rng, ranges.sewn_waist)
+            parts[garment_type.parts[-1]]["waist"] = uniform(rng, ranges.sewn_waist)
         has_end = {
             "sleeves": "sleeve_length" in parts.get("upper", {}),
             "legs": "trousers" in parts,
@@ -85,7 +85,7 @@ def sample_numbers(
             (
                 name,
                 {
-                    "fabric": str(rng.choice(fabric_names(upper=kind.region == "upper"))),
+                    "fabric": str(rng.choice(fabric_names(upper=garment_type.region == "upper"))),
                     "elastic": elastic,
                     "texture": {"type": "color", "data": _colour(rng)},
                     "parameters": parts,

@@ -100,29 +100,29 @@ def _middle_numbers(garment: str) -> dict[str, Any]:
         for field in fields(ranges)
         if isinstance(getattr(ranges, field.name), tuple)
     }
-    kind = GARMENT_TYPES[garment]
+    garment_type = GARMENT_TYPES[garment]
     parts: dict[str, dict[str, Any]] = {}
-    if "upper" in kind.parts:
+    if "upper" in garment_type.parts:
         names = ("hem", "ease_m", "flare", "shaping", "neck_depth_back_m")
         numbers = {name: middle[name] for name in names}
         numbers |= {"neckline": "crew", "neck_depth_m": middle["neck_depth_crew_m"]}
         numbers |= {"front": "closed"}
-        if kind.sleeve_chance:
+        if garment_type.sleeve_chance:
             names = ("neck_width_m", "drop_m", "sleeve_length", "sleeve_alpha1", "sleeve_alpha2")
             numbers |= {name: middle[name] for name in (*names, "sleeve_offset", "sleeve_w0")}
         else:
             numbers |= {name: middle[name] for name in ("strap_m", "scye_m")}
             numbers |= {"neck_width_m": middle["strap_neck_m"], "drop_m": middle["top_drop_m"]}
         parts["upper"] = numbers
-    if "trousers" in kind.parts:
+    if "trousers" in garment_type.parts:
         names = ("waist", "leg_length", "leg_alpha1", "leg_alpha2", "leg_offset", "leg_w0")
         parts["trousers"] = {name: middle[name] for name in (*names, "rise_m", "hip_ease_m")}
-    if "skirt" in kind.parts:
+    if "skirt" in garment_type.parts:
         names = ("waist", "skirt_length", "skirt_alpha1", "skirt_flutes")
         numbers = {name: middle[name] for name in names}
         numbers |= {"skirt_fullness": 0.0, "skirt_phase": 0.0}
         numbers |= {f"skirt_wander{k}": 0.0 for k in range(4)}
         parts["skirt"] = numbers
-    if kind.region == "whole":
-        parts[kind.parts[-1]]["waist"] = middle["sewn_waist"]
+    if garment_type.region == "whole":
+        parts[garment_type.parts[-1]]["waist"] = middle["sewn_waist"]
     return {**parts, "fullness": 0.0, "fold_seed": 0}
