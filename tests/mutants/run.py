@@ -40,7 +40,8 @@ class Verdict(NamedTuple):
 
     Attributes:
         mutant: which one.
-        outcome: "killed", "killed: hangs", "killed: crashes" or "SURVIVED".
+        outcome: "killed", "killed: hangs", "killed: crashes", "SURVIVED", or "NOT TESTED" if none
+            of its tests imports the module.
         test: the test that failed first, or "".
         seconds: of its run.
     """
@@ -121,8 +122,8 @@ def try_mutant(mutant: Mutant, scratch: Path) -> Verdict:
         outcome = "SURVIVED"
     elif failed:
         outcome = "killed"
-    else:  # nothing was tested
-        raise RuntimeError(f"{mutant}: pytest ended with {code}\n{output}")
+    else:
+        outcome = "NOT TESTED"
     return Verdict(mutant, outcome, failed[1] if failed else "", time.monotonic() - start)
 
 
@@ -165,11 +166,11 @@ def main() -> int:
             say(f"{verdict.outcome:15}{verdict.seconds:5.0f} s  {verdict.mutant}")
             say(f"{'':24}{verdict.test.removeprefix('tests/')}")
         refuse_tests_that_fail_anyway(verdicts, scratch)
-    survivors = [verdict.mutant for verdict in verdicts if verdict.outcome == "SURVIVED"]
+    survivors = [verdict for verdict in verdicts if not verdict.outcome.startswith("killed")]
     killed = len(verdicts) - len(survivors)
     say(f"\n{killed} of {len(verdicts)} mutants killed in {time.monotonic() - start:.0f} s")
-    for mutant in survivors:
-        say(f"survived: {mutant}")
+    for verdict in survivors:
+        say(f"{verdict.outcome}: {verdict.mutant}")
     return 0 if killed >= LEAST_KILLED * len(verdicts) else 1
 
 
