@@ -58,6 +58,32 @@ def test_the_tube_is_convex_around_and_faces_outwards(made):
     np.testing.assert_array_equal(standing[untouched], body[untouched])
 
 
+def test_shares_run_from_the_front_over_the_left_side(made):
+    refined, topology = made
+    tube = SkirtTube(topology)
+    standing = tube(rest_body(refined.bodies["female"], np.zeros(10)), *nothing())[tube.moved]
+    low = standing[:, 2] < standing[:, 2].max() - 0.1
+    x, y = (standing[low, :2] - standing[low, :2].mean(axis=0)).T
+    turn = np.arctan2(x, -y)  # 0 in front, 90 degrees at the left side, which is +X
+    assert np.cos(2 * np.pi * tube.share[low] - turn).mean() > 0.5
+
+
+def test_below_its_hem_a_skirt_goes_on_as_it_widens(made):
+    refined, topology = made
+    body = rest_body(refined.bodies["female"], np.zeros(10))
+    tube = SkirtTube(topology)
+    top, low = body[tube.moved, 2].max(), body[tube.moved, 2].min()
+    end = 0.4 * top + 0.6 * low
+    height, turn = np.meshgrid(np.linspace(top, end, 40), np.linspace(0, 2 * np.pi, 90))
+    radius = 0.35 + 0.5 * (top - height)
+    cone = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], -1).reshape(-1, 3)
+    hem = np.flatnonzero(cone[:, 2] == cone[:, 2].min())
+    placed = tube(body, cone, hem)[tube.moved]
+    below = placed[placed[:, 2] < end - 0.05]
+    expected = 0.35 + 0.5 * (top - below[:, 2])
+    np.testing.assert_allclose(np.linalg.norm(below[:, :2], axis=1), expected, atol=0.03)
+
+
 def test_vertices_are_spread_more_evenly_than_by_smoothing(made):
     refined, topology = made
     body = rest_body(refined.bodies["female"], np.zeros(10))
