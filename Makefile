@@ -22,7 +22,7 @@ report: .venv/ready
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
 
 test: .venv/ready
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
 test-portable: .venv/ready
 	$(BIN)/python tests/run_portable.py

@@ -7,7 +7,6 @@ from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
 from drapeline.models.compare import compare_representations, held_out_garments
 from drapeline.models.garment4d.representation import RegisteredTemplate, TemplatePca
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.garment_space import load_space
 from drapeline.registration.to_template.remesh_table import load_tables
@@ -18,11 +17,11 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
-    spaces = {name: load_space(Path(given[name]) / "space.npz") for name in TEMPLATE_TYPES}
-    tables = {name: load_tables(given.fits, name) for name in TEMPLATE_TYPES}
+    spaces = {name: load_space(Path(given[name]) / "space.npz") for name in params.garments}
+    tables = {name: load_tables(given.fits, name) for name in params.garments}
     outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
     rows = compare_representations(
-        held_out_garments(StaticData(given.data), outfits, TEMPLATE_TYPES, params.split),
+        held_out_garments(StaticData(given.data), outfits, params.garments, params.split),
         [RegisteredTemplate(spaces, tables), TemplatePca(spaces, tables)],
         split=params.split,
         seed=params.seed,

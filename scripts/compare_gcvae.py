@@ -9,7 +9,6 @@ from drapeline.models.compare import compare_representations, held_out_garments
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.representation import OffsetPca, RegisteredOffsets, VaeCode
 from drapeline.models.training.module import BEST
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
 from drapeline.rule_log import rule_log
 
@@ -23,7 +22,7 @@ with rule_log(snakemake.log[0]):
     template = next(iter(models.values())).body_template
     outfits = (outfit for shard in given.outfits for outfit in load_static(shard))
     rows = compare_representations(
-        held_out_garments(data, outfits, TEMPLATE_TYPES, params.split),
+        held_out_garments(data, outfits, params.garments, params.split),
         [
             RegisteredOffsets(data, template),
             OffsetPca(data, template, params.components),

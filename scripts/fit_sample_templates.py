@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
@@ -23,7 +22,7 @@ with rule_log(snakemake.log[0]) as log:
     count = write_tables(
         snakemake.output[0],
         garments,
-        {garment: load_template(snakemake.input[garment]) for garment in TEMPLATE_TYPES},
+        {garment: load_template(snakemake.input[garment]) for garment in snakemake.params.garments},
         FitSettings(**snakemake.params.settings),
     )
     log.info("%d garments", count)

@@ -2,7 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.template_fit import FitSettings
@@ -20,7 +19,7 @@ with rule_log(snakemake.log[0]) as log:
             for name, _, outfit in load_static(snakemake.input.outfits)
             for garment in outfit.garments
         ],
-        {garment: load_template(snakemake.input[garment]) for garment in TEMPLATE_TYPES},
+        {garment: load_template(snakemake.input[garment]) for garment in snakemake.params.garments},
         FitSettings(**snakemake.params.settings),
     )
     log.info("%d garments", count)

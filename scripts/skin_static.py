@@ -6,7 +6,6 @@ from drapeline.bodies.model import load_body
 from drapeline.dataset.point_clouds import CloudSettings
 from drapeline.frames import GENDERS
 from drapeline.learning_data.skinned import SkinnedSettings, write_skinned
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -20,6 +19,6 @@ with rule_log(snakemake.log[0]) as log:
         given.samples,
         {gender: load_body(given[gender]) for gender in GENDERS},
         SkinnedSettings(params.frames, params.step, CloudSettings(**params.clouds)),
-        garments=TEMPLATE_TYPES,
+        garments=params.garments,
     )
     log.info("%d outfits", count)

@@ -1,9 +1,12 @@
 """Run the workflow as a user does, in a copy of the project and in a process of its own."""
 
+import multiprocessing
+import os
 import shutil
-import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PROFILE = "workflow/profiles/ci"
@@ -24,12 +27,47 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+# Importing Snakemake takes longer than most plans: processes begin as copies of one that has it.
+SERVER = multiprocessing.get_context("forkserver")
+SERVER.set_forkserver_preload(
+    ["snakemake.cli", "pandas", "scipy.spatial.transform", "snakemake_executor_plugin_slurm"]
+)
+
+
+class Run(NamedTuple):
+    """A finished process of Snakemake.
+
+    Attributes:
+        returncode: of the process.
+        stdout: text.
+        stderr: text.
+    """
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def snakemake(project: Path, *arguments: str) -> Run:
     """Run `snakemake` in a project's folder, as continuous integration does; output is captured."""
-    return subprocess.run(
-        [sys.executable, "-m", "snakemake", "--workflow-profile", PROFILE, *arguments],
-        cwd=project,
-        capture_output=True,
-        text=True,
-        timeout=3600,
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        out, err = Path(folder) / "out", Path(folder) / "err"
+        process = SERVER.Process(target=_run, args=(project, arguments, out, err))
+        process.start()
+        process.join(timeout=3600)
+        if process.exitcode is None:
+            process.kill()
+            process.join()
+        return Run(process.exitcode, out.read_text(), err.read_text())
+
+
+def _run(project: Path, arguments: tuple[str, ...], out: Path, err: Path) -> None:
+    """In the process of its own: call the command line's entry point."""
+    os.chdir(project)
+    for stream, path in ((1, out), (2, err)):
+        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT), stream)
+    sys.path[0] = ""
+    sys.argv = ["snakemake", "--workflow-profile", PROFILE, *arguments]
+    from snakemake.cli import main
+
+    main()

@@ -36,9 +36,10 @@ class Named(list):
         return self._named.get(name, default)
 
 
-@pytest.fixture
-def run_rule(tmp_path):
+@pytest.fixture(scope="session")
+def run_rule(tmp_path_factory):
     """run_rule("make_outfit", input=..., output=..., params=..., wildcards=...)"""
+    logs = tmp_path_factory.mktemp("logs")
 
     def run(rule, *, input=(), output=(), params=None, wildcards=None, threads=THREADS):
         def files(given):
@@ -49,7 +50,7 @@ def run_rule(tmp_path):
             output=files(output),
             params=SimpleNamespace(**(params or {})),
             wildcards=SimpleNamespace(**(wildcards or {})),
-            log=[str(tmp_path / "log" / f"{rule}.log")],
+            log=[str(logs / f"{rule}.log")],
             threads=threads,
         )
         runpy.run_path(str(SCRIPTS / f"{rule}.py"), {"snakemake": job}, "__main__")

@@ -1,9 +1,6 @@
 """Rules that evaluate and draw garments in motion, on toy files and an untrained network."""
 
-import runpy
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,83 +23,59 @@ from gcvae_files import SETTINGS, save_model, shaken, template_on_body, torso_re
 from tiny_sample import write_tiny_sample
 
 FRAMES = 4
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
-class Inputs(SimpleNamespace):
-    """Named inputs of a job, some of them lists of files."""
-
-    def __getitem__(self, name):
-        return getattr(self, name)
-
-
-@pytest.fixture
-def run_rule(tmp_path):
-    """As the fixture of all rule tests, for inputs that are lists."""
-
-    def run(rule, *, input, output, params, wildcards=None):
-        job = SimpleNamespace(
-            input=Inputs(**input),
-            output=[str(path) for path in output],
-            params=SimpleNamespace(**params),
-            wildcards=SimpleNamespace(**(wildcards or {})),
-            log=[str(tmp_path / "log" / f"{rule}.log")],
-        )
-        runpy.run_path(str(SCRIPTS / f"{rule}.py"), {"snakemake": job}, "__main__")
-
-    return run
-
-
-@pytest.fixture
-def files(toy_body, tmp_path):
+@pytest.fixture(scope="module")
+def stages(toy_body, tmp_path_factory):
     """Two samples with their registrations, bodies, topology and both networks, as rule inputs."""
+    made = tmp_path_factory.mktemp("stages")
     samples, registrations = [], []
     for name, split in (("00001", "train"), ("00002", "test")):
-        tiny = write_tiny_sample(tmp_path, toy_body, name, split)
-        folder = tmp_path / "registration" / name
+        tiny = write_tiny_sample(made, toy_body, name, split)
+        folder = made / "registration" / name
         write_json(folder / "status.json", {"id": name, "status": "accepted", "split": split})
-        made = torso_registration(toy_body, tiny.shape)
+        laid = torso_registration(toy_body, tiny.shape)
         for garment, mesh in tiny.meshes.items():
-            corner = made.corner % len(mesh.vertices)
-            replace(made, corner=corner).save(folder / f"{garment}.npz")
+            corner = laid.corner % len(mesh.vertices)
+            replace(laid, corner=corner).save(folder / f"{garment}.npz")
         samples.append(tiny.folder)
         registrations.append(folder)
-    given = {"topology": tmp_path / "topology.npz"}
+    given = {"topology": made / "topology.npz"}
     meshes = {"faces": toy_body.faces, "skirt_faces": toy_body.faces}
     names = Topology.__dataclass_fields__
     save_topology(given["topology"], Topology(**{n: meshes.get(n, np.zeros(3)) for n in names}))
     for gender in GENDERS:
         for prefix in ("", "super_"):
-            given[prefix + gender] = tmp_path / f"{gender}.npz"
-        save_body(tmp_path / f"{gender}.npz", toy_body)
+            given[prefix + gender] = made / f"{gender}.npz"
+        save_body(made / f"{gender}.npz", toy_body)
     bodies = dict.fromkeys(GENDERS, toy_body)
     pairs = dict(zip(samples, registrations, strict=True))
-    collect_dynamic(tmp_path / "dynamic", pairs, bodies, version="unposed", step=2)
+    collect_dynamic(made / "dynamic", pairs, bodies, version="unposed", step=2)
     save_model(
-        tmp_path / "static", shaken(StaticVae(SETTINGS, template_on_body(toy_body, STATIC_CVAR)))
+        made / "static", shaken(StaticVae(SETTINGS, template_on_body(toy_body, STATIC_CVAR)))
     )
     training = replace(SETTINGS.training, mask=False, version="unposed")
     latent = SETTINGS.network.latent
     body_template = template_on_body(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
     save_model(
-        tmp_path / "dvae", DynamicVae(replace(SETTINGS, training=training), body_template).eval()
+        made / "dvae", DynamicVae(replace(SETTINGS, training=training), body_template).eval()
     )
     return {
         **given,
         "samples": samples,
         "registrations": registrations,
-        "static": tmp_path / "static",
-        "dynamic": tmp_path / "dynamic",
-        "data": tmp_path / "dynamic",
-        "dvae": tmp_path / "dvae",
-        "model": tmp_path / "dvae",
+        "static": made / "static",
+        "dynamic": made / "dynamic",
+        "data": made / "dynamic",
+        "dvae": made / "dvae",
+        "model": made / "dvae",
     }
 
 
-def test_evaluate_dynamic_measures_held_out_frames(run_rule, files, tmp_path):
+def test_evaluate_dynamic_measures_held_out_frames(run_rule, stages, tmp_path):
     run_rule(
         "evaluate_dynamic",
-        input=files,
+        input=stages,
         output=[tmp_path / "dvae.tsv"],
         params={"splits": ["val", "test"], "frames": FRAMES},
         wildcards={"dynamic": "dvae_unposed_4"},
@@ -114,24 +87,25 @@ def test_evaluate_dynamic_measures_held_out_frames(run_rule, files, tmp_path):
     assert find_value(rows, "dvae_unposed_4", "test", "Skirt", "kl_nat") is not None
 
 
-@pytest.fixture
-def files_of_ppca(files, toy_body, tmp_path):
+@pytest.fixture(scope="module")
+def stages_of_ppca(stages, toy_body, tmp_path_factory):
     """The same with a PCA that was not fitted: all of its garments are the mean."""
     body_template = template_on_body(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
     model = DynamicPpca(PpcaSettings(SETTINGS.network.latent), body_template).eval()
-    save_model(tmp_path / "ppca", model)
-    return {**files, "dvae": tmp_path / "ppca", "model": tmp_path / "ppca"}
+    folder = tmp_path_factory.mktemp("stages") / "ppca"
+    save_model(folder, model)
+    return {**stages, "dvae": folder, "model": folder}
 
 
 @pytest.fixture(params=["paper", "ppca"])
-def files_of_either(request):
-    return request.getfixturevalue("files" if request.param == "paper" else "files_of_ppca")
+def stages_of_either(request):
+    return request.getfixturevalue("stages" if request.param == "paper" else "stages_of_ppca")
 
 
-def test_a_pca_is_measured_as_decoded_and_settled(run_rule, files_of_ppca, tmp_path):
+def test_a_pca_is_measured_as_decoded_and_settled(run_rule, stages_of_ppca, tmp_path):
     run_rule(
         "evaluate_dynamic",
-        input=files_of_ppca,
+        input=stages_of_ppca,
         output=[tmp_path / "ppca.tsv"],
         params={"splits": ["test"], "frames": FRAMES},
         wildcards={"dynamic": "dynamic_ppca"},
@@ -145,10 +119,10 @@ def test_a_pca_is_measured_as_decoded_and_settled(run_rule, files_of_ppca, tmp_p
     assert decoded.value != settled.value
 
 
-def test_baselines_are_measured_on_the_same_frames(run_rule, files, tmp_path):
+def test_baselines_are_measured_on_the_same_frames(run_rule, stages, tmp_path):
     run_rule(
         "evaluate_dynamic_baselines",
-        input=files,
+        input=stages,
         output=[tmp_path / "baselines.tsv"],
         params={"splits": ["val", "test"], "step": 2, "seed": 0},
     )
@@ -158,10 +132,10 @@ def test_baselines_are_measured_on_the_same_frames(run_rule, files, tmp_path):
     assert find_value(rows, "moving", "test", "Tshirt", "inside_share") is not None
 
 
-def test_figure_10_has_its_four_rows(run_rule, files_of_either, tmp_path):
+def test_figure_10_has_its_four_rows(run_rule, stages_of_either, tmp_path):
     run_rule(
         "plot_gcvae_wrinkles",
-        input=files_of_either,
+        input=stages_of_either,
         output=[tmp_path / "wrinkles.png"],
         params={"frames": FRAMES, "columns": 2, "seed": 0, "rays": 0.1},
     )
@@ -170,9 +144,8 @@ def test_figure_10_has_its_four_rows(run_rule, files_of_either, tmp_path):
 
 
 def test_figure_7_shows_garments_at_rest_and_in_motion(
-    run_rule, files_of_either, toy_body, tmp_path
+    run_rule, stages_of_either, toy_body, tmp_path
 ):
-    files = files_of_either
     shape, count = np.zeros(10), len(toy_body.v_template)
     registered = torso_registration(toy_body, shape)
     none = np.zeros((0, 3), dtype=np.float32)
@@ -207,8 +180,8 @@ def test_figure_7_shows_garments_at_rest_and_in_motion(
     run_rule(
         "plot_gcvae_errors",
         input={
-            **files,
-            "svae": files["static"],
+            **stages_of_either,
+            "svae": stages_of_either["static"],
             "codes": tmp_path / "codes.npz",
             "data": data,
             "outfits": [tmp_path / "outfits.npz"],

@@ -1,6 +1,8 @@
 """The rules that make outfits and simulate them."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,19 +25,26 @@ PARAMS = {
 }
 
 
-@pytest.fixture
-def stages(run_rule, toy_body, tmp_path):
+@pytest.fixture(scope="module")
+def made(run_rule, toy_body, tmp_path_factory):
     """A toy body standing still, and its templates."""
-    save_body(tmp_path / "body.npz", toy_body)
+    folder = tmp_path_factory.mktemp("made")
+    save_body(folder / "body.npz", toy_body)
     poses, trans = np.repeat(REST_POSE[None], 3, 0), np.tile([0.0, 0.0, 0.9], (3, 1))
     record = make_body_sequence(toy_body, np.zeros(10), poses, trans, gender=0)
-    save_body_sequence(tmp_path / "animation.npz", record)
+    save_body_sequence(folder / "animation.npz", record)
     run_rule(
         "build_templates",
-        input={"body": tmp_path / "body.npz"},
-        output=[tmp_path / "templates.npz"],
+        input={"body": folder / "body.npz"},
+        output=[folder / "templates.npz"],
     )
-    return tmp_path
+    return folder
+
+
+@pytest.fixture
+def stages(made, tmp_path):
+    """A folder of its own for each test."""
+    return Path(shutil.copytree(made, tmp_path, dirs_exist_ok=True))
 
 
 def make(run_rule, stages, **changes):

@@ -1,9 +1,5 @@
 """The rules that collect garments in motion and train on them, on a toy body."""
 
-import runpy
-from pathlib import Path
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
@@ -22,15 +18,7 @@ from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, 
 from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
 from tiny_sample import write_tiny_sample
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 SPLITS = {"00001": "train", "00002": "train", "00003": "val", "00004": "test"}
-
-
-class Inputs(SimpleNamespace):
-    """Named inputs of a job, some of them lists of files."""
-
-    def __getitem__(self, name):
-        return getattr(self, name)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +37,7 @@ def stages(folder, toy_body):
     return files
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def collected(run_rule, stages, folder):
     """collected("posed") -> folder of the frames."""
     bodies = {gender: stages[gender] for gender in GENDERS}
@@ -73,17 +61,22 @@ def collected(run_rule, stages, folder):
             name: [str(folder / part / sample) for sample in SPLITS]
             for name, part in (("samples", "samples"), ("registrations", "registration"))
         }
-        job = SimpleNamespace(
-            input=Inputs(**lists, **bodies),
-            output=[str(output)],
-            params=SimpleNamespace(frame_step=2),
-            wildcards=SimpleNamespace(version=version),
-            log=[str(folder / "log" / "collect_dynamic.log")],
+        run_rule(
+            "collect_dynamic",
+            input={**lists, **bodies},
+            output=[output],
+            params={"frame_step": 2},
+            wildcards={"version": version},
         )
-        runpy.run_path(str(SCRIPTS / "collect_dynamic.py"), {"snakemake": job}, "__main__")
         return output
 
     return collect
+
+
+@pytest.fixture(scope="module")
+def static(run_rule, stages, folder):
+    """Folder of a trained static model."""
+    return train_static(run_rule, stages, folder)
 
 
 @pytest.mark.parametrize("version", ["posed", "unposed"])
@@ -126,9 +119,8 @@ def test_collected_frames_are_the_simulated_garment(collected, stages, folder, v
     ],
 )
 def test_a_variant_is_trained_on_poses_and_the_static_code(
-    run_rule, collected, stages, folder, tmp_path, variant, version, frames
+    run_rule, collected, stages, static, tmp_path, variant, version, frames
 ):
-    static = train_static(run_rule, stages, tmp_path)
     data = collected(version)
     fitted = variant == "dynamic_ppca"
     given = {**stages, "data": data, "static": static}
@@ -176,9 +168,8 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
     assert mask is None
 
 
-def test_mirrored_conditions_differ_in_the_poses_alone(run_rule, collected, stages, tmp_path):
-    data = collected("unposed")
-    garments = load_dynamic_garments(data, train_static(run_rule, stages, tmp_path), 2)
+def test_mirrored_conditions_differ_in_the_poses_alone(collected, static):
+    garments = load_dynamic_garments(collected("unposed"), static, 2)
     batch = garments.batch(np.arange(3))
     seen, poses = batch["cvar"], slice(13, 13 + 2 * 72)
     wanted = seen.copy()

@@ -56,6 +56,8 @@ def test_every_garment_type_and_outfit_can_be_asked_for():
     assert sampled == ["prior", *GARMENTS]
     files = garment4d["template"]["properties"]["files"]["properties"]
     assert list(files) == garment4d["reconstruct"]["properties"]["garment"]["enum"]
+    learnt = garment4d["garments"]
+    assert list(files) == learnt["items"]["enum"] == learnt["default"]
     assert tuple(files) == tuple(LOOP_NAMES) == TEMPLATE_TYPES
 
 

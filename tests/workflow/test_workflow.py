@@ -36,6 +36,19 @@ def test_each_size_plans_every_step(config, project):
         assert rule in steps
 
 
+def test_types_left_out_are_neither_trained_nor_needed(project, tmp_path):
+    config = with_settings(tmp_path, garment4d={"garments": ["Trousers"]})[-1]
+    run = snakemake(project, "--dry-run", "all", "--forceall", "--configfile", config)
+    assert run.returncode == 0, run.stderr
+    planned = run.stdout + run.stderr
+    assert "garment4d/Trousers/posed" in planned
+    assert "garment4d/Skirt" not in planned
+    assert "garment4d/Tshirt" not in planned
+    run = snakemake(project, "--dry-run", "reconstruct", "--configfile", config)
+    refusal = "reconstruct.garment is 'Skirt', expected one of garment4d.garments: Trousers"
+    assert refusal in " ".join((run.stdout + run.stderr).split())
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

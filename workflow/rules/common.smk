@@ -83,6 +83,8 @@ EVALUATED_SPLITS = ["test"]
 # this order.
 DEFAULT_TARGETS = []
 METRIC_TABLES = {"metrics": [], "representations": []}
+# Garment types that every model learns, on which they are compared.
+COMPARED_GARMENTS = config["garment4d"]["garments"]
 
 
 wildcard_constraints:

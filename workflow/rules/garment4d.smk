@@ -44,6 +44,7 @@ rule fit_static_templates:
         mem_mb=1000,
         runtime=60,
     params:
+        garments=G4D_GARMENTS,
         settings=lookup(dpath="garment4d/registration", within=config),
         code=source_hash("fit_static_templates"),
     script:
@@ -68,6 +69,7 @@ rule fit_sample_templates:
         mem_mb=1000,
         runtime=10,
     params:
+        garments=G4D_GARMENTS,
         settings=lookup(dpath="garment4d/registration", within=config),
         code=source_hash("fit_sample_templates"),
     script:
@@ -117,6 +119,7 @@ rule skin_static:
         mem_mb=2000,
         runtime=60,
     params:
+        garments=G4D_GARMENTS,
         frames=lookup(dpath="garment4d/skinned/frames", within=config),
         step=lookup(dpath="garment4d/skinned/step", within=config),
         clouds=cloud_settings,
@@ -259,6 +262,7 @@ rule compare_garment4d:
         mem_mb=4000,
         runtime=60,
     params:
+        garments=COMPARED_GARMENTS,
         split=EVALUATED_SPLITS[0],
         seed=config["seed"],
         code=source_hash("compare_garment4d"),

@@ -1,25 +1,26 @@
 from drapeline.experiment.checks import planned_sequences, require_sequences
 from drapeline.models.garment4d.variants import posed_variants
 from drapeline.models.training.settings import override_settings
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 
 G4D = f"{RESULTS}/garment4d"
+# Garment types that the networks learn, one network of each stage for each type.
+G4D_GARMENTS = config["garment4d"]["garments"]
 # Shards of static outfits that the networks learn from besides simulated samples.
 SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
-# Samples that wear a type which the networks learn.
+# Samples that wear one of these types.
 TEMPLATE_WEARERS = [
     sample
     for sample, planned in SAMPLES.items()
-    if set(planned.outfit_type.split("+")) & set(TEMPLATE_TYPES)
+    if set(planned.outfit_type.split("+")) & set(G4D_GARMENTS)
 ]
-TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in TEMPLATE_TYPES}
+TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in G4D_GARMENTS}
 TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
     *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
 ]
 PROTOCOL = config["garment4d"]["protocol"]
 # Sequences of each type, sampled as the config says.
-SEQUENCES = {garment: f"{G4D}/{garment}/data_{PROTOCOL}" for garment in TEMPLATE_TYPES}
+SEQUENCES = {garment: f"{G4D}/{garment}/data_{PROTOCOL}" for garment in G4D_GARMENTS}
 # Whether networks ask where on the known body points are.
 BODY_RELATIVE_POINTS = config["garment4d"]["canonical"]["network"][
     "body_relative_points"
@@ -27,19 +28,17 @@ BODY_RELATIVE_POINTS = config["garment4d"]["canonical"]["network"][
 POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
 # Which trained models of the posed stage each evaluation holds.
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
-METRIC_TABLES["metrics"] += [
-    f"garment4d_{garment}_default" for garment in TEMPLATE_TYPES
-]
+METRIC_TABLES["metrics"] += [f"garment4d_{garment}_default" for garment in G4D_GARMENTS]
 METRIC_TABLES["representations"] += ["representations_garment4d"]
 METRIC_TABLES["metrics_garment4d_ablations"] = [
-    f"garment4d_{garment}_ablations" for garment in TEMPLATE_TYPES
+    f"garment4d_{garment}_ablations" for garment in G4D_GARMENTS
 ]
 RECONSTRUCT = config["garment4d"]["reconstruct"]
 
 
 wildcard_constraints:
     protocol="surface|vertices",
-    garment="|".join(TEMPLATE_TYPES),
+    garment="|".join(G4D_GARMENTS),
     canonical="canonical|pointnet",
     posed="|".join([*POSED_VARIANTS, "mgn"]),
     models="|".join(POSED_MODELS),
@@ -170,6 +169,11 @@ def departures():
 
 def own_scans(wildcards):
     """The scans to reconstruct a garment from, and the body in them."""
+    if RECONSTRUCT["garment"] not in G4D_GARMENTS:
+        raise WorkflowError(
+            f"garment4d.reconstruct.garment is '{RECONSTRUCT['garment']}', expected one of"
+            f" garment4d.garments: {', '.join(G4D_GARMENTS)}"
+        )
     missing = [key for key in ("points", "body") if RECONSTRUCT[key] is None]
     if missing:
         raise WorkflowError(

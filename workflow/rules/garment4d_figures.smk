@@ -41,7 +41,7 @@ rule tabulate_garment4d:
 rule plot_garment4d_steps:
     input:
         reconstructions=expand(
-            f"{G4D}/{{garment}}/reconstructions_default", garment=TEMPLATE_TYPES
+            f"{G4D}/{{garment}}/reconstructions_default", garment=G4D_GARMENTS
         ),
     output:
         steps=report(
@@ -136,7 +136,7 @@ rule plot_garment_spaces:
 rule plot_skinning:
     input:
         **WHOLE_BODIES,
-        data=SEQUENCES["Skirt"],
+        data=SEQUENCES["Skirt" if "Skirt" in G4D_GARMENTS else G4D_GARMENTS[0]],
     output:
         report(
             f"{RESULTS}/report/garment4d_skinning.png",

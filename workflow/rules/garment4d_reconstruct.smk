@@ -6,7 +6,7 @@ rule reconstruct_garment:
         unpack(own_scans),
         **WHOLE_BODIES,
         model=f"{G4D}/{RECONSTRUCT['garment']}/posed",
-        data=SEQUENCES[RECONSTRUCT["garment"]],
+        data=f"{G4D}/{RECONSTRUCT['garment']}/data_{PROTOCOL}",
     output:
         sample=directory(RECONSTRUCTED),
         metrics=f"{RESULTS}/metrics/reconstructed_{RECONSTRUCT['garment']}.tsv",

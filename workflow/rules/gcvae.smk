@@ -285,6 +285,7 @@ rule compare_gcvae:
         runtime=60,
     params:
         components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
+        garments=COMPARED_GARMENTS,
         split=EVALUATED_SPLITS[0],
         seed=config["seed"],
         code=source_hash("compare_gcvae"),

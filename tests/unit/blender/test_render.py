@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from drapeline.blender import render
 from drapeline.blender.render import render_modalities
 from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
@@ -17,7 +18,9 @@ from tiny_sample import write_tiny_sample
 def rendered(toy_body, tmp_path_factory):
     folder = tmp_path_factory.mktemp("modalities")
     tiny = write_tiny_sample(folder, toy_body)
-    render_modalities(tiny.folder, folder / "images", [2])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(render, "_SAMPLES", 2)  # noise does not matter here, and takes long to avoid
+        render_modalities(tiny.folder, folder / "images", [2])
     return tiny.folder, folder / "images"
 
 

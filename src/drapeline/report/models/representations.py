@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_metrics
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.report.html import html_table, write_page
+from drapeline.report.models.garment_columns import garment_columns
 
 # Shown under these names and in this order; other representations go by their variant.
 _CODES = {
@@ -55,7 +55,7 @@ def _table(rows: Sequence[MetricRow], metric: str, split: str) -> list[dict[str,
             "Code": name,
             "Size of the code": _size(rows, variant, split),
         }
-        for garment in (*TEMPLATE_TYPES, ALL):
+        for garment in (*garment_columns(rows), ALL):
             cells[garment] = _cell(rows, variant, split, garment, metric)
         found.append(cells)
     return found
@@ -72,7 +72,7 @@ def _names(rows: Sequence[MetricRow]) -> dict[str, str]:
 
 def _size(rows: Sequence[MetricRow], variant: str, split: str) -> str:
     """Size of the code, by type where it differs."""
-    found = [find_value(rows, variant, split, g, "code_numbers") for g in TEMPLATE_TYPES]
+    found = [find_value(rows, variant, split, g, "code_numbers") for g in garment_columns(rows)]
     sizes = [f"{row.value:.0f}" if row else "-" for row in found]
     return sizes[0] if len(set(sizes)) == 1 else " / ".join(sizes)
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from drapeline.metrics.sequence import MODEL
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.report.models.garment_columns import garment_columns
 from drapeline.report.style import (
     BLUE,
     GARMENT_COLOURS,
@@ -89,7 +89,7 @@ def plot_neighbour_curve(path: str | Path, rows: Sequence[MetricRow]) -> None:
     with saved_figure(path, 9.0, 3.4, columns=2) as (_, axes):
         for panel, (metric, label, scale) in zip(axes, panels, strict=True):
             drawn = []
-            for garment in TEMPLATE_TYPES:
+            for garment in garment_columns(rows):
                 found = curve(rows, "neighbours", garment, metric)
                 if len(found.at):
                     scaled = Curve(found.at, *(scale * np.array(found[1:])))
@@ -127,7 +127,7 @@ def _plot_robustness(
     """Curves of the posed garments, with what skinning alone reaches dashed."""
     with saved_figure(path, 5.6, 3.6) as (_, (axes,)):
         drawn = False
-        for garment in TEMPLATE_TYPES:
+        for garment in garment_columns(rows):
             found = curve(rows, prefix, garment, "vertex_error_mm", ends)
             if not len(found.at):
                 continue

@@ -13,9 +13,9 @@ from typing import NamedTuple
 from drapeline.dataset.tables import read_table
 from drapeline.metrics.sequence import MODEL
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value, read_metrics
-from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.registration.error_table import COLUMNS
 from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.models.garment_columns import garment_columns
 from drapeline.report.registration.registration_table import summarise_errors
 from drapeline.storage import atomic_file
 
@@ -124,20 +124,21 @@ def _table(
     rows: Sequence[MetricRow], names: Mapping[str, str], metric: str, *, best: bool = True
 ) -> str:
     """One row per model that has the metric, one column per garment type."""
+    garments = garment_columns(rows)
     values = {
-        variant: [find_value(rows, variant, "test", garment, metric) for garment in TEMPLATE_TYPES]
+        variant: [find_value(rows, variant, "test", garment, metric) for garment in garments]
         for variant in names
     }
     found = [variant for variant, own in values.items() if any(own)]
     compared = [variant for variant in found if variant not in _FLOORS]
     smallest = [
         min((values[v][k].value for v in compared if values[v][k]), default=None)
-        for k in range(len(TEMPLATE_TYPES))
+        for k in range(len(garments))
     ]
     table = []
     for variant in found:
         line: dict[str, object] = {"Model": names[variant]}
-        for k, garment in enumerate(TEMPLATE_TYPES):
+        for k, garment in enumerate(garments):
             own = values[variant][k]
             leads = best and len(compared) > 1 and own and own.value == smallest[k]
             good = ["good"] if leads and variant in compared else []
@@ -177,7 +178,7 @@ def _contact(rows: Sequence[MetricRow]) -> str:
                 for metric, title in titles.items()
             },
         }
-        for garment in TEMPLATE_TYPES
+        for garment in garment_columns(rows)
         for variant, name in _CONTACT.items()
         if find_value(rows, variant, "test", garment, "inside_share")
     ]
@@ -186,10 +187,10 @@ def _contact(rows: Sequence[MetricRow]) -> str:
 
 def _pairs(rows: Sequence[MetricRow], names: Mapping[str, str]) -> str:
     """Vertex and acceleration error of each model and type; the latter may be unknown."""
-    table = []
+    table, garments = [], garment_columns(rows)
     for variant, name in names.items():
         cells = {}
-        for garment in TEMPLATE_TYPES:
+        for garment in garments:
             both = [
                 find_value(rows, variant, "test", garment, metric)
                 for metric in ("vertex_error_mm", "acceleration_error_m_s2")
@@ -198,7 +199,7 @@ def _pairs(rows: Sequence[MetricRow], names: Mapping[str, str]) -> str:
                 acceleration = f"{both[1].value:.2f}" if both[1] else "-"
                 cells[garment] = f"{both[0].value:.1f} / {acceleration}"
         if cells:
-            shown = {g: Cell(cells.get(g, "-"), "number") for g in TEMPLATE_TYPES}
+            shown = {g: Cell(cells.get(g, "-"), "number") for g in garments}
             table.append({"Model": name, **shown})
     return html_table(table)
 
@@ -220,7 +221,7 @@ def _sweeps(rows: Sequence[MetricRow]) -> str:
             variant = f"{prefix}_{number}"
             cells = {
                 garment: Cell(_text(rows, variant, garment, "vertex_error_mm"), "number")
-                for garment in TEMPLATE_TYPES
+                for garment in garment_columns(rows)
             }
             table.append({"Changed": form.format(number), **cells})
     return html_table(table)
@@ -360,7 +361,9 @@ def _test_rows(metrics: str | Path) -> list[MetricRow]:
 
 def _stand_ins(rows: Sequence[MetricRow]) -> list[str]:
     """A sentence about types whose posed garments are not simulated, if there are any."""
-    shares = {g: find_value(rows, "truth", "test", g, "simulated_share") for g in TEMPLATE_TYPES}
+    shares = {
+        g: find_value(rows, "truth", "test", g, "simulated_share") for g in garment_columns(rows)
+    }
     types = [garment for garment, share in shares.items() if share and not share.value]
     if not types:
         return []

@@ -39,6 +39,7 @@ def metrics(tmp_path):
         metric_row("truth", "Skirt", "to_cloud_mm", 6.25),
         metric_row("truth", "Skirt", "simulated_share", 1.0),
         metric_row("truth", "Trousers", "simulated_share", 0.0),
+        metric_row("truth", "Tshirt", "simulated_share", 1.0),
         metric_row("truth", "Skirt", "canonical_to_original_mm", 0.5),
         metric_row("pca", "Skirt", "canonical_error_mm", 2.0),
         metric_row("pca", "Skirt", "canonical_to_original_mm", 2.5),
