@@ -1,10 +1,13 @@
-"""Run the workflow as a user does, in a copy of the project and in a process of its own."""
+"""Run the workflow as a user does, in a copy of the project and in processes of its own."""
 
 import multiprocessing
 import os
+import runpy
 import shutil
+import subprocess
 import sys
 import tempfile
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,11 +30,16 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-# Importing Snakemake takes longer than most plans: processes begin as copies of one that has it.
+# Importing takes longer than most plans and jobs of tests: processes begin as copies of one that
+# has imported Snakemake, and jobs as copies of another that has imported what they need.
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
-    ["snakemake.cli", "pandas", "scipy.spatial.transform", "snakemake_executor_plugin_slurm"]
+    ["snakemake.cli", "snakemake_executor_plugin_slurm", "pandas", "scipy.spatial"]
 )
+JOBS_NEED = [
+    *("snakemake.script", "scipy.optimize", "scipy.sparse.linalg", "trimesh", "warp"),
+    *("matplotlib.pyplot", "pytorch_lightning"),
+]
 
 
 class Run(NamedTuple):
@@ -62,12 +70,45 @@ def snakemake(project: Path, *arguments: str) -> Run:
 
 
 def _run(project: Path, arguments: tuple[str, ...], out: Path, err: Path) -> None:
-    """In the process of its own: call the command line's entry point."""
+    """In a process of its own: call the command line's entry point."""
+    _write_to(out, err)
     os.chdir(project)
-    for stream, path in ((1, out), (2, err)):
-        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT), stream)
     sys.path[0] = ""
     sys.argv = ["snakemake", "--workflow-profile", PROFILE, *arguments]
+    from snakemake.benchmark import benchmarked
     from snakemake.cli import main
+    from snakemake.script import PythonScript
 
+    SERVER.set_forkserver_preload(JOBS_NEED)
+    # As Snakemake sets them for jobs, but read when NumPy and torch are imported.
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+
+    def execute_script(self: PythonScript, fname: str, edit: bool = False) -> None:
+        # Processes that other threads start read exit codes away.
+        done, end = SERVER.Pipe(duplex=False)
+        process = SERVER.Process(target=_run_script, args=(fname, self.threads, out, err, end))
+        process.start()
+        end.close()
+        with benchmarked(process.pid, self.bench_record):
+            try:
+                done.recv()
+            except EOFError:
+                raise subprocess.CalledProcessError(1, fname) from None
+
+    PythonScript.execute_script = execute_script
     main()
+
+
+def _run_script(file: str, threads: int, out: Path, err: Path, end: Connection) -> None:
+    """In a process of its own: run what Snakemake wrote for a job, and say so at its end."""
+    _write_to(out, err)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(threads)
+    sys.argv = [file]
+    runpy.run_path(file, run_name="__main__")
+    end.send("done")
+
+
+def _write_to(out: Path, err: Path) -> None:
+    for stream, path in ((1, out), (2, err)):
+        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)

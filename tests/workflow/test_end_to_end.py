@@ -42,7 +42,7 @@ def copy_bodies(source, target):
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project in which the tiny experiment was made by the command users type."""
+    """A copy of the project in which Snakemake made the tiny experiment."""
     folder = copy_project(tmp_path_factory.mktemp("tiny"))
     if all((cached_bodies() / name).is_file() for name in BODIES):
         copy_bodies(cached_bodies(), folder / "resources/body")
