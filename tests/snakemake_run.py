@@ -73,7 +73,9 @@ def _run(project: Path, arguments: tuple[str, ...], out: Path, err: Path) -> Non
     """In a process of its own: call the command line's entry point."""
     _write_to(out, err)
     os.chdir(project)
-    sys.path[0] = ""
+    # Tests of Blender have added its folders, where a module with Blender's name is not Blender.
+    blender = f"{os.sep}bpy{os.sep}"
+    sys.path[:] = ["", *(path for path in sys.path[1:] if blender not in path)]
     sys.argv = ["snakemake", "--workflow-profile", PROFILE, *arguments]
     from snakemake.benchmark import benchmarked
     from snakemake.cli import main
