@@ -1,7 +1,6 @@
 """The tiny size, really made: bodies, outfits, Blender, dataset, pictures, report."""
 
 import hashlib
-import json
 import os
 import re
 import shutil
@@ -89,7 +88,7 @@ def test_garments_are_quads_of_the_length_asked_for_and_keep_it_when_simulated(m
 
 def test_cloth_stays_outside_the_body_and_on_it(made):
     for sample in made:
-        health = json.loads((sample.folder / "meta.json").read_text())["health"]
+        health = sample.meta["health"]
         assert health["inside_share"]["mean"] < 0.01
         for name in sample.garments:
             # No garment lies on the floor or flies: its centre stays near the root joint.

@@ -109,7 +109,7 @@ def _provenance(records: Sequence[SampleRecord]) -> str:
         "Motion capture drives a parametric body with a random shape per sequence. A random outfit"
         " is cut, fitted to the body in rest pose and simulated as cloth that collides with the"
         " body, with itself and with the other garment. Every random number used is recorded in"
-        " the sample's `meta.json`.\n\n"
+        " the sample's `extras/meta.json`.\n\n"
         f"- Body models: {_join(models)}\n"
         f"- Software: {_join(versions)}\n"
         f"- Seed: {_join(seeds)}"
@@ -161,15 +161,15 @@ _FORMAT = """\
 position of a vertex is the vertex plus the frame's `trans`; `zrot` is 0. Units are metres and
 radians, Z is up.
 
-In addition to CLOTH3D's files there are `{Garment}.f32` (the same vertices in single precision,
-without a header), `Body.obj` and `Body.pc16` (the body, so that no body model is needed),
-`health.npz` (measures of every frame) and `meta.json`. Tables: `samples.tsv`, `status.tsv`,
-`statistics_*.tsv`."""
+What CLOTH3D does not have is in `{split}/{id}/extras/`: `{Garment}.f32` (the same vertices in
+single precision, without a header), `Body.obj` and `Body.pc16` (the body, so that no body model is
+needed), `health.npz` (measures of every frame) and `meta.json`. Tables: `samples.tsv`,
+`status.tsv`, `statistics_*.tsv`."""
 
 _LIMITS = """\
 - The body is the model named above. If that is not SMPL, `poses` and `shape` have SMPL's layout
   and joint order but are coefficients of that model: CLOTH3D's readers parse them, but SMPL
-  rebuilds a different body from them. Use `Body.pc16` or the body file itself.
+  rebuilds a different body from them. Use `extras/Body.pc16` or the body file itself.
 - Half precision rounds positions by up to 0.5 mm, which is enough to affect accelerations. Use the
   `.f32` files for measurements.
 - As in CLOTH3D, the stored body does not include the corrections of self-collisions that were

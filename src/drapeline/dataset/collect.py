@@ -1,5 +1,6 @@
 """Collect the accepted samples into split folders, with tables of all samples and the card."""
 
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -44,9 +45,7 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
             (scratch / split).mkdir()
         for record in accepted:
             target = scratch / record.meta["split"] / record.meta["id"]
-            target.mkdir()
-            for path in sorted(record.folder.iterdir()):
-                link_or_copy(path, target / path.name)
+            shutil.copytree(record.folder, target, copy_function=link_or_copy)
         write_table(scratch / "status.tsv", [status_row(record) for record in records])
         write_table(scratch / "samples.tsv", [sample_row(record) for record in accepted])
         for name, rows in tables.items():

@@ -10,7 +10,7 @@ import numpy as np
 
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.record import body_fingerprint
+from drapeline.dataset.record import EXTRAS, body_fingerprint, meta_path
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
 from drapeline.geometry.mesh import Mesh
@@ -130,8 +130,8 @@ class Sample:
 
     @cached_property
     def meta(self) -> dict[str, Any] | None:
-        """Contents of `meta.json`, or None if there is none, as in the original."""
-        path = self.folder / "meta.json"
+        """Contents of `extras/meta.json`, or None if there is none, as in the original."""
+        path = meta_path(self.folder)
         return read_json(path) if path.is_file() else None
 
     @cached_property
@@ -140,8 +140,7 @@ class Sample:
         names = tuple(self.info.outfit)
         if names:
             return names
-        stems = sorted(path.stem for path in self.folder.glob("*.obj"))
-        return tuple(stem for stem in stems if stem != BODY)
+        return tuple(sorted(path.stem for path in self.folder.glob("*.obj")))
 
     @property
     def frame_count(self) -> int:
@@ -179,13 +178,13 @@ class Sample:
     @cached_property
     def health(self) -> dict[str, np.ndarray]:
         """Health measures of every frame by name; empty if none are stored."""
-        path = self.folder / "health.npz"
+        path = self._extras / "health.npz"
         return load_npz(path) if path.is_file() else {}
 
     @property
     def has_body(self) -> bool:
         """Whether body vertices are available: stored, or rebuilt by a given body model."""
-        return bool(self._bodies) or (self.folder / f"{BODY}.pc16").is_file()
+        return bool(self._bodies) or (self._extras / f"{BODY}.pc16").is_file()
 
     def mesh(self, garment: str) -> Mesh:
         """Rest mesh of a garment with faces and texture coordinates, root-relative, facing -Y.
@@ -193,16 +192,17 @@ class Sample:
         Raises:
             InputError: the OBJ is missing or damaged.
         """
-        return self._rest_mesh(garment)
+        return self._rest_mesh(self.folder / f"{garment}.obj")
 
     def body_mesh(self) -> Mesh:
         """Body in rest pose, in the same frame as the rest garments.
 
         Raises:
-            InputError: there is neither a `Body.obj` nor a body model for this gender.
+            InputError: there is neither an `extras/Body.obj` nor a body model for this gender.
         """
-        if (self.folder / f"{BODY}.obj").is_file():
-            return self._rest_mesh(BODY)
+        stored = self._extras / f"{BODY}.obj"
+        if stored.is_file():
+            return self._rest_mesh(stored)
         from drapeline.bodies.model import posed_vertices
         from drapeline.frames import REST_POSE
 
@@ -236,7 +236,7 @@ class Sample:
         """Body vertices of frames [start, stop), (stop - start, V, 3) float32 metres.
 
         They are rebuilt from poses and shape if a body model was given, otherwise read from
-        `Body.pc16`.
+        `extras/Body.pc16`.
 
         Raises:
             InputError: neither is available, or the sample was made with another body model.
@@ -272,8 +272,12 @@ class Sample:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def _rest_mesh(self, name: str) -> Mesh:
-        mesh = load_obj(self.folder / f"{name}.obj")
+    @property
+    def _extras(self) -> Path:
+        return self.folder / EXTRAS
+
+    def _rest_mesh(self, path: Path) -> Mesh:
+        mesh = load_obj(path)
         turned = (
             self._rest_turned
             if self.meta is None
@@ -288,7 +292,8 @@ class Sample:
         if name not in self._caches:
             if name != BODY and name not in self.garments:
                 raise KeyError(f"{self.folder}: no garment {name}, only {', '.join(self.garments)}")
-            half, single = self.folder / f"{name}.pc16", self.folder / f"{name}.f32"
+            single = self._extras / f"{name}.f32"
+            half = (self._extras if name == BODY else self.folder) / f"{name}.pc16"
             if name == BODY and not half.is_file():
                 raise InputError(
                     f"{half}: no such file, expected this file or a body model for gender"

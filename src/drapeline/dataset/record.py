@@ -14,7 +14,9 @@ from drapeline.storage import read_json
 if TYPE_CHECKING:
     from drapeline.bodies.model import BodyModel
 
-_CLOTH3D_SUFFIXES = (".mat", ".obj", ".pc16", ".png")  # files of other types are our additions
+# Subfolder of a sample with everything that CLOTH3D does not have. Some of its readers take every
+# OBJ or PC16 file beside `info.mat` for a garment, so only its own files may lie there.
+EXTRAS = "extras"
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class SampleRecord:
     Attributes:
         folder: the sample's folder.
         meta: contents of its `meta.json`.
-        cloth3d_bytes: total size of the files that CLOTH3D also has.
+        cloth3d_bytes: total size of the files in CLOTH3D's layout.
         total_bytes: total size of all files.
     """
 
@@ -46,18 +48,27 @@ def read_record(folder: str | Path) -> SampleRecord:
         InputError: there is no `meta.json`, or it lacks a key that every sample has.
     """
     folder = Path(folder)
-    meta = read_json(folder / "meta.json")
+    meta = read_meta(folder)
     missing = [key for key in ("id", "status", "split", "motion", "outfit") if key not in meta]
     if missing:
-        raise InputError(f"{folder / 'meta.json'}: lacks {', '.join(missing)}")
-    sizes = {path: path.stat().st_size for path in folder.iterdir()}
-    stems = {"info", *meta.get("garments", {})}
-    cloth3d_sizes = [
-        size
-        for path, size in sizes.items()
-        if path.suffix in _CLOTH3D_SUFFIXES and path.stem in stems
-    ]
-    return SampleRecord(folder, meta, sum(cloth3d_sizes), sum(sizes.values()))
+        raise InputError(f"{meta_path(folder)}: lacks {', '.join(missing)}")
+    sizes = {path: path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+    cloth3d_bytes = sum(size for path, size in sizes.items() if path.parent == folder)
+    return SampleRecord(folder, meta, cloth3d_bytes, sum(sizes.values()))
+
+
+def meta_path(folder: str | Path) -> Path:
+    """Where the `meta.json` of the sample in `folder` is."""
+    return Path(folder) / EXTRAS / "meta.json"
+
+
+def read_meta(folder: str | Path) -> dict[str, Any]:
+    """Read the `meta.json` of the sample in `folder`.
+
+    Raises:
+        InputError: the file is missing or not JSON.
+    """
+    return read_json(meta_path(folder))
 
 
 def body_fingerprint(body: "BodyModel") -> str:

@@ -1,4 +1,4 @@
-"""Write samples as CLOTH3D folders, with extra files that CLOTH3D's readers ignore."""
+"""Write samples as CLOTH3D folders, with extra files in a subfolder."""
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -12,7 +12,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.record import body_fingerprint
+from drapeline.dataset.record import EXTRAS, body_fingerprint, meta_path
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges
@@ -57,7 +57,7 @@ def write_sample(
     seed: int,
     split: str,
 ) -> dict[str, Any]:
-    """Write `info.mat`, the OBJ and PC16 files and the extra files of a simulated sample.
+    """Write `info.mat`, the OBJ and PC16 files and the `extras/` of a simulated sample.
 
     A sample that was not accepted gets only a `meta.json` with its status and reason. Memory use
     does not grow with the number of frames.
@@ -103,6 +103,7 @@ def write_sample(
         "versions": {"drapeline": __version__, **{name: version(name) for name in _PACKAGES}},
     }
     with atomic_folder(folder) as scratch:
+        (scratch / EXTRAS).mkdir()
         if status["status"] == "accepted":
             garments = load_outfit(outfit, Path(outfit).with_suffix(".json")).garments
             write_info(scratch / "info.mat", _info(record, description, rng))
@@ -112,9 +113,9 @@ def write_sample(
             }
             _write_body(scratch, body, record.shape, record.poses)
             health = load_npz(simulation / "health.npz")
-            save_npz(scratch / "health.npz", **health)
+            save_npz(scratch / EXTRAS / "health.npz", **health)
             meta["health"] = summarise_health(health)
-        write_json(scratch / "meta.json", meta)
+        write_json(meta_path(scratch), meta)
     return meta
 
 
@@ -206,7 +207,7 @@ def _write_garment(
                         f"{source}: frame {bad} holds NaN or infinity, expected finite positions"
                     )
                 half.append(frames)
-    link_or_copy(source, folder / f"{name}.f32")
+    link_or_copy(source, folder / EXTRAS / f"{name}.f32")
     ends = mesh.vertices[edges(mesh.faces)]
     return {
         "vertices": len(mesh.vertices),
@@ -217,8 +218,8 @@ def _write_garment(
 
 def _write_body(folder: Path, body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> None:
     rest, _ = posed_vertices(body, shape, REST_POSE[None].copy())
-    save_obj(folder / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
-    with point_cache_writer(folder / f"{BODY}.pc16", len(body.v_template)) as writer:
+    save_obj(folder / EXTRAS / f"{BODY}.obj", Mesh(rest[0], body.faces, body.vt, body.ft))
+    with point_cache_writer(folder / EXTRAS / f"{BODY}.pc16", len(body.v_template)) as writer:
         for start in range(0, len(poses), _CHUNK):
             writer.append(posed_vertices(body, shape, poses[start : start + _CHUNK])[0])
 
@@ -249,11 +250,13 @@ def write_reconstruction(
         garments: F frames each.
     """
     with atomic_folder(folder) as scratch:
+        (scratch / EXTRAS).mkdir()
         write_info(scratch / "info.mat", info)
         for name, rest, frames in garments:
             save_obj(scratch / f"{name}.obj", rest)
             with point_cache_writer(scratch / f"{name}.pc16", len(rest.vertices)) as half:
                 half.append(frames)
-            with point_cache_writer(scratch / f"{name}.f32", len(rest.vertices)) as full:
+            single = scratch / EXTRAS / f"{name}.f32"
+            with point_cache_writer(single, len(rest.vertices)) as full:
                 full.append(frames)
         _write_body(scratch, body, info.shape, info.poses)

@@ -169,7 +169,7 @@ def test_a_single_frame_can_be_exported(tmp_path, toy_body):
 
 def test_a_sample_without_a_body_is_exported_without_one(tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, frames=2)
-    (tiny.folder / "Body.pc16").unlink()
+    (tiny.folder / "extras/Body.pc16").unlink()
     assert export_sample(tiny.folder, tmp_path / "out", "pc2") == (
         ["Skirt.obj", "Skirt.pc2", "Tshirt.obj", "Tshirt.pc2"]
     )

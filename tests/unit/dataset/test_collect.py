@@ -5,8 +5,9 @@ import pytest
 
 from drapeline.dataset.collect import collect_dataset
 from drapeline.dataset.reader import Cloth3D
+from drapeline.dataset.record import meta_path, read_meta
 from drapeline.errors import InputError
-from drapeline.storage import read_json, write_json
+from drapeline.storage import write_json
 from tiny_sample import write_tiny_sample
 
 
@@ -42,9 +43,8 @@ def test_accepted_samples_are_in_their_splits_and_rejected_ones_in_none(dataset)
 
 def test_files_are_linked_and_not_copied(dataset):
     for split in ("train", "test"):
-        for path in (dataset / split).glob("*/*.pc16"):
-            source = dataset.parent / "samples" / path.parent.name / path.name
-            assert path.samefile(source)
+        for path in (dataset / split).rglob("*.*"):
+            assert path.samefile(dataset.parent / "samples" / path.relative_to(dataset / split))
 
 
 def test_status_lists_every_sample_with_its_reason(dataset):
@@ -98,9 +98,9 @@ def test_unusable_samples_are_named(tmp_path, toy_body):
     folder = write_tiny_sample(tmp_path, toy_body).folder
     with pytest.raises(InputError, match="sample 00001 is given twice"):
         collect_dataset([folder, folder], tmp_path / "dataset")
-    meta = read_json(folder / "meta.json")
+    meta = read_meta(folder)
     del meta["motion"]
-    write_json(folder / "meta.json", meta)
+    write_json(meta_path(folder), meta)
     with pytest.raises(InputError, match=r"meta.json: lacks motion"):
         collect_dataset([folder], tmp_path / "dataset")
     assert not (tmp_path / "dataset").exists()

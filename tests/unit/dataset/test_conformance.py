@@ -2,9 +2,11 @@
 
 Written from a description of what those readers do. The starter kit squeezes `info.mat`, insists
 on half precision for `.pc16`, seeks single frames and adds `trans` before turning by `zrot`. The
-DeePSD family does the same with its own code and takes the rest mesh turned back by `zrot`.
+DeePSD family does the same with its own code and takes the rest mesh turned back by `zrot`; it
+lists garments by their OBJ files instead of asking `info.mat`.
 """
 
+import os
 import struct
 
 import numpy as np
@@ -12,9 +14,12 @@ import pytest
 import scipy.io
 
 from drapeline.bodies.model import posed_vertices
+from drapeline.dataset.collect import collect_dataset
+from drapeline.dataset.info_mat import SampleInfo
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.frames import REST_POSE
-from tiny_sample import GARMENTS, write_tiny_sample
+from tiny_sample import GARMENTS, tube, write_tiny_sample
 
 
 def plain_dict(struct_value):
@@ -159,10 +164,34 @@ def test_deepsd_family_places_the_rest_body_inside_the_rest_garments(sample, toy
         assert abs(rest[:, 0].mean() - body[0, :, 0].mean()) < 0.02
 
 
-def test_the_original_readers_find_no_surprising_garments(sample):
-    """Readers list garments from `outfit`; everything else in the folder is passed over."""
-    info = starter_kit_info(sample.folder)
-    for garment in info["outfit"]:
+def test_starter_kit_finds_the_files_of_every_garment(sample):
+    for garment in starter_kit_info(sample.folder)["outfit"]:
         assert (sample.folder / f"{garment}.obj").is_file()
         assert (sample.folder / f"{garment}.pc16").is_file()
-    assert "Body" not in info["outfit"]
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".pc16"])
+def test_a_reader_that_takes_every_such_file_for_a_garment_finds_the_outfit(sample, suffix):
+    outfit = starter_kit_info(sample.folder)["outfit"]
+    names = [name for name in os.listdir(sample.folder) if name.endswith(suffix)]
+    assert {outfit[name.removesuffix(suffix)]["fabric"] for name in names} == {"cotton", "denim"}
+    assert len(names) == len(outfit)
+
+
+def test_reconstructions_too_hold_nothing_but_garments(tmp_path, toy_body):
+    rest = tube(0.25, -0.4, 0.05)
+    poses = np.repeat(REST_POSE[None], 2, 0)
+    texture = {"type": "color", "data": [0.4, 0.5, 0.7]}
+    info = SampleInfo(
+        poses, np.zeros((2, 3)), np.zeros(10), 0, outfit={"Skirt": {"texture": texture}}
+    )
+    skirt = GarmentAnimation("Skirt", rest, np.stack([rest.vertices] * 2))
+    write_reconstruction(tmp_path / "Skirt", toy_body, info, [skirt])
+    files = {path.name for path in (tmp_path / "Skirt").iterdir() if path.is_file()}
+    assert files == {"info.mat", "Skirt.obj", "Skirt.pc16"}
+
+
+def test_every_entry_of_a_split_is_a_sample(sample, tmp_path):
+    collect_dataset([sample.folder], tmp_path / "dataset")
+    for name in os.listdir(tmp_path / "dataset/train"):
+        assert starter_kit_info(tmp_path / "dataset/train" / name)["zrot"] == 0

@@ -18,9 +18,8 @@ def original(tiny, tmp_path):
     """The sample as the original would store it: no extras, and no meta."""
     folder = tmp_path / "train" / "00001"
     folder.mkdir(parents=True)
-    for path in tiny.folder.iterdir():
-        if path.suffix in (".mat", ".obj", ".pc16") and path.stem != "Body":
-            shutil.copy(path, folder)
+    for path in tiny.folder.glob("*.*"):
+        shutil.copy(path, folder)
     return folder
 
 
@@ -114,7 +113,7 @@ def test_the_original_reads_the_same_without_extras(original, tiny, toy_body):
         )
     np.testing.assert_allclose(sample.body_vertices(), body_truth(toy_body, tiny), atol=1e-6)
     np.testing.assert_allclose(
-        sample.body_mesh().vertices, load_obj(tiny.folder / "Body.obj").vertices, atol=1e-6
+        sample.body_mesh().vertices, load_obj(tiny.folder / "extras/Body.obj").vertices, atol=1e-6
     )
 
 
@@ -178,7 +177,7 @@ def test_a_single_frame_is_not_squeezed_away(tmp_path, toy_body):
 @pytest.mark.parametrize("suffix", ["f32", "pc16"])
 def test_a_truncated_cache_is_one_sentence(tmp_path, tiny, suffix):
     folder = shutil.copytree(tiny.folder, tmp_path / "00001")
-    path = folder / f"Skirt.{suffix}"
+    [path] = folder.rglob(f"Skirt.{suffix}")
     path.write_bytes(path.read_bytes()[:-2])
     with pytest.raises(InputError, match=rf"Skirt.{suffix}: \d+ bytes, expected \d+"):
         Sample(folder).vertices("Skirt", 0, 1)

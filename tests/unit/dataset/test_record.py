@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import pytest
 
-from drapeline.dataset.record import body_fingerprint, read_record
+from drapeline.dataset.record import body_fingerprint, meta_path, read_meta, read_record
 from drapeline.errors import InputError
-from drapeline.storage import read_json, write_json
+from drapeline.storage import write_json
 from tiny_sample import write_tiny_sample
 
 
@@ -14,7 +14,9 @@ def test_a_record_tells_the_files_of_cloth3d_from_the_others(tiny):
     assert record.accepted
     assert record.meta["id"] == "00001"
     assert record.cloth3d_bytes == sum((tiny.folder / name).stat().st_size for name in names)
-    assert record.total_bytes == sum(path.stat().st_size for path in tiny.folder.iterdir())
+    assert record.total_bytes == sum(
+        path.stat().st_size for path in tiny.folder.rglob("*") if path.is_file()
+    )
 
 
 def test_a_rejected_sample_has_a_record_without_data(tmp_path, toy_body):
@@ -22,17 +24,17 @@ def test_a_rejected_sample_has_a_record_without_data(tmp_path, toy_body):
     record = read_record(folder)
     assert not record.accepted
     assert record.cloth3d_bytes == 0
-    assert record.total_bytes == (folder / "meta.json").stat().st_size
+    assert record.total_bytes == meta_path(folder).stat().st_size
 
 
 def test_an_incomplete_meta_is_named(tmp_path, toy_body):
     folder = write_tiny_sample(tmp_path, toy_body).folder
-    meta = read_json(folder / "meta.json")
+    meta = read_meta(folder)
     del meta["motion"], meta["split"]
-    write_json(folder / "meta.json", meta)
+    write_json(meta_path(folder), meta)
     with pytest.raises(InputError, match="meta.json: lacks split, motion"):
         read_record(folder)
-    (folder / "meta.json").unlink()
+    meta_path(folder).unlink()
     with pytest.raises(InputError, match="meta.json: no such file"):
         read_record(folder)
 

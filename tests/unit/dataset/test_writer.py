@@ -7,7 +7,7 @@ import pytest
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import body_fingerprint
+from drapeline.dataset.record import body_fingerprint, read_meta
 from drapeline.dataset.writer import (
     GarmentAnimation,
     summarise_health,
@@ -20,7 +20,7 @@ from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache, PointCacheWriter, point_cache_writer
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, read_json, save_npz
+from drapeline.storage import load_npz, save_npz
 from tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample
 
 
@@ -39,24 +39,25 @@ def write(tiny, body, sample="00001"):
 
 
 def test_the_folder_holds_cloth3d_files_and_the_extras(tiny):
-    assert sorted(path.name for path in tiny.folder.iterdir()) == sorted(
-        ["info.mat", "meta.json", "health.npz", "Body.obj", "Body.pc16"]
-        + [f"{name}.{suffix}" for name in GARMENTS for suffix in ("obj", "pc16", "f32")]
-    )
+    files = {str(p.relative_to(tiny.folder)) for p in tiny.folder.rglob("*") if p.is_file()}
+    cloth3d = {"info.mat", *(f"{name}.{suffix}" for name in GARMENTS for suffix in ("obj", "pc16"))}
+    extras = {"meta.json", "health.npz", "Body.obj", "Body.pc16"}
+    extras |= {f"{name}.f32" for name in GARMENTS}
+    assert files == cloth3d | {f"extras/{name}" for name in extras}
 
 
 def test_poses_and_shape_rebuild_the_stored_body(tiny, toy_body):
     info = read_info(tiny.folder / "info.mat")
     rebuilt, joints = posed_vertices(toy_body, info.shape, info.poses, info.trans)
     np.testing.assert_allclose(joints[:, 0], info.trans, atol=1e-6)
-    stored = PointCache(tiny.folder / "Body.pc16").frames() + info.trans[:, None]
+    stored = PointCache(tiny.folder / "extras/Body.pc16").frames() + info.trans[:, None]
     half = 2.0**-11 * np.maximum(np.abs(rebuilt - info.trans[:, None]), 0.5)
     assert (np.abs(stored - rebuilt) <= half + 1e-6).all()
     np.testing.assert_allclose(rebuilt, body_truth(toy_body, tiny), atol=1e-6)
 
 
 def test_the_rest_body_stands_with_legs_open_and_its_root_at_the_origin(tiny, toy_body):
-    rest = load_obj(tiny.folder / "Body.obj")
+    rest = load_obj(tiny.folder / "extras/Body.obj")
     expected, _ = posed_vertices(toy_body, tiny.shape, REST_POSE[None].copy())
     np.testing.assert_allclose(rest.vertices, expected[0], atol=1e-6)
     np.testing.assert_array_equal(rest.faces, toy_body.faces)
@@ -65,7 +66,7 @@ def test_the_rest_body_stands_with_legs_open_and_its_root_at_the_origin(tiny, to
 def test_garments_keep_single_precision_and_round_once_to_half(tiny):
     for name in GARMENTS:
         count = len(tiny.meshes[name].vertices)
-        single = PointCache(tiny.folder / f"{name}.f32", count).frames()
+        single = PointCache(tiny.folder / f"extras/{name}.f32", count).frames()
         half = PointCache(tiny.folder / f"{name}.pc16", count).frames()
         np.testing.assert_array_equal(single, tiny.vertices[name])
         np.testing.assert_array_equal(half, tiny.vertices[name].astype(np.float16))
@@ -80,7 +81,7 @@ def test_rest_garments_are_quads_in_the_order_of_the_frames(tiny):
 
 
 def test_meta_tells_where_the_sample_comes_from(tiny):
-    meta = read_json(tiny.folder / "meta.json")
+    meta = read_meta(tiny.folder)
     assert meta["status"] == "accepted"
     assert meta["motion"]["source"] == "walk.txt"
     assert meta["motion"]["frames"] == len(tiny.poses)
@@ -98,16 +99,17 @@ def test_meta_tells_where_the_sample_comes_from(tiny):
 
 def test_a_rejected_sample_says_why_and_holds_no_meshes(tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
-    assert [path.name for path in tiny.folder.iterdir()] == ["meta.json"]
-    assert read_json(tiny.folder / "meta.json")["reason"].startswith("1.20 %")
+    assert list(tiny.folder.rglob("*.*")) == [tiny.folder / "extras/meta.json"]
+    assert read_meta(tiny.folder)["reason"].startswith("1.20 %")
 
 
 def test_the_same_inputs_give_the_same_bytes(tmp_path, toy_body):
     folders = [
         write_tiny_sample(tmp_path / run, toy_body, frames=2).folder for run in ("one", "two")
     ]
-    for path in folders[0].iterdir():
-        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+    for path in folders[0].rglob("*.*"):
+        name = path.relative_to(folders[0])
+        assert path.read_bytes() == (folders[1] / name).read_bytes(), name
 
 
 def test_one_frame_is_enough(tmp_path, toy_body):
@@ -192,9 +194,9 @@ def test_the_stored_body_is_that_of_a_saved_and_loaded_model(tmp_path, toy_body,
     )
     record = load_npz(tiny.stages / "bodies/00001.npz")
     loaded = load_body(tmp_path / "body.npz")
-    assert body_fingerprint(loaded) == read_json(tiny.folder / "meta.json")["body"]["fingerprint"]
+    assert body_fingerprint(loaded) == read_meta(tiny.folder)["body"]["fingerprint"]
     points, _ = posed_vertices(loaded, tiny.shape, record["poses"])
-    stored = PointCache(tiny.folder / "Body.pc16").frames()
+    stored = PointCache(tiny.folder / "extras/Body.pc16").frames()
     assert np.abs(points - stored).max() < 5e-4
 
 

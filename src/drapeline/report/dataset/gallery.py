@@ -9,6 +9,7 @@ from PIL import Image
 
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import meta_path, read_meta
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.rendering.animated_png import save_animation
@@ -17,7 +18,7 @@ from drapeline.rendering.picture_grid import text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.style import SKIN
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_file, read_json
+from drapeline.storage import atomic_file
 
 _GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
 _DISTANCE_M = 7.0
@@ -52,8 +53,7 @@ def render_gallery(
     Raises:
         InputError: the sample's files are missing or damaged.
     """
-    meta_file = Path(folder) / "meta.json"
-    meta = read_json(meta_file) if meta_file.is_file() else {"status": "accepted"}
+    meta = read_meta(folder) if meta_path(folder).is_file() else {"status": "accepted"}
     if meta["status"] != "accepted":
         _save_still(still, _card(meta, still_size))
         _save_still(moving, _card(meta, moving_size))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from drapeline.dataset.record import SampleRecord
+from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
 from drapeline.report.html import Cell, html_table, write_page
@@ -142,8 +142,7 @@ def plot_speed(path: str | Path, records: Sequence[SampleRecord]) -> None:
         speed = record.meta["simulation"].get("frames_per_second")
         if speed is None:
             raise InputError(
-                f"{record.folder / 'meta.json'}: lacks simulation.frames_per_second,"
-                " expected a number"
+                f"{meta_path(record.folder)}: lacks simulation.frames_per_second, expected a number"
             )
         speeds.append((np.nan, float(speed), np.nan))
     measure = Measure(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from drapeline.dataset.record import SampleRecord
+from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
@@ -126,7 +126,7 @@ def plot_vertices(path: str | Path, records: Sequence[SampleRecord]) -> None:
 def _outfit_value(record: SampleRecord, key: str) -> list[float]:
     values = record.meta["outfit"].get(key)
     if values is None or len(values) < 2:
-        raise InputError(f"{record.folder / 'meta.json'}: outfit.{key} is {values}, expected list")
+        raise InputError(f"{meta_path(record.folder)}: outfit.{key} is {values}, expected list")
     return values
 
 

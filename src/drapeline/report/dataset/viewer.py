@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_meta
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
-from drapeline.storage import atomic_file, read_json
+from drapeline.storage import atomic_file
 
 FRAMES_MAX = 60
 BYTES_MAX = 6_000_000  # of the page; fewer frames are kept rather than a coarser mesh
@@ -47,7 +48,7 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
     """
     if folder is None:
         return _write(path, {"title": "No sample was accepted", "lines": []}, b"")
-    meta = read_json(Path(folder) / "meta.json")
+    meta = read_meta(folder)
     if meta["status"] != "accepted":
         title = f"Sample {meta['id']} was {meta['status']}"
         return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
