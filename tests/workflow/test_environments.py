@@ -43,6 +43,7 @@ DISTRIBUTIONS = {
     "array_api_compat": "array-api-compat",
     "igl": "libigl",
     "mathutils": "bpy",
+    "pxr": "bpy",
     "pytorch_lightning": "pytorch-lightning",
     "skimage": "scikit-image",
     "sklearn": "scikit-learn",

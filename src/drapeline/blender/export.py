@@ -7,7 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from drapeline.blender.scene import add_mesh, new_scene
+from drapeline.blender.scene import add_material, add_mesh, new_scene
+from drapeline.blender.usd import write_usd
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
@@ -30,9 +31,10 @@ def export_sample(
 ) -> list[str]:
     """Export body and garments of one sample, moving in the world frame at 30 frames per second.
 
-    - `usdc`: one file, Z up and metres as its header says, point positions per frame.
-    - `glb`: one file, Y up, one morph target per frame.
-    - `abc`: one file, Y up, point positions per frame.
+    - `usdc`: one file, Z up and metres as its header says; points, normals and velocities per
+      frame.
+    - `glb`: one file, Y up, one quantised morph target per frame.
+    - `abc`: one file, Y up, points per frame, colours of corners.
     - `pc2`, `mdd`: per mesh an OBJ in rest pose and a cache for it, both Y up.
     - `obj`: per mesh a folder with an OBJ per frame, Y up.
 
@@ -64,19 +66,7 @@ def export_sample(
 
 
 def _export_usd(folder: Path, name: str, parts: list[ScenePart]) -> None:
-    with tempfile.TemporaryDirectory() as scratch:
-        _scene_with_caches(parts, Path(scratch))
-        bpy.ops.wm.usd_export(
-            filepath=str(folder / f"{name}.usdc"),
-            export_animation=True,
-            evaluation_mode="RENDER",
-            # Normals would be stored per corner and frame, four times what the positions take;
-            # readers of USD make smooth ones.
-            export_normals=False,
-            export_lights=False,
-            export_cameras=False,
-            convert_world_material=False,
-        )
+    write_usd(folder / f"{name}.usdc", parts)
 
 
 def _export_alembic(folder: Path, name: str, parts: list[ScenePart]) -> None:
@@ -88,6 +78,7 @@ def _export_alembic(folder: Path, name: str, parts: list[ScenePart]) -> None:
             end=parts[0].frame_count - 1,
             evaluation_mode="RENDER",
             face_sets=True,
+            vcolors=True,
         )
 
 
@@ -159,17 +150,16 @@ def _scene_with_caches(parts: list[ScenePart], scratch: Path) -> None:
 
 
 def _add_part(part: ScenePart) -> bpy.types.Object:
-    """The part as it is in frame 0, with texture coordinates and a plain material."""
+    """The part as it is in frame 0, with texture coordinates and its colour.
+
+    Alembic has no materials, so that the colour is also one of corners. Blender's exporter knows
+    colours of corners in bytes alone, and writes them in sRGB.
+    """
     thing = add_mesh(part.name, part.read(0, 1)[0], part.mesh.faces, part.colour)
     if part.mesh.uv is not None:
         corners = part.mesh.uv[part.mesh.uv_faces].astype(np.float32)
         thing.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", corners.ravel())
-    material = bpy.data.materials.new(part.name)
-    material.use_nodes = True
-    shader = material.node_tree.nodes["Principled BSDF"]
-    shader.inputs["Base Color"].default_value = (*part.colour, 1.0)
-    shader.inputs["Roughness"].default_value = 0.8
-    # Cloth is a single sheet, seen from both sides.
-    material.use_backface_culling = False
-    thing.data.materials.append(material)
+    colours = thing.data.color_attributes.new("colour", "BYTE_COLOR", "CORNER")
+    colours.data.foreach_set("color", (*part.linear_colour, 1.0) * part.mesh.faces.size)
+    add_material(thing, part.linear_colour, roughness=0.8)
     return thing

@@ -8,12 +8,11 @@ import numpy as np
 from mathutils import Matrix
 from PIL import Image
 
-from drapeline.blender.scene import add_mesh, new_scene
+from drapeline.blender.scene import add_material, add_mesh, new_scene
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
-from drapeline.frames import FPS
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.modalities import Seen, cast_rays
 from drapeline.rule_log import progress
@@ -88,13 +87,13 @@ def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Ca
     scene = new_scene()
     for part in parts:
         thing = add_mesh(part.name, part.read(frame, frame + 1)[0], part.mesh.faces)
-        thing.data.materials.append(_material(part.name, part.colour, roughness=0.75))
+        add_material(thing, part.linear_colour, roughness=0.75)
     reach = 30.0
     corners = np.array(
         [[-reach, -reach, 0], [reach, -reach, 0], [reach, reach, 0], [-reach, reach, 0]]
     )
     floor = add_mesh("floor", corners + [*camera.position[:2], 0.0], np.array([[0, 1, 2, 3]]))
-    floor.data.materials.append(_material("floor", (0.8, 0.8, 0.8), roughness=1.0))
+    add_material(floor, (0.604, 0.604, 0.604), roughness=1.0)
     lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
     lamp.data.energy, lamp.data.angle = 3.0, 0.3
     lamp.rotation_euler = (0.5, 0.6, 0.0)
@@ -120,24 +119,10 @@ def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Ca
     bpy.ops.render.render(write_still=True)
 
 
-def _material(name: str, colour: Sequence[float], *, roughness: float) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    shader = material.node_tree.nodes["Principled BSDF"]
-    colour = np.asarray(colour, np.float64)
-    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-    shader.inputs["Base Color"].default_value = (*linear, 1.0)
-    shader.inputs["Roughness"].default_value = roughness
-    return material
-
-
 def _moving_mesh(part: ScenePart, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, faces and velocities in m/s (central differences; one-sided at the ends)."""
-    start, stop = max(frame - 1, 0), min(frame + 2, part.frame_count)
-    around = part.read(start, stop).astype(np.float64)
-    steps = max(len(around) - 1, 1)
-    velocity = (around[-1] - around[0]) * FPS / steps
-    return around[frame - start], part.mesh.faces, velocity
+    """Vertices in metres, faces, and velocities in m/s."""
+    [points], [velocities] = part.read(frame, frame + 1), part.velocities(frame, frame + 1)
+    return points.astype(np.float64), part.mesh.faces, velocities
 
 
 def _write_images(folder: Path, frame: int, seen: Seen, colour: Path) -> None:

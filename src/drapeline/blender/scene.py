@@ -29,6 +29,24 @@ def add_mesh(
     return thing
 
 
+def add_material(
+    thing: bpy.types.Object, linear_colour: Sequence[float], *, roughness: float
+) -> None:
+    """Give a mesh object a plain material of its name.
+
+    Args:
+        thing: the mesh object.
+        linear_colour: linear RGB in 0-1.
+        roughness: 0 for a mirror, 1 for chalk.
+    """
+    material = bpy.data.materials.new(thing.name)
+    material.use_nodes = True
+    shader = material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (*linear_colour, 1.0)
+    shader.inputs["Roughness"].default_value = roughness
+    thing.data.materials.append(material)
+
+
 def new_scene() -> bpy.types.Scene:
     """An empty Blender file with an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)

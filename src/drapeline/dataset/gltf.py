@@ -1,4 +1,4 @@
-"""Write animated meshes to a binary glTF 2.0 file with one morph target per frame.
+"""Write animated meshes to a binary glTF 2.0 file with one quantised morph target per frame.
 
 This does not use Blender's exporter, which loads the whole animation into memory and makes
 Blender's Python module hang at exit.
@@ -20,27 +20,32 @@ from drapeline.frames import FPS
 from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.storage import atomic_file
 
-_FLOAT, _UINT32 = 5126, 5125
+_COMPONENT_TYPES = {"i1": 5120, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 _VERTEX_DATA, _INDEX_DATA = 34962, 34963
-_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3"}
+_QUANTISATION = "KHR_mesh_quantization"
 
 
 def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
     """Write parts, Y up and in metres, with normals, texture coordinates and plain colours.
 
-    Frame 0 is the base mesh. Each later frame is a morph target with weight 1 at its own time and
-    0 at the times of the other frames, interpolated linearly. Memory use does not grow with the
-    number of frames.
+    Frame 0 is the base mesh, in single precision. Each later frame is a morph target that is fully
+    on at its own time and off at the times of the other frames, interpolated linearly. What the
+    first part moves as a whole is left to a node above all parts. Targets are integers, as the
+    extension `KHR_mesh_quantization` allows: 16 bits per number of positions and 8 of normals. They
+    are divided by their largest number, which is the weight that turns them on. So positions are
+    exact to 0.04 mm unless a vertex moves by more than 2.5 m beside the first part. A single frame
+    is a still without targets. Memory use does not grow with the number of frames.
 
     Args:
         path: the `.glb` file.
         parts: parts of one sample, all with the same number of frames.
     """
     with tempfile.TemporaryFile() as binary:
-        asset = _Asset(binary)
+        asset = _Asset(binary, _path(parts[0]))
         for part in parts:
             asset.add_part(part)
-        document = json.dumps(asset.document(), separators=(",", ":")).encode()
+        document = json.dumps(asset.finish(), separators=(",", ":")).encode()
         document += b" " * (-len(document) % 4)
         length = binary.tell()
         binary.seek(0)
@@ -54,101 +59,138 @@ def write_glb(path: str | Path, parts: Sequence[ScenePart]) -> None:
 class _Asset:
     """The JSON of a glTF file, built up along with the binary data that it describes."""
 
-    def __init__(self, binary: BinaryIO) -> None:
+    def __init__(self, binary: BinaryIO, path: np.ndarray) -> None:
         self._binary = binary
+        self._path = path
         self._lists: dict[str, list[dict[str, Any]]] = {
             name: [] for name in ("nodes", "meshes", "materials", "accessors", "bufferViews")
         }
         self._samplers: list[dict[str, Any]] = []
-        self._times: int | None = None
+        self._channels: list[dict[str, Any]] = []
+        if len(path) > 1:
+            times = np.arange(len(path), dtype="<f4")[:, None] / FPS
+            self._times = self._add(times, None, bounds=True)
 
-    def document(self) -> dict[str, Any]:
+    def finish(self) -> dict[str, Any]:
+        nodes = list(range(len(self._lists["nodes"])))
+        if self._samplers:
+            self._animate(len(nodes), "translation", self._path)
+            self._lists["nodes"].append({"name": "sample", "children": nodes})
+            nodes = [len(nodes)]
         document = {
             "asset": {"version": "2.0", "generator": f"drapeline {__version__}"},
             "scene": 0,
-            "scenes": [{"nodes": list(range(len(self._lists["nodes"])))}],
+            "scenes": [{"nodes": nodes}],
             **self._lists,
             "buffers": [{"byteLength": self._binary.tell()}],
         }
         if self._samplers:
+            document["extensionsUsed"] = document["extensionsRequired"] = [_QUANTISATION]
             document["animations"] = [
-                {
-                    "name": "sequence",
-                    "samplers": self._samplers,
-                    "channels": [
-                        {"sampler": node, "target": {"node": node, "path": "weights"}}
-                        for node in range(len(self._samplers))
-                    ],
-                }
+                {"name": "sequence", "samplers": self._samplers, "channels": self._channels}
             ]
         return document
 
     def add_part(self, part: ScenePart) -> None:
         source, uv, triangles = _split_at_seams(part)
         faces = triangulate(part.mesh.faces)
-        targets, base = [], None
-        for points in part.frames():
-            normals = to_y_up(vertex_normals(points, faces))[source]
-            points = to_y_up(points)[source]
-            if base is None:
-                base = points, normals
-                attributes = self._positions_and_normals(points, normals)
-            else:
-                targets.append(self._positions_and_normals(points - base[0], normals - base[1]))
+        frames = part.frames()
+        base = _points_and_normals(next(frames), faces)
+        attributes = {
+            "POSITION": self._add(base[0][source], _VERTEX_DATA, bounds=True),
+            "NORMAL": self._add(base[1][source], _VERTEX_DATA),
+        }
         if uv is not None:
-            attributes["TEXCOORD_0"] = self._add(uv, "VEC2", _VERTEX_DATA)
+            attributes["TEXCOORD_0"] = self._add(uv.astype("<f4"), _VERTEX_DATA)
+        index_type = "<u2" if len(source) < 0xFFFF else "<u4"
         primitive: dict[str, Any] = {
             "attributes": attributes,
-            "indices": self._add(triangles.reshape(-1, 1), "SCALAR", _INDEX_DATA),
+            "indices": self._add(triangles.reshape(-1, 1).astype(index_type), _INDEX_DATA),
             "material": len(self._lists["materials"]),
         }
+        targets, weights = [], []
+        for points, shift in zip(frames, self._path[1:], strict=True):
+            points, normals = _points_and_normals(points, faces)
+            moved, turned = points - shift - base[0], normals - base[1]
+            weights.append(max(np.abs(moved).max(), np.abs(turned).max()) or 1.0)
+            targets.append(
+                {
+                    "POSITION": self._add_quantised(moved[source] / weights[-1], "<i2"),
+                    "NORMAL": self._add_quantised(turned[source] / weights[-1], "<i1"),
+                }
+            )
         mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
         if targets:
             primitive["targets"] = targets
             mesh["weights"] = [0.0] * len(targets)
             mesh["extras"] = {"targetNames": [f"{f:04d}" for f in range(1, len(targets) + 1)]}
-            self._animate(len(targets))
+            on = np.diag([0.0, *weights])[:, 1:]
+            self._animate(len(self._lists["nodes"]), "weights", on.reshape(-1, 1))
         self._lists["materials"].append(_material(part))
         self._lists["nodes"].append({"name": part.name, "mesh": len(self._lists["meshes"])})
         self._lists["meshes"].append(mesh)
 
-    def _animate(self, target_count: int) -> None:
-        if self._times is None:
-            times = np.arange(target_count + 1, dtype=np.float32)[:, None] / FPS
-            self._times = self._add(times, "SCALAR", None, bounds=True)
-        weights = np.eye(target_count + 1, dtype=np.float32)[:, 1:]
-        output = self._add(weights.reshape(-1, 1), "SCALAR", None)
+    def _animate(self, node: int, path: str, values: np.ndarray) -> None:
+        """Animate a property of a node, interpolated linearly between frames."""
+        output = self._add(values.astype("<f4"), None)
         self._samplers.append({"input": self._times, "output": output, "interpolation": "LINEAR"})
+        self._channels.append(
+            {"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}}
+        )
 
-    def _positions_and_normals(self, points: np.ndarray, normals: np.ndarray) -> dict[str, int]:
-        return {
-            "POSITION": self._add(points, "VEC3", _VERTEX_DATA, bounds=True),
-            "NORMAL": self._add(normals, "VEC3", _VERTEX_DATA),
-        }
+    def _add_quantised(self, values: np.ndarray, dtype: str) -> int:
+        """Append vectors (n, 3) of numbers from -1 to 1 as normalised signed integers."""
+        peak = np.iinfo(dtype).max
+        # glTF wants vertices to begin at multiples of four bytes, so a fourth number fills them up.
+        padded = np.zeros((len(values), 4), dtype)
+        padded[:, :3] = np.round(values * peak)
+        return self._add(padded, _VERTEX_DATA, components=3, bounds=dtype == "<i2")
 
     def _add(
-        self, values: np.ndarray, kind: str, target: int | None, *, bounds: bool = False
+        self,
+        values: np.ndarray,
+        target: int | None,
+        *,
+        components: int | None = None,
+        bounds: bool = False,
     ) -> int:
-        """Append an array (n, components) to the binary and return its accessor's index."""
-        is_index = values.dtype.kind in "iu"
-        values = np.ascontiguousarray(values, dtype="<u4" if is_index else "<f4")
-        assert values.shape[1] == _COMPONENTS[kind]
+        """Append an array (n, components) to the binary and return its accessor's index.
+
+        Rows are those of an accessor of as many components, or of fewer with the rest as padding.
+        """
+        components = components or values.shape[1]
+        self._binary.write(b"\0" * (-self._binary.tell() % 4))
         view = {"buffer": 0, "byteOffset": self._binary.tell(), "byteLength": values.nbytes}
         if target is not None:
             view["target"] = target
-        self._binary.write(values.data)
+        self._binary.write(np.ascontiguousarray(values).data)
         accessor: dict[str, Any] = {
             "bufferView": len(self._lists["bufferViews"]),
-            "componentType": _UINT32 if is_index else _FLOAT,
+            "componentType": _COMPONENT_TYPES[values.dtype.str[1:]],
             "count": len(values),
-            "type": kind,
+            "type": _KINDS[components],
         }
+        if components < values.shape[1]:
+            view["byteStride"] = values.strides[0]
+            accessor["normalized"] = True
         if bounds:
-            accessor["min"] = values.min(axis=0).tolist()
-            accessor["max"] = values.max(axis=0).tolist()
+            accessor["min"] = values[:, :components].min(axis=0).tolist()
+            accessor["max"] = values[:, :components].max(axis=0).tolist()
         self._lists["bufferViews"].append(view)
         self._lists["accessors"].append(accessor)
         return len(self._lists["accessors"]) - 1
+
+
+def _points_and_normals(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and their normals (V, 3), Y up, in single precision."""
+    normals = vertex_normals(points, faces)
+    return to_y_up(points).astype("<f4"), to_y_up(normals).astype("<f4")
+
+
+def _path(part: ScenePart) -> np.ndarray:
+    """Displacement (F, 3) of the centre of a part's bounding box since frame 0, Y up."""
+    centres = [(points.min(axis=0) + points.max(axis=0)) / 2 for points in part.frames()]
+    return to_y_up(np.stack(centres) - centres[0])
 
 
 def _split_at_seams(part: ScenePart) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
@@ -172,7 +214,7 @@ def _material(part: ScenePart) -> dict[str, Any]:
     return {
         "name": part.name,
         "pbrMetallicRoughness": {
-            "baseColorFactor": [*part.colour, 1.0],
+            "baseColorFactor": [*part.linear_colour, 1.0],
             "metallicFactor": 0.0,
             "roughnessFactor": 0.8,
         },

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
 
+# sRGB, like the colours in `info.mat`.
 SKIN_COLOUR = (0.62, 0.52, 0.46)
 PLAIN_COLOUR = (0.55, 0.6, 0.68)  # of garments without a stored colour
 _CHUNK = 32  # frames held in memory at once
@@ -19,7 +21,7 @@ class ScenePart:
     Attributes:
         name: "Body" or the garment's name.
         mesh: rest pose, root-relative metres.
-        colour: RGB in 0-1.
+        colour: sRGB in 0-1, as on a screen.
         read: (start, stop) -> world vertices (stop - start, V, 3), Z up, in metres.
         frame_count: number of frames.
     """
@@ -29,6 +31,28 @@ class ScenePart:
     colour: tuple[float, float, float]
     read: Callable[[int, int], np.ndarray]
     frame_count: int
+
+    @property
+    def linear_colour(self) -> tuple[float, float, float]:
+        """The colour as linear RGB, which materials of glTF, USD and Blender take.
+
+        Source: IEC 61966-2-1.
+        """
+        encoded = np.asarray(self.colour, np.float64)
+        linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+        return tuple(linear.tolist())
+
+    def velocities(self, start: int, stop: int) -> np.ndarray:
+        """World velocities of frames [start, stop), (stop - start, V, 3) in m/s.
+
+        Central differences, one-sided in the first and the last frame of the sequence; 0 if it has
+        only one.
+        """
+        first, last = max(start - 1, 0), min(stop + 1, self.frame_count)
+        points = self.read(first, last).astype(np.float64)
+        if self.frame_count == 1:
+            return np.zeros_like(points)
+        return np.gradient(points, 1 / FPS, axis=0)[start - first : stop - first]
 
     def frames(self) -> Iterator[np.ndarray]:
         """Yield the world vertices (V, 3) of each frame, reading a few frames at a time."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.reader import Sample
@@ -32,15 +33,37 @@ def accessor_values(document, binary, index):
     accessor = document["accessors"][index]
     view = document["bufferViews"][accessor["bufferView"]]
     assert view["byteOffset"] % 4 == 0
-    dtype = {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
+    dtypes = {5120: "<i1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+    dtype = np.dtype(dtypes[accessor["componentType"]])
     width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
-    values = np.frombuffer(binary, dtype, accessor["count"] * width, view["byteOffset"])
-    values = values.reshape(-1, width)
-    assert view["byteLength"] == values.nbytes
+    stride = view.get("byteStride", width * dtype.itemsize)
+    assert view["byteLength"] == accessor["count"] * stride
+    assert stride % 4 == 0 or view.get("target") != 34962, "vertices begin at multiples of 4 bytes"
+    values = np.ndarray(
+        (accessor["count"], width), dtype, binary, view["byteOffset"], (stride, dtype.itemsize)
+    )
     if "min" in accessor:
         np.testing.assert_array_equal(values.min(axis=0), np.float32(accessor["min"]))
         np.testing.assert_array_equal(values.max(axis=0), np.float32(accessor["max"]))
+    if accessor.get("normalized"):
+        return values / np.iinfo(dtype).max
     return values
+
+
+def values_of(document, binary, path):
+    """What is animated under that name: (nodes' names, (F, n) values per node)."""
+    [animation] = document["animations"]
+    found = {}
+    for channel in animation["channels"]:
+        if channel["target"]["path"] == path:
+            sampler = animation["samplers"][channel["sampler"]]
+            times = accessor_values(document, binary, sampler["input"])
+            np.testing.assert_allclose(times[:, 0], np.arange(FRAMES) / 30, atol=1e-7)
+            assert sampler["interpolation"] == "LINEAR"
+            values = accessor_values(document, binary, sampler["output"])
+            name = document["nodes"][channel["target"]["node"]]["name"]
+            found[name] = values.reshape(FRAMES, -1)
+    return found
 
 
 @pytest.fixture
@@ -57,18 +80,23 @@ def glb(tmp_path, parts):
 def test_every_part_is_a_node_with_its_colour(glb, parts):
     document, _ = glb
     assert document["asset"]["version"] == "2.0"
-    assert [node["name"] for node in document["nodes"]] == ["Body", "Tshirt", "Skirt"]
-    for node, part in zip(document["nodes"], parts, strict=True):
+    *nodes, root = document["nodes"]
+    assert [node["name"] for node in nodes] == ["Body", "Tshirt", "Skirt"]
+    assert root == {"name": "sample", "children": [0, 1, 2]}
+    assert document["scenes"] == [{"nodes": [3]}]
+    for node, part in zip(nodes, parts, strict=True):
         primitive = document["meshes"][node["mesh"]]["primitives"][0]
         material = document["materials"][primitive["material"]]
         colour = material["pbrMetallicRoughness"]["baseColorFactor"]
-        np.testing.assert_allclose(colour, [*part.colour, 1])
+        np.testing.assert_allclose(colour, [*part.linear_colour, 1])
 
 
 def test_morph_targets_hold_the_points_and_normals_of_every_frame(glb, parts):
     document, binary = glb
     for index in range(len(document["accessors"])):
         accessor_values(document, binary, index)
+    [path] = values_of(document, binary, "translation").values()
+    weights = values_of(document, binary, "weights")
     for part, mesh in zip(parts, document["meshes"], strict=True):
         primitive = mesh["primitives"][0]
         assert len(primitive["targets"]) == FRAMES - 1
@@ -77,22 +105,17 @@ def test_morph_targets_hold_the_points_and_normals_of_every_frame(glb, parts):
             name: accessor_values(document, binary, index)
             for name, index in primitive["attributes"].items()
         }
-        zero = np.zeros_like(base["POSITION"])
         for frame, points in enumerate(part.frames()):
-            moved = {
-                name: base[name]
-                + (
-                    accessor_values(document, binary, primitive["targets"][frame - 1][name])
-                    if frame
-                    else zero
-                )
-                for name in ("POSITION", "NORMAL")
-            }
+            moved = {"POSITION": base["POSITION"] + path[frame], "NORMAL": base["NORMAL"]}
+            for target, weight in enumerate(weights[part.name][frame]):
+                for name, index in primitive["targets"][target].items():
+                    delta = weight * accessor_values(document, binary, index)
+                    moved[name] = moved[name] + delta
             normals = vertex_normals(points, part.mesh.triangles)
             corners = part.mesh.triangles
             expected = to_y_up(points)[corners]
-            np.testing.assert_allclose(moved["POSITION"][faces], expected, atol=1e-6)
-            np.testing.assert_allclose(moved["NORMAL"][faces], to_y_up(normals)[corners], atol=1e-5)
+            np.testing.assert_allclose(moved["POSITION"][faces], expected, atol=4e-5)
+            np.testing.assert_allclose(moved["NORMAL"][faces], to_y_up(normals)[corners], atol=0.01)
 
 
 def test_only_vertices_on_seams_are_split(glb, tiny):
@@ -109,17 +132,72 @@ def test_only_vertices_on_seams_are_split(glb, tiny):
 
 def test_each_frame_is_fully_on_at_its_own_time(glb):
     document, binary = glb
-    for sampler in document["animations"][0]["samplers"]:
-        times = accessor_values(document, binary, sampler["input"])
-        np.testing.assert_allclose(times[:, 0], np.arange(FRAMES) / 30, atol=1e-7)
-        weights = accessor_values(document, binary, sampler["output"])
-        weights = weights.reshape(FRAMES, FRAMES - 1)
-        np.testing.assert_array_equal(weights, np.eye(FRAMES)[:, 1:])
-        assert sampler["interpolation"] == "LINEAR"
+    weights = values_of(document, binary, "weights")
+    assert set(weights) == {"Body", "Tshirt", "Skirt"}
+    for values in weights.values():
+        np.testing.assert_array_equal(values > 0, np.eye(FRAMES, dtype=bool)[:, 1:])
+
+
+def test_targets_take_half_the_bytes_of_single_precision(glb):
+    document, _ = glb
+    assert document["extensionsUsed"] == ["KHR_mesh_quantization"]
+    assert document["extensionsRequired"] == ["KHR_mesh_quantization"]
+    for mesh in document["meshes"]:
+        [primitive] = mesh["primitives"]
+        count = document["accessors"][primitive["attributes"]["POSITION"]]["count"]
+        for target in primitive["targets"]:
+            views = [document["accessors"][index]["bufferView"] for index in target.values()]
+            sizes = [document["bufferViews"][view]["byteLength"] for view in views]
+            assert sum(sizes) == 12 * count
+
+
+def test_a_part_far_from_the_origin_and_moving_fast_is_as_exact(tmp_path, parts):
+    skirt = parts[-1]
+    away = replace(
+        skirt,
+        read=lambda start, stop: (
+            skirt.read(start, stop)
+            + np.arange(start, stop)[:, None, None] * np.array([1.0, 2.0, -0.5])
+        ),
+    )
+    write_glb(tmp_path / "a.glb", [away])
+    document, binary = read_glb(tmp_path / "a.glb")
+    [path] = values_of(document, binary, "translation").values()
+    [weights] = values_of(document, binary, "weights").values()
+    primitive = document["meshes"][0]["primitives"][0]
+    base = accessor_values(document, binary, primitive["attributes"]["POSITION"])
+    faces = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
+    last = accessor_values(document, binary, primitive["targets"][-1]["POSITION"])
+    moved = base + path[-1] + weights[-1, -1] * last
+    expected = to_y_up(away.read(FRAMES - 1, FRAMES)[0])[skirt.mesh.triangles]
+    np.testing.assert_allclose(moved[faces], expected, atol=4e-5)
+
+
+def test_a_part_that_does_not_move_is_written(tmp_path, parts):
+    still = replace(
+        parts[-1], read=lambda start, stop: np.repeat(parts[-1].read(0, 1), stop - start, 0)
+    )
+    write_glb(tmp_path / "a.glb", [still])
+    document, binary = read_glb(tmp_path / "a.glb")
+    for target in document["meshes"][0]["primitives"][0]["targets"]:
+        for index in target.values():
+            assert not accessor_values(document, binary, index).any()
+
+
+def test_trimesh_reads_the_first_frame_with_its_colours(tmp_path, parts):
+    write_glb(tmp_path / "a.glb", parts)
+    scene = trimesh.load_scene(tmp_path / "a.glb")
+    for part in parts:
+        mesh = scene.geometry[part.name]
+        corners = to_y_up(part.read(0, 1)[0])[part.mesh.triangles]
+        np.testing.assert_allclose(mesh.triangles, corners, atol=1e-6)
+        colour = mesh.visual.material.baseColorFactor[:3] / 255
+        np.testing.assert_allclose(colour, part.linear_colour, atol=3e-3)
 
 
 def test_a_single_frame_is_a_still(tmp_path, parts):
     write_glb(tmp_path / "a.glb", [replace(part, frame_count=1) for part in parts])
     document, _ = read_glb(tmp_path / "a.glb")
     assert "animations" not in document
+    assert "extensionsRequired" not in document
     assert "targets" not in document["meshes"][0]["primitives"][0]
