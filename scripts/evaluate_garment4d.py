@@ -12,6 +12,7 @@ from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
 from drapeline.models.garment4d.evaluate import EvaluationSettings, evaluate
 from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_files import load_posed_files
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.settings import parse_settings
@@ -27,10 +28,8 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     models = {gender: load_body(given[gender]) for gender in GENDERS}
     bodies, device = BodySet(models, params.body_points), fastest_device()
-    stages = {
-        variant: load_stage(folder, PosedStage).to(device)
-        for variant, folder in zip(params.posed, given.posed, strict=True)
-    }
+    posed = dict(zip(params.posed, given.posed, strict=True))
+    stages = {name: load_stage(folder, PosedStage).to(device) for name, folder in posed.items()}
     released = given.get("vertex_sampled")
     rows = evaluate(
         BodySequences(SequenceData(given.data), bodies),
@@ -42,6 +41,7 @@ with rule_log(snakemake.log[0]):
         params.splits,
         parse_settings(EvaluationSettings, params.settings),
         parse_settings(RefineSettings, params.refine),
+        load_posed_files(posed["posed"]).worn_statistics,
         pictures=snakemake.output.pictures,
         vertex_sampled=BodySequences(SequenceData(released), bodies) if released else None,
     )

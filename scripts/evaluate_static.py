@@ -3,13 +3,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.gcvae.codes import encode_garments, save_codes
+from drapeline.models.gcvae.codes import encode_held_out, save_codes
 from drapeline.models.gcvae.evaluate_static import evaluate_static
 from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.static_files import load_training_codes
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     model = load_codec(Path(snakemake.input.model) / BEST)
     data = StaticData(snakemake.input.data)
-    codes = encode_garments(model, data, np.arange(len(data.garment)))
+    codes = encode_held_out(model, data, load_training_codes(snakemake.input.model).codes)
     save_codes(snakemake.output.codes, codes, data)
     splits, variant = snakemake.params.splits, snakemake.wildcards.static
     write_metrics(snakemake.output.metrics, evaluate_static(model, data, codes, variant, splits))

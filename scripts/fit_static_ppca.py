@@ -8,6 +8,7 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.garment_ppca import StaticPpca, save_fit
+from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
@@ -19,13 +20,17 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]):
     given = snakemake.input
     torch.set_num_threads(snakemake.threads)
-    garments = StaticData(given.data)
+    garments, topology = StaticData(given.data), load_topology(given.topology)
     template = static_body_template(
         garments,
-        load_topology(given.topology),
+        topology,
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
     model = StaticPpca(StaticPpca.parse(snakemake.params.settings), template)
     model.fit(garments)
-    save_fit(snakemake.output[0], model)
+    save_fit(
+        snakemake.output[0],
+        model,
+        lambda folder: save_static_files(folder, model, garments, topology),
+    )

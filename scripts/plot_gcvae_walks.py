@@ -12,7 +12,7 @@ from drapeline.models.gcvae.body_template import wearer_mesh
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.interpolate import interpolate_as_figure_9
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.types import fit_training_types
+from drapeline.models.gcvae.sampling.types import load_types
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
@@ -27,7 +27,7 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     codes, _ = load_codes(snakemake.input.codes)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     data = StaticData(snakemake.input.data)
-    types = fit_training_types(codes, data)
+    types = load_types(snakemake.input.model)
     # Held-out garments where there is one of a type.
     rows = np.concatenate([data.rows(split) for split in ("test", "val", "train")])
 

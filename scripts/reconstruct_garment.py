@@ -2,22 +2,16 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.bodies.model import load_body
 from drapeline.dataset.info_mat import SampleInfo
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
-from drapeline.learning_data.sequences import SequenceData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.scans import reconstruct_scans
 from drapeline.models.garment4d.settings import parse_settings
-from drapeline.models.garment4d.windows import BodySequences
-from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -25,19 +19,12 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     given, params, made = snakemake.input, snakemake.params, snakemake.output
-    bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    model = ReconstructionModel(given.model)
+    bodies = model.bodies.models
     scans = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
-    stage = load_stage(given.model, PosedStage).to(fastest_device())
     body = scans.body
-    found = reconstruct_scans(
-        scans,
-        stage,
-        BodySequences(SequenceData(given.data), BodySet(bodies, params.body_points)),
-        parse_settings(RefineSettings, params.refine),
-        name=given.points,
-        points=params.points,
-        seed=params.seed,
-    )
+    refining = parse_settings(RefineSettings, params.refine)
+    found = reconstruct_scans(scans, model, refining, name=given.points, seed=params.seed)
     write_metrics(made.metrics, found.rows)
     found.shown.save(made.shown)
     write_reconstruction(
@@ -50,6 +37,10 @@ with rule_log(snakemake.log[0]) as log:
             gender=GENDERS.index(body.gender),
             outfit={params.garment: {"texture": {"type": "color", "data": params.colour}}},
         ),
-        [GarmentAnimation(params.garment, Mesh(found.canonical, stage.space.faces), found.final)],
+        [
+            GarmentAnimation(
+                params.garment, Mesh(found.canonical, model.stage.space.faces), found.final
+            )
+        ],
     )
     log.info("%s in %d frames", params.garment, len(found.final))

@@ -5,12 +5,10 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.sampling.draw import draw_requests, sample_garments
 from drapeline.models.gcvae.sampling.files import save_samples
-from drapeline.models.gcvae.sampling.types import fit_training_types
+from drapeline.models.gcvae.sampling.types import load_types
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 
@@ -19,8 +17,7 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     model = load_codec(Path(snakemake.input.model) / BEST)
-    codes, _ = load_codes(snakemake.input.codes)
-    types = fit_training_types(codes, StaticData(snakemake.input.data))
+    types = load_types(snakemake.input.model)
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     seed = snakemake.params.seed
     requests = draw_requests(seed, **snakemake.params.conditions)

@@ -8,6 +8,7 @@ from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_files import save_posed_files
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.train import train_stage
 from drapeline.models.garment4d.windows import BodySequences
@@ -22,12 +23,20 @@ with rule_log(snakemake.log[0]):
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     stage = MgnStage if snakemake.wildcards.posed == "mgn" else PosedStage
     canonical = load_stage(given.canonical, CanonicalStage).to(fastest_device())
+    settings = stage.parse(params.settings)
+    sequences = BodySequences(SequenceData(given.data), BodySet(bodies, params.body_points))
+
+    def complete(folder):
+        if stage is not MgnStage:  # a baseline to compare with, not to be used
+            save_posed_files(folder, sequences, settings.skinning)
+
     train_stage(
         snakemake.output[0],
-        stage(stage.parse(params.settings), canonical),
-        BodySequences(SequenceData(given.data), BodySet(bodies, params.body_points)),
+        stage(settings, canonical),
+        sequences,
         code=params.code,
         progress=params.progress,
         trainer=params.trainer,
         threads=snakemake.threads,
+        complete=complete,
     )

@@ -6,6 +6,7 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import StaticVae
@@ -18,21 +19,22 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
-    garments = StaticData(given.data)
+    garments, topology = StaticData(given.data), load_topology(given.topology)
     template = static_body_template(
         garments,
-        load_topology(given.topology),
+        topology,
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    settings = VaeSettings.of(params.settings)
+    model = StaticVae(VaeSettings.of(params.settings), template)
     train_vae(
         snakemake.output[0],
-        StaticVae(settings, template),
+        model,
         garments,
         conditioning=given.conditioning,
         code=params.code,
         progress=params.progress,
         trainer=params.trainer,
         threads=snakemake.threads,
+        complete=lambda folder: save_static_files(folder, model, garments, topology),
     )

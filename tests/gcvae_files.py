@@ -1,5 +1,6 @@
 """Toy garments and an untrained network as the files that rules read."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,13 @@ from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis
 from drapeline.models.gcvae.networks import GcvaeNetwork
 from drapeline.models.gcvae.sampling.draw import draw_requests
 from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.vae import GarmentVae, StaticVae
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
-from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
+from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
-from gcvae_toys import ToyGarments, toy_template, tube
+from gcvae_toys import ToyGarments, toy_template, tube, tube_faces
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4),
@@ -117,13 +119,26 @@ def shaken(model: GarmentVae) -> GarmentVae:
     return model.eval()
 
 
-def save_model(folder: Path, model: GarmentVae | None = None) -> GarmentVae:
-    """What a training leaves: the best checkpoint, here of an untrained network."""
+def save_model(
+    folder: Path, model: GarmentVae | None = None, garments: TypedGarments | None = None
+) -> GarmentVae:
+    """What a training leaves: the best checkpoint, here of an untrained network.
+
+    With garments, what their training would leave of them as well.
+    """
     model = model or shaken(StaticVae(SETTINGS, toy_template()))
     checkpoint = {"state_dict": model.state_dict(), "drapeline": model.about()}
     folder.mkdir(parents=True)
     torch.save(checkpoint, folder / "best.ckpt")
+    if garments is not None:
+        save_static_files(folder, model, garments, toy_topology())
     return model
+
+
+def toy_topology() -> Topology:
+    """The tube's two meshes; everything else is zero."""
+    meshes = {"faces": tube_faces(False), "skirt_faces": tube_faces(True)}
+    return Topology(**{one.name: meshes.get(one.name, np.zeros(3)) for one in fields(Topology)})
 
 
 def requests(count=4, garments=("prior", "Dress"), **changed):

@@ -12,8 +12,8 @@ from drapeline.frames import GENDERS
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.registration.to_body import topology as topology_module
-from gcvae_files import save_model, save_static_data
+from drapeline.registration.to_body.topology import save_topology
+from gcvae_files import save_model, save_static_data, toy_topology
 from gcvae_toys import VERTICES, tube, tube_faces
 
 SPLITS = ["val", "test"]
@@ -21,11 +21,9 @@ SPLITS = ["val", "test"]
 
 @pytest.fixture
 def files(tmp_path):
-    return SimpleNamespace(
-        garments=save_static_data(tmp_path / "data"),
-        model=save_model(tmp_path / "model"),
-        folder=tmp_path,
-    )
+    garments = save_static_data(tmp_path / "data")
+    model = save_model(tmp_path / "model", garments=garments)
+    return SimpleNamespace(garments=garments, model=model, folder=tmp_path)
 
 
 def evaluate(run_rule, files):
@@ -70,12 +68,7 @@ def test_evaluate_baselines_measures_three_and_the_truth(run_rule, files, toy_bo
     )
     for gender in GENDERS:
         save_body(files.folder / f"{gender}.npz", tube_body)
-    meshes = {"faces": tube_faces(False), "skirt_faces": tube_faces(True)}
-    fields = topology_module.Topology.__dataclass_fields__
-    topology_module.save_topology(
-        files.folder / "topology.npz",
-        topology_module.Topology(**{name: meshes.get(name, np.zeros(3)) for name in fields}),
-    )
+    save_topology(files.folder / "topology.npz", toy_topology())
     output = files.folder / "baselines.tsv"
     run_rule(
         "evaluate_baselines",

@@ -6,6 +6,7 @@ from PIL import Image
 
 from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Sample
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics
@@ -13,8 +14,9 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.variants import POSED_VARIANTS
+from drapeline.models.load import load
 from drapeline.models.training.settings import override_settings
-from garment4d_toys import CANONICAL, GARMENT, POINTS, POSED, save_toy_data
+from garment4d_toys import CANONICAL, GARMENT, POSED, save_toy_data
 
 BODY_POINTS = 30
 SHORT = {"epochs": 1, "batch": 4, "frames": 3, "stride": 1}
@@ -81,6 +83,18 @@ def test_stages_and_variants_are_trained_and_can_be_loaded(trained):
     assert (len(plain.network.body), len(variant.network.body)) == (1, 0)
 
 
+def test_a_trained_stage_is_loaded_without_its_data(trained, worn):
+    model = load(trained("posed"))
+    sequence, trans = worn
+    points = sequence.points + trans[:, None]
+    made = model.reconstruct(points, sequence.poses, sequence.shape, trans=trans, least_share=0)
+    assert made.garment == model.garment == GARMENT
+    assert made.vertices.shape == (len(trans), *sequence.canonical.shape)
+    assert np.isfinite(made.vertices).all()
+    with pytest.raises(InputError, match="holds a 'garment4d_canonical' network, expected static"):
+        load(trained("canonical"))
+
+
 def test_a_damaged_folder_of_sequences_ends_a_training_with_one_sentence(
     run_rule, folder, bodies, sequences, tmp_path
 ):
@@ -135,7 +149,7 @@ def worn(sequences):
 
 
 @pytest.fixture
-def reconstruct(run_rule, trained, folder, bodies, worn, tmp_path):
+def reconstruct(run_rule, trained, worn, tmp_path):
     """reconstruct(points) -> output files; the points (F, P, 3) are root-relative."""
 
     def run(points, fps=30):
@@ -160,16 +174,12 @@ def reconstruct(run_rule, trained, folder, bodies, worn, tmp_path):
                 "points": tmp_path / "scans.npz",
                 "body": tmp_path / "body.npz",
                 "model": trained("posed"),
-                "data": folder / "data",
-                **bodies,
             },
             output=output,
             params={
                 "garment": GARMENT,
                 "up": "z",
                 "fps": fps,
-                "points": POINTS,
-                "body_points": BODY_POINTS,
                 "refine": {"rounds": 3},
                 "colour": [0.4, 0.5, 0.7],
                 "seed": 0,

@@ -2,33 +2,24 @@
 
 import csv
 
-import numpy as np
 import pytest
 
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
-from drapeline.models.gcvae.codes import encode_garments, save_codes
-from gcvae_files import save_model, save_static_data
+from gcvae_files import TypedGarments, save_model
 
 
 @pytest.fixture
 def sampled(run_rule, tmp_path, toy_body):
-    garments = save_static_data(tmp_path / "data")
-    model = save_model(tmp_path / "model")
-    codes = encode_garments(model, garments, np.arange(len(garments.garment)))
-    save_codes(tmp_path / "codes.npz", codes, garments)
+    garments = TypedGarments()
+    save_model(tmp_path / "model", garments=garments)
     for gender in GENDERS:
         save_body(tmp_path / f"{gender}.npz", toy_body)
     bodies = {gender: tmp_path / f"{gender}.npz" for gender in GENDERS}
     run_rule(
         "sample_garments",
-        input={
-            "model": tmp_path / "model",
-            "codes": tmp_path / "codes.npz",
-            "data": tmp_path / "data",
-            **bodies,
-        },
+        input={"model": tmp_path / "model", **bodies},
         output=[tmp_path / "samples"],
         params={
             "seed": 0,

@@ -76,6 +76,7 @@ def test_imports_go_one_way(path):
 SHARED_BY_MODELS = {"training": {"training"}, "layers": {"layers", "training"}}
 SHARED_BY_MODELS["contract"] = {"contract"}
 SHARED_BY_MODELS["compare"] = {"contract", "compare"}
+SHARED_BY_MODELS["load"] = {"gcvae", "garment4d", "training"}
 MODEL_FILES = [path for path in MODULES if part_of(path) == "models"]
 
 

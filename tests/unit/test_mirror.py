@@ -20,7 +20,9 @@ MODULES = sorted(
 COVERED_BY = {
     "errors": "unit/test_rule_log.py",
     "metrics/predictions": "unit/report/models/gcvae/test_views.py",
+    "models/garment4d/scans": "rules/test_garment4d.py",
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",
+    "models/gcvae/static_model": "rules/test_train_svae.py",
     "models/gcvae/static_template": "rules/test_train_svae.py",
     "registration/to_body/samples": "rules/test_register_sample.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",

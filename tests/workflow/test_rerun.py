@@ -79,6 +79,8 @@ RERUN = {
     "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
     "models/contract.py": {"compare_gcvae", "compare_garment4d"},
     "models/gcvae/train.py": {"train_svae", "train_dvae"},
+    "models/gcvae/static_model.py": set(),
+    "models/load.py": set(),
     # A new variant is trained, and nothing else: the rules hand its settings on.
     "models/gcvae/variants.py": set(),
     "models/garment4d/variants.py": set(),
@@ -91,6 +93,7 @@ RERUN = {
     "models/garment4d/canonical_stage.py": TRAIN_GARMENT4D | USE_GARMENT4D,
     "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
+    "models/garment4d/refine.py": USE_GARMENT4D,
     "models/training/lightning.py": {"train_svae", "train_svae_conditioning"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,

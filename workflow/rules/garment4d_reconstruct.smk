@@ -4,9 +4,7 @@ RECONSTRUCTED = f"{RESULTS}/reconstructed/{RECONSTRUCT['garment']}"
 rule reconstruct_garment:
     input:
         unpack(own_scans),
-        **WHOLE_BODIES,
         model=f"{G4D}/{RECONSTRUCT['garment']}/posed",
-        data=f"{G4D}/{RECONSTRUCT['garment']}/data_{PROTOCOL}",
     output:
         sample=directory(RECONSTRUCTED),
         metrics=f"{RESULTS}/metrics/reconstructed_{RECONSTRUCT['garment']}.tsv",
@@ -25,8 +23,6 @@ rule reconstruct_garment:
         garment=RECONSTRUCT["garment"],
         up=RECONSTRUCT["up"],
         fps=RECONSTRUCT["fps"],
-        points=lookup(dpath="garment4d/clouds/points", within=config),
-        body_points=lookup(dpath="garment4d/body_points", within=config),
         refine=lookup(dpath="garment4d/refine", within=config),
         colour=[0.45, 0.55, 0.75],
         seed=config["seed"],

@@ -55,9 +55,7 @@ rule gcvae_ablations:
 rule sample_garments:
     input:
         **WHOLE_BODIES,
-        data=f"{RESULTS}/static/data",
         model=f"{RESULTS}/gcvae/{shown_static()}",
-        codes=f"{RESULTS}/codes/{shown_static()}.npz",
     output:
         directory(f"{RESULTS}/sampled_garments"),
     log:

@@ -7,7 +7,7 @@ is late by a frame.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -140,11 +140,48 @@ def read_scans(
     step = fps // FPS
     scans = scans[::step]
     body = replace(body, poses=body.poses[::step], trans=body.trans[::step])
-    points = [scan.points - root for scan, root in zip(scans, body.trans, strict=True)]
     if up == "y":
-        points = [_to_z_up(p) for p in points]
+        scans = [Scan(_to_z_up(scan.points), scan.triangles) for scan in scans]
         body = _turn_to_z_up(body)
-    _check_distance(frames, points, body, bodies[body.gender])
+    return _place_on_body(frames, scans, body, bodies)
+
+
+def to_scans(
+    points: Sequence[np.ndarray],
+    parameters: Mapping[str, object],
+    bodies: Mapping[str, BodyModel],
+    *,
+    name: str = "points",
+) -> ScanSequence:
+    """The same of arrays: point clouds at 30 frames per second, Z up.
+
+    Args:
+        points: F clouds (n, 3), world coordinates in metres; n may differ.
+        parameters: of the body, by the keys that `read_scans` describes.
+        bodies: body models by gender.
+        name: of the clouds, for errors.
+
+    Raises:
+        InputError: says what is wrong and what was expected.
+    """
+    scans = [Scan(np.asarray(cloud), None) for cloud in points]
+    for frame, scan in enumerate(scans, 1):
+        _check_scan(f"{name}: frame {frame}", scan)
+    arrays = {key: np.asarray(value) for key, value in parameters.items()}
+    body = _parse_body_parameters(f"{name}: the body", arrays, bodies)
+    if len(scans) != len(body.poses):
+        raise InputError(
+            f"{name}: {len(scans)} frames, but {len(body.poses)} poses; expected equal numbers"
+        )
+    return _place_on_body(name, scans, body, bodies)
+
+
+def _place_on_body(
+    name: str | Path, scans: list[Scan], body: BodyParameters, bodies: Mapping[str, BodyModel]
+) -> ScanSequence:
+    """Scans relative to the root joint, once they are known to be near the body."""
+    points = [scan.points - root for scan, root in zip(scans, body.trans, strict=True)]
+    _check_distance(name, points, body, bodies[body.gender])
     return ScanSequence(
         tuple(Scan(p.astype(np.float32), s.triangles) for p, s in zip(points, scans, strict=True)),
         body,
@@ -190,7 +227,12 @@ def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> B
         raise InputError(
             f"{path}: no such file, expected an .npz with the body's poses, trans, shape and gender"
         )
-    arrays = load_npz(path, "poses", "shape", "gender")
+    return _parse_body_parameters(path, load_npz(path, "poses", "shape", "gender"), bodies)
+
+
+def _parse_body_parameters(
+    path: str | Path, arrays: Mapping[str, np.ndarray], bodies: Mapping[str, BodyModel]
+) -> BodyParameters:
     trans_key = next((key for key in ("trans", "transl") if key in arrays), None)
     if trans_key is None:
         raise InputError(

@@ -104,7 +104,7 @@ class BodySet:
         first = models[GENDERS[0]]
         points = torch.from_numpy(rest_body(first, np.zeros(10)).astype(np.float32))
         chosen = farthest_points(points[None], min(count, len(points)))[0].numpy()
-        self.models = models
+        self.models, self.count = models, count
         self._surfaces = {gender: BodySurface(model, chosen) for gender, model in models.items()}
 
     def arrays(self) -> dict[str, np.ndarray]:

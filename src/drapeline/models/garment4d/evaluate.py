@@ -25,10 +25,10 @@ from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,
     refine,
-    training_worn_statistics,
 )
-from drapeline.models.garment4d.refine import RefineSettings, WornGarmentStatistics
+from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
 from drapeline.rule_log import LOGGER, progress
@@ -342,6 +342,7 @@ def evaluate(
     splits: Sequence[str],
     settings: EvaluationSettings,
     refining: RefineSettings,
+    worn_statistics: WornGarmentStatistics | None,
     *,
     pictures: str | Path,
     vertex_sampled: BodySequences | None = None,
@@ -354,13 +355,13 @@ def evaluate(
         posed: variant -> trained stage; "posed", "mgn" and ablations.
         splits: to evaluate; sweeps and noisy bodies are for the test split alone.
         settings, refining: see there.
+        worn_statistics: of the training sequences, see `training_worn_statistics`.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
             `Reconstruction`; replaced as a whole.
         vertex_sampled: the same sequences with points sampled as in the released code; None to
             leave them out.
     """
     data, table = sequences.data, []
-    worn_statistics = training_worn_statistics(sequences, posed["posed"].settings.skinning)
     with atomic_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(sequences, split, settings)

@@ -19,16 +19,11 @@ from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.dressed import proposals, propose_garment, skinning_weights
+from drapeline.models.garment4d.dressed import proposals, skinning_weights
 from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.refine import (
-    RefineSettings,
-    WornGarmentStatistics,
-    fit_to_points,
-    measure_worn_garments,
-)
+from drapeline.models.garment4d.refine import RefineSettings, fit_to_points
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
 
 _BATCH = 4  # windows at once
 
@@ -319,37 +314,4 @@ def build_reconstruction(
         root_rotation=poses[:, :3],
         root_height=-vertices[..., 2].min(axis=1),
         number=number,
-    )
-
-
-def training_worn_statistics(
-    sequences: BodySequences, skinning: SkinningSettings
-) -> WornGarmentStatistics | None:
-    """Statistics of the simulated training sequences of a type; None where there are none.
-
-    Static outfits in motion follow their skinning, so they would tell nothing of cloth.
-
-    Args:
-        sequences: of the type.
-        skinning: of the proposals that garments are compared with.
-    """
-    data = sequences.data
-    chosen = data.of_split("train", ("simulated",))
-    if not len(chosen):
-        return None
-
-    return measure_worn_garments(
-        (data.garment[data.rows(sequence)] for sequence in chosen),
-        (
-            propose_garment(
-                sequences.body(sequence),
-                data.poses[data.rows(sequence)],
-                data.canonical[sequence],
-                data.space.faces,
-                skinning,
-            )
-            for sequence in chosen
-        ),
-        (data.canonical[sequence] for sequence in chosen),
-        data.space.faces,
     )

@@ -5,17 +5,16 @@ moves smoothly, so the edge lengths of the canonical garment and all frames toge
 of equations for the vertices, which is linear and the same in every round.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.mesh import edges
 from drapeline.geometry.sparse import symmetric_factor
+from drapeline.models.garment4d.springs import spring_lengths, springs
+from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
 
 _APART_M = 4.0  # between frames that are laid out side by side for one search
 _ROW = 16  # frames per row of that layout
@@ -46,21 +45,6 @@ class RefineSettings:
     smooth: float = 0.5
     keep_m: float = 0.008
     gap_m: float = 0.003
-
-
-class WornGarmentStatistics(NamedTuple):
-    """How the worn garments of training differ from their proposals; see `measure_worn_garments`.
-
-    Attributes:
-        shares: (K,) lengths of the springs of `Cloth` when worn, over those in the canonical
-            garment.
-        error_m: (N,) root mean square error of the proposals, metres.
-        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
-    """
-
-    shares: np.ndarray
-    error_m: np.ndarray
-    follow: np.ndarray
 
 
 def fit_to_points(
@@ -121,44 +105,6 @@ def fit_to_points(
     return garment.astype(np.float32)
 
 
-def measure_worn_garments(
-    garments: Iterable[np.ndarray],
-    proposals: Iterable[np.ndarray],
-    canonicals: Iterable[np.ndarray],
-    faces: np.ndarray,
-) -> WornGarmentStatistics:
-    """Means over training sequences and one more that has the mean at all vertices and springs.
-
-    Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
-    the body while others hang.
-
-    Args:
-        garments: (F, N, 3) worn garments of each sequence, simulated, metres.
-        proposals: (F, N, 3) the same garments by skinning alone.
-        canonicals: (N, 3) of the same sequences.
-        faces: (E, 3).
-    """
-    pairs = springs(faces)[0]
-    share, squared, products, squares = [], [], 0.0, 0.0
-    for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
-        share.append(
-            _lengths(garment, pairs).mean(axis=0) / np.maximum(_lengths(rest, pairs), _SMALL_M)
-        )
-        squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
-        made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
-        products, squares = products + (made * true).sum((0, 2)), squares + (made**2).sum((0, 2))
-    follow = (products + np.mean(products) / len(share)) / np.maximum(
-        squares + np.mean(squares) / len(share), _SMALL_M**2
-    )
-    return WornGarmentStatistics(
-        _with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1)
-    )
-
-
-def _with_mean(rows: list[np.ndarray]) -> np.ndarray:
-    return (np.sum(rows, axis=0) + np.mean(rows)) / (len(rows) + 1)
-
-
 class Cloth:
     """Springs along edges and across them, at rest in the canonical garment.
 
@@ -174,7 +120,7 @@ class Cloth:
     ) -> None:
         pairs, across = springs(faces)
         weights = np.where(across, float(settings.bend), float(settings.stretch))
-        self._length = _lengths(rest, pairs) * shares
+        self._length = spring_lengths(rest, pairs) * shares
         rows = np.arange(len(pairs))
         ones = np.ones(len(pairs))
         self._difference = sparse.csr_matrix(
@@ -193,29 +139,6 @@ class Cloth:
         spring *= self._length[:, None, None] / np.maximum(length, _SMALL_M)
         out = self._transposed @ spring.reshape(len(spring), -1)
         return out.reshape(count, frames, 3).transpose(1, 0, 2)
-
-
-def springs(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertex pairs (K, 2): all edges, then corners that face one another; (K,) bool the latter."""
-    along, across = edges(faces), pairs_across(faces)
-    return np.concatenate([along, across]), np.arange(len(along) + len(across)) >= len(along)
-
-
-def _lengths(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(..., K) distances of pairs (K, 2) of vertices (..., N, 3)."""
-    away = vertices[..., pairs[:, 0], :] - vertices[..., pairs[:, 1], :]
-    return np.linalg.norm(away, axis=-1)
-
-
-def pairs_across(faces: np.ndarray) -> np.ndarray:
-    """(K, 2) corners that face one another across an inner edge."""
-    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    apex = np.roll(faces, 1, axis=1).ravel()
-    half = np.sort(half, axis=1)
-    order = np.lexsort((half[:, 1], half[:, 0]))
-    half, apex = half[order], apex[order]
-    twin = (half[1:] == half[:-1]).all(axis=1)
-    return np.stack([apex[:-1][twin], apex[1:][twin]], axis=1)
 
 
 class SpaceTime:

@@ -1,6 +1,6 @@
 """A whole training of a stage: from sequences to a finished folder."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,11 +24,12 @@ def train_stage(
     progress: str | Path,
     trainer: Mapping[str, Any],
     threads: int,
+    complete: Callable[[Path], None] | None = None,
 ) -> None:
     """Train a stage on windows of sequences and leave a folder as `fit` does.
 
     Args:
-        folder, progress, trainer, threads: see `fit`.
+        folder, progress, trainer, threads, complete: see `fit`.
         stage: with its initial weights.
         sequences: of its garment type.
         code: digest of the code; a training that was stopped goes on with the same code alone.
@@ -62,4 +63,5 @@ def train_stage(
         },
         trainer=trainer,
         threads=threads,
+        complete=complete,
     )

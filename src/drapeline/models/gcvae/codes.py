@@ -2,17 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 
 from drapeline.dataset.splits import SPLITS
-from drapeline.metrics.static import Prediction, StaticRows
 from drapeline.models.gcvae.codec import GarmentCodec, Garments
 from drapeline.models.gcvae.loss import kl_nat
 from drapeline.models.training.batches import as_tensors
 from drapeline.storage import load_npz, save_npz
+
+if TYPE_CHECKING:  # a training does not depend on how its results are measured
+    from drapeline.metrics.static import Prediction, StaticRows
 
 _BATCH = 16
 
@@ -48,9 +50,18 @@ def encode_garments(model: GarmentCodec, garments: Garments, rows: Sequence[int]
     return Codes(np.concatenate(means), np.concatenate(log_variances))
 
 
+def encode_held_out(model: GarmentCodec, garments: Garments, training: Codes) -> Codes:
+    """Codes of all rows of a dataset, given those of its training rows in their order."""
+    trained, *others = (garments.rows(split) for split in SPLITS)
+    held_out = np.concatenate(others)
+    parts = (training, encode_garments(model, garments, held_out))
+    order = np.argsort(np.concatenate([trained, held_out]))
+    return Codes(*(np.concatenate(half)[order] for half in zip(*parts, strict=True)))
+
+
 def decode_codes(
     model: GarmentCodec, z: np.ndarray, cvar: np.ndarray, topology: np.ndarray
-) -> Iterator[Prediction]:
+) -> Iterator["Prediction"]:
     """Garments of codes, one by one: offsets (V, 3) in metres, and mask (V,) or None.
 
     Args:
@@ -71,7 +82,7 @@ def decode_codes(
         yield from zip(offsets.numpy(), inside, strict=True)
 
 
-def save_codes(path: str | Path, codes: Codes, garments: StaticRows) -> None:
+def save_codes(path: str | Path, codes: Codes, garments: "StaticRows") -> None:
     """Write the codes of all rows with their `garment`, `outfit` and `split`."""
     split = np.full(len(garments.garment), "", dtype="U5")
     for name in SPLITS:

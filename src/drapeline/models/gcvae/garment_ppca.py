@@ -6,7 +6,7 @@ its mask; the fit takes them for missing instead of zero, so that no hem is a ju
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -250,8 +250,16 @@ def mirror_batch(batch: Batch, mirror: np.ndarray) -> Batch:
     }
 
 
-def save_fit(folder: str | Path, ppca: GarmentPpca) -> None:
-    """Leave a folder like that of a training, with a checkpoint and settings but no history."""
+def save_fit(
+    folder: str | Path, ppca: GarmentPpca, complete: Callable[[Path], None] | None = None
+) -> None:
+    """Leave a folder like that of a training, with a checkpoint and settings but no history.
+
+    Args:
+        folder: to write.
+        ppca: fitted.
+        complete: adds files to the folder, which has all others by then.
+    """
     with atomic_folder(folder) as scratch:
         checkpoint = {"state_dict": ppca.state_dict(), "drapeline": ppca.about()}
         torch.save(checkpoint, scratch / BEST)
@@ -263,3 +271,5 @@ def save_fit(folder: str | Path, ppca: GarmentPpca) -> None:
                 "constants": asdict(ppca.constants),
             },
         )
+        if complete is not None:
+            complete(scratch)

@@ -1,5 +1,6 @@
 """Train a garment VAE: from data and settings to a finished folder."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,11 +25,12 @@ def train_vae(
     progress: str | Path,
     trainer: dict[str, Any],
     threads: int,
+    complete: Callable[[Path], None] | None = None,
 ) -> None:
     """Train a garment VAE and leave a folder as `fit` does.
 
     Args:
-        folder, progress, trainer, threads: see `fit`.
+        folder, progress, trainer, threads, complete: see `fit`.
         model: untrained.
         garments: of training and validation rows.
         conditioning: folder of the trained conditioning autoencoder.
@@ -58,4 +60,5 @@ def train_vae(
         settings=about,
         trainer=trainer,
         threads=threads,
+        complete=complete,
     )

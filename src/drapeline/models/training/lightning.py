@@ -148,6 +148,7 @@ def fit(
     settings: Mapping[str, Any],
     trainer: Mapping[str, Any],
     threads: int,
+    complete: Callable[[Path], None] | None = None,
 ) -> None:
     """Train, or resume a training that was stopped, and leave the finished folder.
 
@@ -161,6 +162,7 @@ def fit(
         settings: everything that the result depends on, as JSON values.
         trainer: options of Lightning's Trainer: accelerator, devices, precision, strategy ...
         threads: of the processor.
+        complete: adds files to the folder, which has all others by then.
 
     Of several devices each has a process of its own that calls this; the first process writes.
     """
@@ -188,6 +190,8 @@ def fit(
             for name in (LAST, BEST, HISTORY, SETTINGS):
                 shutil.copyfile(under_way / name, scratch / name)
             shutil.copytree(under_way / CURVES, scratch / CURVES)
+            if complete is not None:
+                complete(scratch)
         shutil.rmtree(progress)
 
 

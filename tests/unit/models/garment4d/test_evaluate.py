@@ -12,6 +12,7 @@ from drapeline.models.garment4d import evaluate as evaluation_module
 from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
 from drapeline.models.garment4d.refine import RefineSettings
+from drapeline.models.garment4d.worn_statistics import training_worn_statistics
 from garment4d_stages import build_canonical
 from garment4d_toys import CANONICAL, fill_regression, open_toy_data, save_toy_data
 
@@ -28,6 +29,7 @@ def rows(sequences, canonical, identity, tmp_path):
         ("val", "test"),
         settings,
         RefineSettings(rounds=4),
+        training_worn_statistics(sequences, identity.settings.skinning),
         pictures=tmp_path / "pictures",
         vertex_sampled=sequences,
     )

@@ -15,7 +15,6 @@ from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,
     refine,
-    training_worn_statistics,
 )
 from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.settings import SkinningSettings
@@ -167,15 +166,6 @@ def test_a_sequence_shorter_than_a_window_is_refused(identity, given):
 def test_a_stride_longer_than_a_window_is_refused(identity, given):
     with pytest.raises(InputError, match="stride of 4, expected at most 3"):
         reconstruct(identity, **given, stride=4)
-
-
-def test_worn_statistics_are_those_beside_proposals_of_the_skinning_asked_for(sequences):
-    # Toy garments are skinned like this, and sway by up to 2 cm.
-    own = training_worn_statistics(sequences, SkinningSettings(neighbours=16, passes=5))
-    other = training_worn_statistics(sequences, SkinningSettings(neighbours=1, passes=0))
-    assert own.error_m.max() < 0.021
-    assert own.error_m.mean() < 0.9 * other.error_m.mean()
-    np.testing.assert_allclose(own.shares, other.shares)
 
 
 def test_our_variant_follows_the_points_and_keeps_to_the_cloth(identity, data, given):

@@ -8,15 +8,13 @@ from drapeline.models.garment4d.refine import (
     Cloth,
     RefineSettings,
     SpaceTime,
-    WornGarmentStatistics,
     barycentric,
     body_push,
     fit_to_points,
-    measure_worn_garments,
-    pairs_across,
     point_pull,
-    springs,
 )
+from drapeline.models.garment4d.springs import springs
+from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
 from drapeline.seeding import rng_for
 from gcvae_toys import VERTICES, tube, tube_faces
 
@@ -153,31 +151,6 @@ def test_accelerations_that_garments_follow_are_those_of_the_proposal():
         assert np.ptp(flat[..., 2] - tube()[:, 2]) < 0.3 * np.ptp(bouncing[..., 2] - tube()[:, 2])
 
 
-def test_worn_statistics_are_means_over_sequences_with_one_of_the_mean():
-    rest = tube()
-    moving = rest + 0.01 * np.sin(2 * np.arange(6))[:, None, None] * np.array([0, 0, 1.0])
-    half = rest + 0.5 * (moving - rest)
-    found = measure_worn_garments([half], [moving], [rest], FACES)
-    np.testing.assert_allclose(found.shares, 1, atol=1e-9)
-    np.testing.assert_allclose(found.follow, 0.5)
-    wanted = np.sqrt(((half - moving)[:, 0] ** 2).sum(1).mean())
-    np.testing.assert_allclose(found.error_m, wanted)
-    # Twice as high, in one of two sequences: upright springs have shares of 1 and 2.
-    high = moving * [1, 1, 2]
-    found = measure_worn_garments([moving, high], [moving, high], [rest, rest], FACES)
-    pairs = springs(FACES)[0]
-    upright = np.linalg.norm((rest[pairs[:, 0]] - rest[pairs[:, 1]])[:, :2], axis=1) < 1e-9
-    level = np.abs(rest[pairs[:, 0], 2] - rest[pairs[:, 1], 2]) < 1e-9
-    assert upright.any()
-    assert level.any()
-    mean = (3 * found.shares[level][0] - 2) / 1
-    np.testing.assert_allclose(found.shares[level], (1 + 1 + mean) / 3)
-    np.testing.assert_allclose(found.shares[upright], (1 + 2 + mean) / 3)
-    assert 1 < mean < 1.5
-    np.testing.assert_allclose(found.follow, 1)
-    np.testing.assert_allclose(found.error_m, 0, atol=1e-9)
-
-
 @pytest.mark.parametrize("frames", [1, 2, 6])
 def test_the_solver_agrees_with_one_dense_system(frames):
     stiffness = Cloth(tube(), FACES, SETTINGS, np.ones(1)).stiffness
@@ -284,12 +257,6 @@ def test_a_garment_is_taken_out_of_the_body():
     after = (np.linalg.norm(made[..., :2], axis=-1) < 0.119).mean()
     assert before == 1
     assert after < 0.2
-
-
-def test_pairs_across_face_one_another():
-    faces = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4]])
-    pairs = {tuple(sorted(pair)) for pair in pairs_across(faces).tolist()}
-    assert pairs == {(0, 3), (1, 4)}
 
 
 def test_barycentric_shares_give_the_points_back():

@@ -8,6 +8,7 @@ from drapeline.models.gcvae.codes import Codes, decode_codes
 from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
 from drapeline.models.gcvae.sampling import draw
 from drapeline.models.gcvae.sampling.types import fit_types
+from drapeline.models.gcvae.static_files import TrainingCodes, mask_rates
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.seeding import rng_for
@@ -34,7 +35,9 @@ def types():
     mean = rng.normal(size=(200, 5)) * 0.5
     mean[:, 0] += np.where(garment == DRESS, 3, -3)
     mask = np.stack([half(garment_index == DRESS) for garment_index in garment])
-    return fit_types(Codes(mean, np.full((200, 5), -6.0)), garment, mask)
+    codes = Codes(mean, np.full((200, 5), -6.0))
+    rate = mask_rates(garment, mask, np.arange(200))
+    return fit_types(TrainingCodes(codes, garment, rate))
 
 
 @pytest.fixture

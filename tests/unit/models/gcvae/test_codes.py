@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from drapeline.models.gcvae.codes import Codes, encode_garments, load_codes, save_codes
+from drapeline.models.gcvae.codes import (
+    Codes,
+    encode_garments,
+    encode_held_out,
+    load_codes,
+    save_codes,
+)
 from drapeline.seeding import rng_for
 
 
@@ -11,6 +17,18 @@ def test_codes_do_not_depend_on_the_batch(model, garments):
     some = encode_garments(model, garments, rows[[30, 3, 17]])
     np.testing.assert_allclose(some.mean, codes.mean[[30, 3, 17]], atol=1e-5)
     assert codes.log_variance.shape == (40, 5)
+
+
+def test_codes_of_training_rows_are_taken_over_and_all_others_computed(model, garments):
+    everything = encode_garments(model, garments, np.arange(len(garments.split)))
+    train = garments.rows("train")
+    known = Codes(everything.mean[train] + 1, everything.log_variance[train])
+    found = encode_held_out(model, garments, known)
+    held_out = garments.split != "train"
+    assert held_out.any()
+    np.testing.assert_array_equal(found.mean[train], known.mean)
+    np.testing.assert_allclose(found.mean[held_out], everything.mean[held_out], atol=1e-5)
+    assert found.log_variance.shape == everything.log_variance.shape
 
 
 def test_codes_can_be_saved_with_what_they_are_of(garments, tmp_path):

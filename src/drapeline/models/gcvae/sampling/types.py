@@ -8,12 +8,12 @@ the type has most of its mass where hems of several lengths mix, and no garment 
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from drapeline.errors import InputError
-from drapeline.metrics.static import StaticRows
-from drapeline.models.gcvae.codes import Codes
+from drapeline.models.gcvae.static_files import TrainingCodes, load_training_codes
 from drapeline.outfits.garment_types import GARMENTS
 
 _SHRINKAGE = 0.05  # of the covariance towards a multiple of the identity
@@ -80,14 +80,9 @@ def smooth_bootstrap(mean: np.ndarray, near: np.ndarray, noise: np.ndarray) -> n
     return mean + np.sqrt(1 - _BANDWIDTH**2) * near + _BANDWIDTH * noise
 
 
-def fit_types(codes: Codes, garment: np.ndarray, mask: np.ndarray) -> GarmentTypes:
-    """Estimate the types from training garments.
-
-    Args:
-        codes: (n, Z).
-        garment: (n,) indices into `GARMENTS`.
-        mask: (n, V) bool.
-    """
+def fit_types(training: TrainingCodes) -> GarmentTypes:
+    """Estimate the types from the training garments of a model."""
+    codes, garment, rate = training
     count = np.bincount(garment, minlength=len(GARMENTS))
     mean = np.zeros((len(GARMENTS), codes.mean.shape[1]))
     np.add.at(mean, garment, codes.mean)
@@ -97,14 +92,13 @@ def fit_types(codes: Codes, garment: np.ndarray, mask: np.ndarray) -> GarmentTyp
     # With about as many garments as dimensions the covariance alone would be near singular.
     even = np.trace(within) / len(within) * np.eye(len(within))
     factor = np.linalg.cholesky((1 - _SHRINKAGE) * within + _SHRINKAGE * even)
-    rate = np.zeros((len(GARMENTS), mask.shape[1]))
-    for garment_index, covered in zip(garment, mask, strict=True):
-        rate[garment_index] += covered
-    rate /= np.maximum(count, 1)[:, None]
     return GarmentTypes(count / count.sum(), mean, factor, codes.mean, garment, rate)
 
 
-def fit_training_types(codes: Codes, garments: StaticRows) -> GarmentTypes:
-    """Estimate the types from the training rows of a dataset, given codes (N, Z) of all rows."""
-    train = garments.rows("train")
-    return fit_types(codes.of(train), garments.garment[train], garments.mask[train])
+def load_types(folder: str | Path) -> GarmentTypes:
+    """Types of the training garments of the static model in a folder.
+
+    Raises:
+        InputError: see `load_training_codes`.
+    """
+    return fit_types(load_training_codes(folder))

@@ -3,9 +3,11 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.models.gcvae.codes import Codes
-from drapeline.models.gcvae.sampling.types import fit_training_types, fit_types
+from drapeline.models.gcvae.sampling.types import fit_types, load_types
+from drapeline.models.gcvae.static_files import TrainingCodes, load_training_codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
+from gcvae_files import save_model
 from gcvae_toys import DRESS, TROUSERS, VERTICES, half
 
 
@@ -24,7 +26,8 @@ def test_codes_are_drawn_near_those_of_garments():
     mean = rng.normal(size=(200, 5))
     mean[:, 0] = np.repeat([-3.0, 3.0], 100)
     garment = np.full(200, DRESS)
-    types = fit_types(Codes(mean, np.full((200, 5), -6.0)), garment, np.ones((200, VERTICES), bool))
+    codes = Codes(mean, np.full((200, 5), -6.0))
+    types = fit_types(TrainingCodes(codes, garment, np.ones((len(GARMENTS), VERTICES))))
     drawn = np.stack([types.draw(rng, "Dress") for _ in range(1000)])
     assert (np.abs(drawn[:, 0]) < 0.5).mean() < 0.06
     np.testing.assert_allclose(drawn.std(0), mean.std(0), rtol=0.15)
@@ -49,14 +52,13 @@ def test_types_are_told_by_code_where_masks_agree_and_by_mask_where_codes_do(typ
         assert (found == expected).all()
 
 
-def test_types_are_estimated_from_training_rows_alone(garments):
-    rng = rng_for(0, "codes")
-    codes = Codes(rng.normal(size=(48, 5)), np.full((48, 5), -6.0))
-    types = fit_training_types(codes, garments)
-    train = garments.rows("train")
-    np.testing.assert_array_equal(types.codes, codes.mean[train])
-    for garment_index in np.unique(garments.garment[train]):
-        own = train[garments.garment[train] == garment_index]
-        assert types.share[garment_index] == pytest.approx(len(own) / len(train))
-        np.testing.assert_allclose(types.mean[garment_index], codes.mean[own].mean(axis=0))
-        np.testing.assert_allclose(types.mask_rate[garment_index], garments.mask[own].mean(axis=0))
+def test_types_are_estimated_from_the_training_codes_of_a_folder(tmp_path, garments):
+    save_model(tmp_path / "model", garments=garments)
+    training, types = load_training_codes(tmp_path / "model"), load_types(tmp_path / "model")
+    np.testing.assert_array_equal(types.codes, training.codes.mean)
+    for index in np.unique(training.garment):
+        own = training.garment == index
+        assert types.share[index] == pytest.approx(own.mean())
+        np.testing.assert_allclose(
+            types.mean[index], training.codes.mean[own].mean(axis=0), rtol=1e-5
+        )

@@ -1,0 +1,48 @@
+"""Trained models, ready to be used without the data that they were trained on.
+
+    from drapeline.models.load import load
+
+    skirts = load("results/gcvae/svae").sample(8, "Skirt")
+    moving = load("results/garment4d/Skirt").reconstruct(points, poses, shape)
+
+docs/api.md shows more of it. Loading executes nothing that is in the files.
+"""
+
+from pathlib import Path
+
+from drapeline.errors import InputError
+from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.reconstruction_model import ReconstructionModel, stage_folder
+from drapeline.models.gcvae.garment_ppca import StaticPpca
+from drapeline.models.gcvae.static_model import StaticModel
+from drapeline.models.gcvae.vae import StaticVae
+from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
+
+_MODELS: dict[str, type[StaticModel] | type[ReconstructionModel]] = {
+    StaticVae.checkpoint_type: StaticModel,
+    StaticPpca.checkpoint_type: StaticModel,
+    PosedStage.checkpoint_type: ReconstructionModel,
+}
+
+
+def load(folder: str | Path) -> StaticModel | ReconstructionModel:
+    """A trained model from the folder that its rule left.
+
+    Args:
+        folder: of a model of garments at rest, such as `results/gcvae/svae` or
+            `results/gcvae/static_ppca`; or of a garment type of Garment4D, such as
+            `results/garment4d/Skirt`, or one of its posed stages.
+
+    Returns:
+        A `StaticModel` with `sample`, `encode` and `decode`, or a `ReconstructionModel` with
+        `reconstruct`.
+
+    Raises:
+        InputError: a file is missing or damaged, or the model is of another kind.
+    """
+    path = stage_folder(folder) / BEST
+    kind = read_checkpoint(path)["drapeline"]["checkpoint_type"]
+    if kind not in _MODELS:
+        raise InputError(f"{path}: holds a '{kind}' network, expected {' or '.join(_MODELS)}")
+    return _MODELS[kind](folder)
