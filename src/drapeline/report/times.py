@@ -108,10 +108,10 @@ def write_times(
         {
             "Rule": row["rule"],
             "Jobs": Cell(row["jobs"], "number"),
-            "All jobs": Cell(duration(row["total_s"]), "number"),
-            "One job, mean": Cell(duration(row["mean_s"]), "number"),
-            "Longest job": Cell(duration(row["longest_s"]), "number"),
-            "Processor time": Cell(duration(row["cpu_s"]), "number"),
+            "All jobs": Cell(duration(row["total_s"]), "number", order=row["total_s"]),
+            "One job, mean": Cell(duration(row["mean_s"]), "number", order=row["mean_s"]),
+            "Longest job": Cell(duration(row["longest_s"]), "number", order=row["longest_s"]),
+            "Processor time": Cell(duration(row["cpu_s"]), "number", order=row["cpu_s"]),
             "Peak memory (MB)": Cell(row["peak_memory_mb"], "number"),
         }
         for row in rows

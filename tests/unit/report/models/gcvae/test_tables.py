@@ -41,7 +41,7 @@ def metrics(tmp_path):
 def test_page_has_our_rows_with_intervals_of_the_test_split(metrics, tmp_path):
     write_gcvae_page(tmp_path / "page.html", metrics)
     ours = (tmp_path / "page.html").read_text().split(f"<h2>{THEIRS}</h2>")[0]
-    assert "4.3 [3.9, 4.8]" in ours
+    assert "4.3 <small>[3.9, 4.8]</small>" in ours
     assert "99.0" not in ours
     assert "1.23" in ours  # per cent
     assert "Mean garment of the type" in ours
