@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -133,23 +133,28 @@ def save_npz(path: str | Path, **arrays: Any) -> None:
         np.savez_compressed(stream, **arrays)
 
 
-def load_npz(path: str | Path, *required: str, only: bool = False) -> dict[str, np.ndarray]:
+def load_npz(
+    path: str | Path, *required: str, optional: Collection[str] = (), only: bool = False
+) -> dict[str, np.ndarray]:
     """Read an `.npz` without executing anything in it.
 
     Args:
         required: keys that the file must have.
-        only: read these keys alone.
+        optional: keys that are read where the file has them, even with `only`.
+        only: read these keys alone, whatever others hold.
 
     Raises:
-        InputError: the file is missing, unreadable, contains pickles or lacks a required key.
+        InputError: the file is missing, unreadable, lacks a required key, or what is read contains
+            pickles.
     """
     path = Path(path)
+    wanted = {*required, *optional}
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
     try:
         with np.load(path, allow_pickle=False) as archive:
             names = archive.files
-            arrays = {name: archive[name] for name in names if name in required or not only}
+            arrays = {name: archive[name] for name in names if name in wanted or not only}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
     missing = [name for name in required if name not in arrays]

@@ -62,7 +62,7 @@ def test_imports_go_one_way(path):
         names = name.split(".")
         if names[0] == "drapeline" and len(names) > 1:
             assert names[1] in MAY_IMPORT[part], f"{path.name} imports {name}"
-        if names[0] in {"bpy", "bmesh", "mathutils"}:
+        if names[0] in {"bpy", "bmesh", "mathutils", "pxr"}:
             assert part == "blender", f"{path.name} imports {name} outside blender/"
         # Both take seconds to import, which is why hardly any job does.
         if names[0] == "torch":

@@ -71,6 +71,14 @@ def test_a_pickle_inside_an_npz_is_refused_and_not_run(tmp_path):
     assert not trace.exists()
 
 
+def test_only_the_keys_asked_for_are_opened(tmp_path):
+    np.savez(tmp_path / "a.npz", x=1, y=2, z=3, bad=np.array([{}], dtype=object))
+    arrays = load_npz(tmp_path / "a.npz", "x", optional=("y", "absent"), only=True)
+    assert set(arrays) == {"x", "y"}
+    with pytest.raises(InputError, match="lacks w; it holds bad, x, y, z"):
+        load_npz(tmp_path / "a.npz", "w", only=True)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [(None, "no such file"), (b"not a zip", "not a readable .npz"), (b"", "not a readable .npz")],

@@ -28,7 +28,8 @@ def read_amass(path: str | Path) -> Motion:
     Raises:
         InputError: names the file, the key and what was expected.
     """
-    arrays = load_npz(path, "poses", "trans")
+    # Stage-II files of SMPL-X also hold pickled markers, which are neither needed nor opened.
+    arrays = load_npz(path, "poses", "trans", optional=RATE_KEYS, only=True)
     poses, trans = np.asarray(arrays["poses"]), np.asarray(arrays["trans"], dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] not in POSE_SIZES:
         sizes = ", ".join(f"{size} ({model})" for size, model in POSE_SIZES.items())

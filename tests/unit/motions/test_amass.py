@@ -3,6 +3,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.motions.amass import read_amass
+from drapeline.motions.importing import frame_count, import_motion
 
 
 def saved(path, frames=10, size=156, **changes):
@@ -56,6 +57,35 @@ def test_unusable_files_are_named(tmp_path, changes, message):
     path, _ = saved(tmp_path / "a.npz", **changes)
     with pytest.raises(InputError, match=rf"a\.npz: {message}"):
         read_amass(path)
+
+
+def test_stage_two_files_are_read_without_their_pickled_markers(tmp_path):
+    """Keys as in AMASS's SMPL-X release, whose `markers_latent_vids` is a dict."""
+    touched = tmp_path / "touched"
+    path, arrays = saved(
+        tmp_path / "walk_stageii.npz",
+        size=165,
+        mocap_framerate=None,
+        mocap_frame_rate=120.0,
+        surface_model_type="smplx",
+        markers_latent=np.zeros((53, 3)),
+        markers_latent_vids=np.array({"C7": 3832}, dtype=object),
+        latent_labels=np.array(["C7", Touch(touched)], dtype=object),
+    )
+    motion = read_amass(path)
+    np.testing.assert_array_equal(motion.poses[:, :66], arrays["poses"][:, :66])
+    assert len(import_motion(path)) == frame_count(path) == 3
+    assert not touched.exists()
+
+
+class Touch:
+    """Leaves a trace if it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
 
 
 def test_pickles_inside_are_not_run(tmp_path):
