@@ -138,8 +138,9 @@ def motion_files(wildcards):
 
 
 def motion_parameters(wildcards):
-    """What else the importer is told: joint map, skeleton, loop, labels."""
-    return MOTIONS[wildcards.sequence].parameters()
+    """What else the importer is told: joint map, skeleton, loop, feet, labels."""
+    lock_feet = config["motions"]["lock_feet"]
+    return {**MOTIONS[wildcards.sequence].parameters(), "lock_feet": lock_feet}
 
 
 def sample_templates(wildcards):

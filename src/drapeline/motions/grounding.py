@@ -6,7 +6,7 @@ from drapeline.motions.hands import lay_hands
 from drapeline.motions.motion import Motion
 
 
-def set_on_floor(motion: Motion, *, lock: bool = True) -> Motion:
+def set_on_floor(motion: Motion, *, feet: bool = True, hands: bool = True) -> Motion:
     """Bring a motion to the floor z = 0 of the reference skeleton.
 
     The root is raised or lowered so that supports rest on the floor, then legs are bent so that
@@ -15,8 +15,12 @@ def set_on_floor(motion: Motion, *, lock: bool = True) -> Motion:
 
     Args:
         motion: a motion on any floor.
-        lock: whether poses may change; False keeps those of a source that is in SMPL's pose
-            space already.
+        feet: whether legs may be bent.
+        hands: whether wrists may be bent.
     """
     motion = rest_supports(motion)
-    return lift_out(lay_hands(lock_feet(motion)) if lock else motion)
+    if feet:
+        motion = lock_feet(motion)
+    if hands:
+        motion = lay_hands(motion)
+    return lift_out(motion)

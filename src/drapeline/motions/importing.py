@@ -34,6 +34,7 @@ def import_motion(
     asf: str | Path | None = None,
     amc_fps: float = CMU_FPS,
     frames: int | None = None,
+    lock_feet: bool = True,
     action: str = "",
     subject: str = "",
     sequence: str = "",
@@ -47,6 +48,8 @@ def import_motion(
         amc_fps: frames per second of an AMC motion; the file does not tell.
         frames: length of the result: cyclic clips are repeated up to it, longer motions are
             cut, and shorter ones stay as they are. None keeps the whole motion.
+        lock_feet: whether the legs of a BVH or AMC motion are bent so that resting feet neither
+            slide nor float; other files' legs are never bent.
         action, subject, sequence: labels; where empty, the file's own or its name are used.
 
     Raises:
@@ -66,7 +69,8 @@ def import_motion(
         fps = amc_fps if path.suffix.lower() == ".amc" else _rate(take.times_s)
         times = np.arange(resampled_count(len(poses), fps)) / FPS
         poses, trans = interpolate(poses, trans, take.times_s, times)
-        motion = set_on_floor(Motion(poses, trans, float(FPS), "", "", str(path), path.stem))
+        motion = Motion(poses, trans, float(FPS), "", "", str(path), path.stem)
+        motion = set_on_floor(motion, feet=lock_feet)
     if frames is not None:
         motion = loop_to(motion, frames)
         motion = replace(motion, poses=motion.poses[:frames], trans=motion.trans[:frames])
@@ -117,7 +121,8 @@ def _read_npz(path: Path) -> Motion:
         ours = "reference_leg_length_m.npy" in archive.namelist()
     if ours:
         return resample(load_motion(path))
-    return set_on_floor(resample(read_amass(path)), lock=False)
+    # AMASS is in SMPL's pose space already, so its poses are kept.
+    return set_on_floor(resample(read_amass(path)), feet=False, hands=False)
 
 
 def _npz_frames(path: Path) -> tuple[int, float, bool]:

@@ -27,7 +27,8 @@ class JointMap:
         joints: SMPL joint name to source joint name; unlisted joints follow their neighbours.
         up: the file's vertical axis, one of X Y Z -X -Y -Z; None takes it from the rest pose.
         twist_deg: SMPL limb joint to the angle about the limb's direction that its rest pose lacks
-            to be SMPL's. Bone directions cannot tell it; the axis of a hinge can.
+            to be SMPL's. Bone directions cannot tell it. That of shoulders and elbows is measured
+            from the motion where it is not given.
     """
 
     name: str

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
+from drapeline.motions.elbow_hinge import measured_twists
 from drapeline.motions.joint_map import JointMap
 from drapeline.motions.skeleton import (
     REFERENCE_LEG_LENGTH_M,
@@ -55,7 +56,8 @@ def retarget(take: Take, joint_map: JointMap) -> tuple[np.ndarray, np.ndarray]:
     rest = take.rest_positions()
     facing = body_frame(rest, source, take.source)
     world = _world_frame(facing, joint_map.up)
-    align = _alignment(rest @ facing.T, source, joint_map.twist_deg)
+    align = _alignment(rest @ facing.T, source)
+    _roll_limbs(align, take.rotations @ facing.T, source, joint_map.twist_deg)
     rotations = np.zeros((len(take.rotations), 24, 3, 3))
     for joint, index in source.items():
         turn = facing.T @ align[joint].T
@@ -104,9 +106,7 @@ def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.eye(3) + cross + cross @ cross / (1 + cosine)
 
 
-def _alignment(
-    rest: np.ndarray, source: dict[str, int], twist_deg: dict[str, float]
-) -> dict[str, np.ndarray]:
+def _alignment(rest: np.ndarray, source: dict[str, int]) -> dict[str, np.ndarray]:
     """Per mapped joint, the turn (3, 3) from the source's rest pose to the T-pose, SMPL axes."""
     align = {joint: np.eye(3) for joint in source}
     for start, end, direction in LIMBS:
@@ -124,10 +124,36 @@ def _alignment(
         if f"{side}_hand" in source:
             align[f"{side}_hand"] = align[f"{side}_elbow"]
         _align_foot(align, rest, source, side)
-    for joint, _, direction in LIMBS:  # last, so that hands and feet do not take it on
-        axis_angle = np.radians(twist_deg.get(joint, 0.0)) * np.array(direction)
-        align[joint] = Rotation.from_rotvec(axis_angle).as_matrix() @ align[joint]
     return align
+
+
+def _roll_limbs(
+    align: dict[str, np.ndarray],
+    rotations: np.ndarray,
+    source: dict[str, int],
+    twist_deg: dict[str, float],
+) -> None:
+    """Add the twists that are given, and those of other arms as measured, to the turns of limbs.
+
+    Hands and feet do not take them on.
+
+    Args:
+        align: changed in place.
+        rotations: (N, J, 3, 3) global rotations of the source's joints, from SMPL's axes.
+        source: joint index in the take for each mapped SMPL joint.
+        twist_deg: as in the joint map.
+    """
+    arms = {
+        side: tuple(
+            rotations[:, source[joint]] @ align[joint].T
+            for joint in (f"{side}_shoulder", f"{side}_elbow")
+        )
+        for side in ("left", "right")
+    }
+    twists = measured_twists(arms) | twist_deg
+    for joint, _, direction in LIMBS:
+        axis_angle = np.radians(twists.get(joint, 0.0)) * np.array(direction)
+        align[joint] = Rotation.from_rotvec(axis_angle).as_matrix() @ align[joint]
 
 
 def _align_foot(

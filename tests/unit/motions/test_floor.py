@@ -18,7 +18,7 @@ def test_report_of_standing_still_is_clean():
 
 
 def test_sliding_is_the_travel_per_frame():
-    rested = set_on_floor(standing_motion(speed_m=0.005), lock=False)
+    rested = set_on_floor(standing_motion(speed_m=0.005), feet=False, hands=False)
     report = floor_report(rested)
     assert report.sliding_mm_per_frame == pytest.approx(5.0)
     assert report.near_floor_mm_per_frame == pytest.approx(5.0)

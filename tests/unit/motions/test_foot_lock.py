@@ -28,7 +28,7 @@ def crouching(frames=60, **changes):
     trans[:, 1] = 0.01 * np.cos(phase)
     trans[:, 2] = 0.9
     motion = Motion(poses, trans, 30.0, "", "", "a", "a", **changes)
-    return set_on_floor(motion, lock=False)
+    return set_on_floor(motion, feet=False, hands=False)
 
 
 def test_resting_feet_stop_sliding():
@@ -86,7 +86,7 @@ def test_a_straight_or_overstretched_knee_is_bent_back_not_forward(start_rad):
     poses[:, KNEE.start] = start_rad
     trans = np.zeros((30, 3))
     trans[:, 0] = 0.03 * np.sin(np.arange(30) / 5)
-    motion = set_on_floor(Motion(poses, trans, 30.0, "", "", "a", "a"), lock=False)
+    motion = set_on_floor(Motion(poses, trans, 30.0, "", "", "a", "a"), feet=False, hands=False)
     lowered = replace(motion, trans=motion.trans - np.array([0, 0, 0.02]))
     locked = lock_feet(lowered)
     assert locked.poses[:, KNEE.start].min() > 0.05

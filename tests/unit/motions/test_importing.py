@@ -6,11 +6,15 @@ import yaml
 
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES
+from drapeline.motions.bvh import read_bvh
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import frame_count, import_motion
-from drapeline.motions.joint_map import BUILT_IN, load_joint_map
+from drapeline.motions.joint_map import built_in_map
 from drapeline.motions.motion import Cycle, Motion, save_motion
+from drapeline.motions.retarget import retarget
 from motion_files import SMPL_TO_CMU_BVH, smooth_turns, write_bvh
+
+LEG = ("hip", "knee", "ankle")
 
 
 @pytest.fixture
@@ -81,6 +85,21 @@ def test_imported_motions_stand_on_the_floor(make, kind):
     assert floor_report(import_motion(make[kind]())).penetration_max_mm < 1e-6
 
 
+def test_without_locked_feet_legs_bend_as_in_the_file(tmp_path):
+    local = smooth_turns(np.random.default_rng(0), 50, 24, 0.02)
+    root = np.linspace([0, 0.9, 0], [0, 0.9, 0.08], 50)  # someone stands, but slides
+    path = write_bvh(tmp_path / "a.bvh", local, root, frame_time=1 / 60)
+    legs = [JOINT_NAMES.index(f"{side}_{part}") for side in ("left", "right") for part in LEG]
+    locked, free = (import_motion(path, lock_feet=lock).poses for lock in (True, False))
+    take = read_bvh(path)
+    captured, _ = retarget(take, built_in_map(take))
+    assert floor_report(import_motion(path, lock_feet=False)).penetration_max_mm < 1e-6
+    # Every second frame of the file; the others are dropped.
+    captured, free, locked = (x.reshape(len(x), 24, 3)[:, legs] for x in (captured, free, locked))
+    np.testing.assert_allclose(free, captured[::2], atol=1e-6)
+    assert np.abs(locked - free).max() > 0.01
+
+
 def test_a_joint_map_opens_any_skeleton(make, tmp_path):
     path = make["bvh"]()
     expected = import_motion(path)
@@ -91,8 +110,7 @@ def test_a_joint_map_opens_any_skeleton(make, tmp_path):
     with pytest.raises(InputError, match="fit no built-in map"):
         import_motion(path)
     joints = {j: f"my{SMPL_TO_CMU_BVH[j]}" for j in JOINT_NAMES if "hand" not in j}
-    twist = load_joint_map(BUILT_IN / "cmu_bvh.yaml").twist_deg
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joints": joints, "twist_deg": twist}))
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joints": joints}))
     motion = import_motion(path, joint_map=tmp_path / "map.yaml")
     np.testing.assert_allclose(motion.poses, expected.poses, atol=1e-9)
 

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from drapeline.motions.skeleton import (
     globals_from_poses,
     reference_joints,
 )
-from motion_files import random_turns, smooth_turns, write_bvh
+from motion_files import SMPL_TO_CMU_BVH, random_turns, smooth_turns, write_bvh
 
 INDEX = {name: index for index, name in enumerate(JOINT_NAMES)}
 SAME_NAMES = JointMap("test", {name: name for name in JOINT_NAMES if "hand" not in name})
@@ -164,6 +165,50 @@ def test_smpl_to_bvh_and_back(tmp_path):
     expected = globals_from_locals(PARENTS, local)
     np.testing.assert_allclose(globals_from_poses(poses), Y_UP_TO_Z_UP @ expected, atol=1e-6)
     np.testing.assert_allclose(trans, root @ Y_UP_TO_Z_UP.T, atol=1e-6)
+
+
+def bent_elbows(roll_deg):
+    """A motion with elbows that are hinges, on a rest pose with arms rolled by an angle about +X.
+
+    The rest poses of the CMU database are rolled by 30 degrees, those of others with the same joint
+    names are not.
+    """
+    rng = np.random.default_rng(5)
+    local = smooth_turns(rng, 12, 24, 0.5)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        flexion = np.linspace(0.2, 1.8, 12)[:, None]
+        bend = Rotation.from_rotvec(flexion * [0.0, -sign, 0.0])
+        local[:, INDEX[f"{side}_elbow"]] = bend.as_matrix()
+    rotations = globals_from_locals(PARENTS, local)
+    roll = Rotation.from_euler("X", roll_deg, degrees=True).as_matrix()
+    rolled = rotations.copy()
+    for part in ("shoulder", "elbow"):
+        for side in ("left", "right"):
+            rolled[:, INDEX[f"{side}_{part}"]] = rotations[:, INDEX[f"{side}_{part}"]] @ roll
+    names = [SMPL_TO_CMU_BVH[name] for name in JOINT_NAMES]
+    return rotations, take_of(rolled, rest_offsets(), names)
+
+
+@pytest.mark.parametrize("roll_deg", [0, 30, -40])
+def test_elbows_bend_about_smpls_axis_however_the_arms_of_a_skeleton_are_rolled(roll_deg):
+    rotations, take = bent_elbows(roll_deg)
+    poses, _ = retarget(take, built_in_map(take))
+    arms = [INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "elbow")]
+    np.testing.assert_allclose(
+        globals_from_poses(poses)[:, arms], (Y_UP_TO_Z_UP @ rotations)[:, arms], atol=1e-7
+    )
+
+
+def test_a_twist_that_the_joint_map_gives_is_not_measured():
+    rotations, take = bent_elbows(30)
+    given = {f"{side}_{part}": 0.0 for side in ("left", "right") for part in ("shoulder", "elbow")}
+    poses, _ = retarget(take, replace(built_in_map(take), twist_deg=given))
+    shoulder = INDEX["left_shoulder"]
+    off = np.swapaxes(globals_from_poses(poses)[:, shoulder], 1, 2) @ (
+        Y_UP_TO_Z_UP @ rotations[:, shoulder]
+    )
+    angles = np.degrees(Rotation.from_matrix(off).magnitude())
+    np.testing.assert_allclose(angles, 30, atol=1e-6)
 
 
 def test_a_chest_turn_is_spread_over_the_spine():
