@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.dataset.viewer import example_sample, write_viewer
+from drapeline.report.dataset.viewer import REPORT_BYTES_MAX, example_sample, write_viewer
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -10,5 +10,5 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     sample = example_sample(snakemake.input.dataset)
-    size = write_viewer(snakemake.output[0], sample)
+    size = write_viewer(snakemake.output[0], sample, bytes_max=REPORT_BYTES_MAX)
     log.info("%s: %.2f MB", sample or "no accepted sample", size / 1e6)

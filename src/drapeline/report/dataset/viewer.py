@@ -5,6 +5,7 @@ import json
 import zlib
 from collections.abc import Sequence
 from html import escape
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,12 @@ from drapeline.errors import InputError
 from drapeline.storage import atomic_file
 
 FRAMES_MAX = 60
-BYTES_MAX = 6_000_000  # of the page; fewer frames are kept rather than a coarser mesh
-STEP_M = 0.0002  # vertices are rounded to a fifth of a millimetre
+BYTES_MAX = 6_000_000  # of a page on its own
+# Browsers do not open frames with data URLs beyond 2 MiB, which is how a report holds its pages.
+REPORT_BYTES_MAX = 1_450_000
+STEPS_M = (0.0002, 0.0005, 0.001)  # what vertices are rounded to
 _LEVELS = 2**16 - 1
+_PAGE_BYTES = 25_000  # without its meshes
 
 
 def example_sample(dataset: str | Path) -> Path | None:
@@ -33,12 +37,13 @@ def example_sample(dataset: str | Path) -> Path | None:
     return None
 
 
-def write_viewer(path: str | Path, folder: str | Path | None) -> int:
+def write_viewer(path: str | Path, folder: str | Path | None, *, bytes_max: int = BYTES_MAX) -> int:
     """Write the page of a sample, or of the reason why it was not accepted.
 
     Args:
         path: the HTML page.
         folder: of the sample, or None if there is none to show.
+        bytes_max: size of the page, for which vertices are rounded and then frames left out.
 
     Returns:
         Size of the page in bytes.
@@ -54,9 +59,10 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
         return _write(path, {"title": title, "lines": [meta["reason"]]}, b"")
     with Sample(folder) as sample:
         parts = scene_parts(sample)
-        for stride in range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1):
-            header, blob = encode_parts(parts, range(0, len(sample), stride))
-            if 4 / 3 * len(blob) < 0.99 * BYTES_MAX:
+        strides = range(max(1, -(-len(sample) // FRAMES_MAX)), len(sample) + 1)
+        for stride, step in product(strides, STEPS_M):
+            header, blob = encode_parts(parts, range(0, len(sample), stride), step)
+            if 4 / 3 * len(blob) < bytes_max - _PAGE_BYTES:
                 break
         header |= {
             "title": f"Sample {sample.id}",
@@ -67,7 +73,9 @@ def write_viewer(path: str | Path, folder: str | Path | None) -> int:
     return _write(path, header, blob)
 
 
-def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dict[str, Any], bytes]:
+def encode_parts(
+    parts: Sequence[ScenePart], frames: Sequence[int], step_m: float = STEPS_M[0]
+) -> tuple[dict[str, Any], bytes]:
     """Encode meshes and chosen frames as a header and one compressed block.
 
     The block holds, part by part, the triangles as uint32 and the vertices as 16-bit steps from
@@ -76,6 +84,7 @@ def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dic
     Args:
         parts: the meshes that move.
         frames: which frames to keep, in order.
+        step_m: metres to which vertices are rounded; more for meshes of more than 65,535 steps.
 
     Returns:
         The header ("origin_m" (3,), "step_m", "frames", "parts") and the block.
@@ -85,7 +94,7 @@ def encode_parts(parts: Sequence[ScenePart], frames: Sequence[int]) -> tuple[dic
     extent = np.max([points.max(axis=(0, 1)) for points in moving], axis=0) - origin
     if not np.isfinite(extent).all():
         raise InputError(f"{parts[0].name}: vertices are not finite, expected metres")
-    step = max(STEP_M, float(extent.max()) / _LEVELS)
+    step = max(step_m, float(extent.max()) / _LEVELS)
     blocks = []
     about = []
     for part, points in zip(parts, moving, strict=True):

@@ -13,6 +13,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.report.dataset import viewer
 from drapeline.report.dataset.viewer import (
+    STEPS_M,
     encode_frames,
     encode_parts,
     example_sample,
@@ -115,14 +116,16 @@ def test_long_clips_keep_their_speed_and_their_length(tmp_path, dataset, monkeyp
     assert (header["frames"], header["stride"], header["fps"]) == (3, 2, 15)
 
 
-def test_heavy_samples_lose_frames_and_not_vertices(tmp_path, dataset, monkeypatch):
-    write_viewer(tmp_path / "whole.html", dataset.path / "test/00004")
-    data = len(read_page(tmp_path / "whole.html")[2])
-    monkeypatch.setattr(viewer, "BYTES_MAX", int(0.8 * data))
-    write_viewer(tmp_path / "less.html", dataset.path / "test/00004")
-    _, header, less = read_page(tmp_path / "less.html")
-    assert header["frames"] < 6
-    assert 4 / 3 * len(less) < 0.8 * data
+@pytest.mark.parametrize("share", [0.95, 0.5])
+def test_heavy_samples_are_rounded_then_lose_frames_and_never_vertices(tmp_path, dataset, share):
+    whole = write_viewer(tmp_path / "whole.html", dataset.path / "test/00004")
+    data = 4 / 3 * len(read_page(tmp_path / "whole.html")[2])
+    limit = int(share * data) + viewer._PAGE_BYTES
+    size = write_viewer(tmp_path / "less.html", dataset.path / "test/00004", bytes_max=limit)
+    _, header, _ = read_page(tmp_path / "less.html")
+    assert size < min(limit, whole)
+    assert header["step_m"] > STEPS_M[0]
+    assert (header["frames"] == 6) == (share == 0.95)
     assert header["parts"][1]["vertices"] == 60
 
 
