@@ -8,7 +8,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.learning_data.sequences import SequenceData, collect_sequences, window_starts
+from drapeline.learning_data.sequences import SequenceData, collect_sequences
 from garment4d_toys import GARMENT, save_toy_data, skirt_faces, toy_sequences
 
 
@@ -47,22 +47,6 @@ def test_coefficients_have_unit_variance_over_training_only(data):
     first = data.coefficients[train, :2]
     np.testing.assert_allclose(first.mean(axis=0), 0, atol=1e-4)
     np.testing.assert_allclose(first.std(axis=0), 1, atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("count", "frames", "stride", "starts"),
-    [
-        (8, 4, 4, [0, 4]),
-        (7, 4, 4, [0, 3]),
-        (9, 4, 4, [0, 4, 5]),
-        (4, 4, 2, [0]),
-        (6, 3, 1, [0, 1, 2, 3]),
-    ],
-)
-def test_windows_cover_every_frame_without_padding(count, frames, stride, starts):
-    assert window_starts(count, frames, stride, "s") == starts
-    covered = {start + k for start in starts for k in range(frames)}
-    assert covered == set(range(count))
 
 
 def test_a_sequence_shorter_than_a_window_is_named(data):

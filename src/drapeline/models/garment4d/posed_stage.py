@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from drapeline.learning_data.sequences import SequenceData, window_starts
+from drapeline.dataset.windows import window_starts
+from drapeline.learning_data.sequences import SequenceData
 from drapeline.models.garment4d.canonical import CanonicalNetwork, CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import DressedSequences

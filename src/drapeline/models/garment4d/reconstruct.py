@@ -13,8 +13,8 @@ from scipy.ndimage import convolve1d
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
+from drapeline.dataset.windows import window_starts
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.learning_data.sequences import window_starts
 from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.canonical import CanonicalOutput

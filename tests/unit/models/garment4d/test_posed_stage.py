@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.learning_data.sequences import window_starts
+from drapeline.dataset.windows import window_starts
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import DressedSequences
 from drapeline.models.garment4d.load import load_stage
