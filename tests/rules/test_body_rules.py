@@ -5,6 +5,7 @@ import pytest
 
 from drapeline.bodies.model import save_body
 from drapeline.bodies.sequence import load_body_sequence
+from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import REST_POSE
 from drapeline.motions.motion import Motion, load_motion, save_motion
 
@@ -25,6 +26,15 @@ def motion_file(tmp_path):
     path = tmp_path / "swing.npz"
     save_motion(path, swing())
     return path
+
+
+def test_convert_body_keeps_every_array(run_rule, tmp_path, toy_body):
+    save_body(tmp_path / "female.npz", toy_body)
+    output = tmp_path / "smpl/SMPL_FEMALE.pkl"
+    run_rule("convert_body", input=[tmp_path / "female.npz"], output=[output], params={})
+    before, after = (read_body_arrays(path) for path in (tmp_path / "female.npz", output))
+    for key, array in before.items():
+        np.testing.assert_array_equal(after[key], array)
 
 
 def test_import_motion_reads_a_clip_and_labels_it(run_rule, motion_file, tmp_path):

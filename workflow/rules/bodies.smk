@@ -21,6 +21,29 @@ rule bake_body:
         "../../scripts/bake_body.py"
 
 
+rule convert_body:
+    input:
+        baked_body,
+    output:
+        "resources/body/smpl/SMPL_{gender}.pkl",
+    log:
+        "logs/convert_body/{gender}.log",
+    benchmark:
+        "benchmarks/convert_body/{gender}.tsv"
+    wildcard_constraints:
+        gender="FEMALE|MALE",
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
+    params:
+        code=source_hash("convert_body"),
+    script:
+        "../../scripts/convert_body.py"
+
+
 rule import_motion:
     input:
         unpack(motion_files),

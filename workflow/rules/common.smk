@@ -137,6 +137,10 @@ def motion_files(wildcards):
     return MOTIONS[wildcards.sequence].files
 
 
+def baked_body(wildcards):
+    return f"resources/body/{wildcards.gender.lower()}.npz"
+
+
 def motion_parameters(wildcards):
     """What else the importer is told: joint map, skeleton, loop, feet, labels."""
     lock_feet = config["motions"]["lock_feet"]

@@ -97,6 +97,24 @@ def test_turning_the_root_turns_everything(toy_body, poses):
     np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)
 
 
+def test_smplx_opens_a_converted_body_in_every_way_that_the_docs_name(baked_bodies, tmp_path):
+    body, file = baked_bodies["female"], tmp_path / "female.npz"
+    save_body(file, body)
+    convert_to_pickle(file, tmp_path / "smpl/SMPL_FEMALE.pkl")
+    shape = np.linspace(-1, 1, 10)
+    expected = shape_body(body, shape)[0]
+    with np.load(file) as arrays:
+        opened = [
+            smplx.SMPL(str(tmp_path / "smpl/SMPL_FEMALE.pkl")),
+            smplx.SMPL(str(tmp_path / "smpl"), gender="female"),
+            smplx.create(str(tmp_path), model_type="smpl", gender="female"),
+            smplx.SMPL("", data_struct=smplx.utils.Struct(**arrays)),
+        ]
+    for theirs in opened:
+        found = theirs(betas=torch.tensor(shape, dtype=torch.float32)[None]).vertices[0].detach()
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
 def test_smplx_opens_the_baked_file_and_agrees(baked_bodies, tmp_path, poses):
     for gender, body in baked_bodies.items():
         save_body(tmp_path / f"{gender}.npz", body)
