@@ -6,6 +6,7 @@ from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.own_garments import OwnGarment
 from drapeline.outfits.templates import load_templates
 from drapeline.rule_log import rule_log
 from drapeline.seeding import rng_for
@@ -27,7 +28,7 @@ with rule_log(snakemake.log[0]) as log:
             tightness=tuple(snakemake.params.tightness_range),
             elastic_chance=snakemake.params.elastic_probability,
         ),
-        own=snakemake.params.own_garments,
+        own={name: OwnGarment(**given) for name, given in snakemake.params.own_garments.items()},
     )
     outfit.save(snakemake.output.arrays, snakemake.output.parameters)
     for garment in outfit.garments:

@@ -9,8 +9,10 @@ import pytest
 
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import save_body
+from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.sequence import save_body_sequence
-from drapeline.frames import REST_POSE
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.geometry.obj import load_obj
 from drapeline.outfits.outfit import load_outfit
 
 PARAMS = {
@@ -87,9 +89,20 @@ def test_an_unusable_garment_of_the_user_ends_in_one_sentence_and_no_files(
     if text:
         path.write_text(text)
     with pytest.raises(SystemExit, match=f"drapeline: .*mine.obj.*({message})"):
-        make(run_rule, stages, own_garments={"Skirt": str(path)})
+        make(run_rule, stages, own_garments={"Skirt": {"path": str(path)}})
     assert not (stages / "outfit.npz").exists()
     assert not (stages / "outfit.json").exists()
+
+
+def test_the_body_to_model_on_is_the_one_that_garments_are_checked_against(
+    run_rule, stages, toy_body
+):
+    paths = {gender: stages / f"{gender}.obj" for gender in GENDERS}
+    run_rule("body_obj", input=dict.fromkeys(GENDERS, stages / "body.npz"), output=paths)
+    for path in paths.values():
+        body = load_obj(path)
+        np.testing.assert_allclose(body.vertices, rest_body(toy_body, np.zeros(10)), atol=1e-5)
+        np.testing.assert_array_equal(body.faces, toy_body.faces)
 
 
 def simulate(run_rule, stages, **params):

@@ -269,7 +269,7 @@ def add_toy_garment_type(project):
     schema = project / "workflow/schemas/config.schema.yaml"
     replace(schema, "Top+Skirt, Dress, Jumpsuit]", "Top+Skirt, Dress, Jumpsuit, Overalls]")
     replace(schema, "Skirt, Jumpsuit, Dress]", "Skirt, Jumpsuit, Dress, Overalls]")
-    own = "          Dress: {type: string, minLength: 1}\n"
+    own = "          Dress: *own_garment\n"
     replace(schema, own, own + own.replace("Dress", "Overalls"))
     style = project / "src/drapeline/report/style.py"
     replace(style, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')

@@ -7,7 +7,9 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import fill_settings
+from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, TEMPLATE_TYPES
+from drapeline.outfits.own_garments import OPENINGS
 from drapeline.registration.to_template.garment_template import LOOP_NAMES
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
@@ -52,6 +54,10 @@ def test_every_garment_type_and_outfit_can_be_asked_for():
     )
     assert outfits["types"]["items"]["enum"] == outfits["types"]["default"] == [*OUTFIT_TYPES]
     assert list(outfits["own_garments"]["properties"]) == [*GARMENTS]
+    for worn in outfits["own_garments"]["properties"].values():
+        assert worn["properties"]["fabric"]["enum"] == [*FABRICS, None]
+        for key in ("elastic", "held"):
+            assert tuple(worn["properties"][key]["items"]["enum"]) == OPENINGS
     sampled = gcvae["sampling"]["properties"]["garments"]["items"]["enum"]
     assert sampled == ["prior", *GARMENTS]
     files = garment4d["template"]["properties"]["files"]["properties"]

@@ -23,6 +23,7 @@ from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
 from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import OUTFIT_TYPES
+from drapeline.outfits.own_garments import own_garments
 from drapeline.outfits.static_plan import plan_static
 
 try:
@@ -43,6 +44,7 @@ try:
         config["motions"]["sequences"],
         loop_frames=config["motions"]["loop_frames"],
     )
+    OWN_GARMENTS = own_garments(config["outfits"]["own_garments"])
     SAMPLES = plan_samples(
         config["seed"],
         {name: motion.frames for name, motion in MOTIONS.items()},
@@ -151,11 +153,16 @@ def sample_templates(wildcards):
     return f"{RESULTS}/templates/{SAMPLES[wildcards.sample].gender}.npz"
 
 
+def sample_own_garments(wildcards):
+    """Params function: the user's own among the garments of this sample."""
+    sample = SAMPLES[wildcards.sample]
+    own = OWN_GARMENTS[sample.gender]
+    return {name: own[name] for name in sample.outfit_type.split("+") if name in own}
+
+
 def own_garment_files(wildcards):
-    """The user's own OBJ files among the garments of this sample."""
-    own = config["outfits"]["own_garments"]
-    garments = SAMPLES[wildcards.sample].outfit_type.split("+")
-    return [own[garment] for garment in garments if garment in own]
+    """The OBJ files of these."""
+    return [own["path"] for own in sample_own_garments(wildcards).values()]
 
 
 def shard_plans(wildcards):

@@ -28,6 +28,28 @@ rule build_templates:
         "../../scripts/build_templates.py"
 
 
+rule body_obj:
+    # Asked for by name: what users model garments of their own on.
+    input:
+        **WHOLE_BODIES,
+    output:
+        **{gender: f"{RESULTS}/body_obj/{gender}.obj" for gender in GENDERS},
+    log:
+        f"{LOGS}/body_obj.log",
+    benchmark:
+        f"{BENCHMARKS}/body_obj.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("body_obj"),
+    script:
+        "../../scripts/body_obj.py"
+
+
 rule make_outfit:
     input:
         body=sample_body,
@@ -56,7 +78,7 @@ rule make_outfit:
         vertices_min=lookup(dpath="outfits/vertices_min", within=config),
         tightness_range=lookup(dpath="outfits/tightness_range", within=config),
         elastic_probability=lookup(dpath="outfits/elastic_probability", within=config),
-        own_garments=lookup(dpath="outfits/own_garments", within=config),
+        own_garments=sample_own_garments,
         code=source_hash("make_outfit"),
     script:
         "../../scripts/make_outfit.py"

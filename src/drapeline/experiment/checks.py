@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from drapeline.errors import InputError
 from drapeline.experiment.samples import SamplePlan
+from drapeline.frames import GENDERS
 from drapeline.outfits.static_plan import StaticPlan
 
 # A shape space needs a mean and a direction.
@@ -32,6 +33,11 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
         raise InputError(
             f"outfits.tightness_range is [{low}, {high}], expected the lower end first"
         )
+    for name, own in settings["outfits"]["own_garments"].items():
+        if not isinstance(own, str) and not {"file", *GENDERS} & own.keys():
+            raise InputError(
+                f"outfits.own_garments.{name} names no OBJ file, expected file, female or male"
+            )
     val, test = (settings["static"][f"{split}_share"] for split in ("val", "test"))
     if val + test >= 1:
         raise InputError(

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,12 +23,13 @@ from drapeline.outfits.fabrics import fabric_names
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, lay_over, leave_body, resize
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
+from drapeline.outfits.own_garments import OwnGarment
 from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.outfits.patterns.panels import Pattern
 from drapeline.outfits.patterns.separation import separator
 from drapeline.outfits.settling import drape_on_form
 from drapeline.outfits.templates import Templates
-from drapeline.outfits.user_garment import load_user_garment, top_loop
+from drapeline.outfits.user_garment import load_user_garment, rims
 from drapeline.seeding import rng_for
 
 BODY_GAP_M = 0.005
@@ -120,7 +120,7 @@ def sample_outfit(
     edge_length_m: float,
     vertices_min: int = 0,
     ranges: OutfitRanges | None = None,
-    own: Mapping[str, str | Path] | None = None,
+    own: Mapping[str, OwnGarment] | None = None,
 ) -> Outfit:
     """Draw an outfit and make it for a body (CLOTH3D 3.2: shape, cut, resize, sew).
 
@@ -134,7 +134,7 @@ def sample_outfit(
         edge_length_m: mean edge length wanted.
         vertices_min: a garment that would have fewer vertices gets shorter edges.
         ranges: what is drawn from; the defaults if None.
-        own: garment name -> the user's own OBJ file, in place of the template.
+        own: garment name -> the user's own, in place of the template.
 
     Returns:
         Garments in rest pose, outside the body of the wearer's shape plus tightness.
@@ -168,7 +168,7 @@ def make_outfit(
     tightness: np.ndarray,
     edge_length_m: float,
     vertices_min: int = 0,
-    own: Mapping[str, str | Path] | None = None,
+    own: Mapping[str, OwnGarment] | None = None,
 ) -> Outfit:
     """Make an outfit of given numbers.
 
@@ -229,13 +229,19 @@ def _from_template(
     return garment, separator(pattern, _TIGHT_LEGS_M)
 
 
-def _from_file(path: str | Path, name: str, about: dict[str, Any], body: BodyModel) -> Garment:
-    """A user's garment, with float64 vertices; the waistband is its topmost opening."""
-    mesh = load_user_garment(path, body)
-    pin, elastic = np.zeros((2, len(mesh.vertices)), dtype=np.float32)
-    if GARMENT_TYPES[name].region == "lower":
-        pin[top_loop(mesh)] = 1
-    about = {**about, "elastic": {}, "parameters": {"own_garment": str(path)}}
+def _from_file(own: OwnGarment, name: str, about: dict[str, Any], body: BodyModel) -> Garment:
+    """A user's garment, with float64 vertices."""
+    mesh = load_user_garment(own.path, body)
+    held = own.held
+    if held is None:
+        held = ("top",) if GARMENT_TYPES[name].region == "lower" else ()
+    pin, elastic = (rims(own.path, mesh, names, _END_M) for names in (held, own.elastic))
+    about = {
+        **about,
+        "fabric": own.fabric or about["fabric"],
+        "elastic": dict.fromkeys(own.elastic, True),
+        "parameters": {"own_garment": own.path, "held": list(held)},
+    }
     points = mesh.vertices.astype(np.float64)
     return Garment(name, points, mesh.faces, mesh.uv, mesh.uv_faces, pin, elastic, about)
 

@@ -1,5 +1,6 @@
 """Garments brought by the user: an OBJ file that lies on the rest body, in place of a template."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,10 +51,50 @@ def load_user_garment(path: str | Path, body: BodyModel) -> Mesh:
     return mesh
 
 
-def top_loop(mesh: Mesh) -> np.ndarray:
-    """Vertex ids of the boundary loop that lies highest, where a waistband is held."""
-    loops = boundary_loops(mesh.faces)
-    return max(loops, key=lambda loop: float(mesh.vertices[loop, 2].mean()))
+def openings(mesh: Mesh) -> dict[str, np.ndarray]:
+    """Names of `OPENINGS` -> vertex ids of the boundary loops there.
+
+    An opening on one side of the body is one of the "sleeves" above the hips, and one of the "legs"
+    below; armholes count as sleeves. Of the others, which lead around the middle, the highest is
+    the "top" and the lowest of several the "bottom".
+
+    Args:
+        mesh: in the rest pose, relative to the root joint.
+    """
+    found: dict[str, list[np.ndarray]] = {}
+    middle = []
+    for loop in boundary_loops(mesh.faces):
+        points = mesh.vertices[loop]
+        if points[:, 0].min() < 0 < points[:, 0].max():
+            middle.append(loop)
+        else:
+            found.setdefault("sleeves" if points[:, 2].mean() > 0 else "legs", []).append(loop)
+    middle.sort(key=lambda loop: -float(mesh.vertices[loop, 2].mean()))
+    for name, loops in (("top", middle[:1]), ("bottom", middle[1:][-1:])):
+        found[name] = loops
+    return {name: np.concatenate(loops) for name, loops in found.items() if loops}
+
+
+def rims(path: str | Path, mesh: Mesh, names: Sequence[str], width_m: float) -> np.ndarray:
+    """(V,) float32, 1 on the rims of some openings.
+
+    Args:
+        path: of the garment, for the error.
+        mesh: in the rest pose, relative to the root joint.
+        names: of the openings.
+        width_m: of a rim.
+
+    Raises:
+        InputError: the garment has no opening of a name.
+    """
+    there = openings(mesh)
+    out = np.zeros(len(mesh.vertices), dtype=np.float32)
+    for name in names:
+        if name not in there:
+            raise InputError(f"{path}: has no opening '{name}', expected {' or '.join(there)}")
+        distance, _ = KDTree(mesh.vertices[there[name]]).query(mesh.vertices)
+        out[distance <= width_m] = 1
+    return out
 
 
 def _check_surface(path: str | Path, mesh: Mesh) -> None:

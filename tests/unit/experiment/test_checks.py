@@ -38,6 +38,10 @@ def settings(**given):
             r"outfits.tightness_range is \[0.5, -1.5\], expected the lower end first$",
         ),
         (
+            {"outfits": {"own_garments": {"Skirt": {"fabric": "silk"}}}},
+            r"outfits.own_garments.Skirt names no OBJ file, expected file, female or male$",
+        ),
+        (
             {"static": {"val_share": 0.9, "test_share": 0.9}},
             r"static.val_share is 0.9 and static.test_share 0.9, expected a sum below 1$",
         ),

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh, boundary_loops
+from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
+from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.generate import sample_outfit
-from drapeline.outfits.user_garment import load_user_garment, top_loop
+from drapeline.outfits.own_garments import OwnGarment
+from drapeline.outfits.user_garment import load_user_garment, openings, rims
 from drapeline.seeding import rng_for
 
 
@@ -41,11 +43,10 @@ def test_a_sound_garment_comes_back_with_a_texture_map(tmp_path, skirt, toy_body
     assert mesh.uv.min() >= 0
     assert mesh.uv.max() <= 1
     assert mesh.uv_faces.shape == mesh.faces.shape
-    assert mesh.vertices[top_loop(mesh), 2] == pytest.approx(0.05)
 
 
 def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_body, templates):
-    path = saved(tmp_path, skirt)
+    path = str(saved(tmp_path, skirt))
     outfit = sample_outfit(
         rng_for(1, "own"),
         templates,
@@ -54,15 +55,79 @@ def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_bod
         shape=np.zeros(10),
         outfit_type="Tshirt+Skirt",
         edge_length_m=0.03,
-        own={"Skirt": path},
+        own={"Skirt": OwnGarment(path)},
     )
     mine = outfit.garments[0]
     np.testing.assert_array_equal(mine.faces, skirt.faces)
-    assert mine.about["parameters"] == {"own_garment": str(path)}
-    assert set(np.flatnonzero(mine.pin)) == set(boundary_loops(skirt.faces)[0]) or set(
-        np.flatnonzero(mine.pin)
-    ) == set(boundary_loops(skirt.faces)[1])
-    assert mine.pin[skirt.vertices[:, 2] > 0.04].all()
+    assert mine.about["parameters"] == {"own_garment": path, "held": ["top"]}
+    assert mine.about["fabric"] in FABRICS
+    assert not mine.elastic.any()
+    np.testing.assert_array_equal(mine.pin, skirt.vertices[:, 2] > 0.04)
+
+
+def test_fabric_elastics_and_held_rims_are_as_asked_for(tmp_path, skirt, toy_body, templates):
+    asked = OwnGarment(str(saved(tmp_path, skirt)), "leather", elastic=("bottom",), held=())
+    outfit = sample_outfit(
+        rng_for(1, "own"),
+        templates,
+        toy_body,
+        gender="male",
+        shape=np.zeros(10),
+        outfit_type="Top+Skirt",
+        edge_length_m=0.03,
+        own={"Skirt": asked},
+    )
+    mine = outfit.garments[0]
+    assert mine.about["fabric"] == "leather"
+    assert mine.about["elastic"] == {"bottom": True}
+    assert not mine.pin.any()
+    np.testing.assert_array_equal(mine.elastic, skirt.vertices[:, 2] < -0.49)
+
+
+def tube_along(axis, centre, radius=0.1):
+    """Vertices and faces of a short open tube."""
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring = radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    points = np.concatenate([ring, ring + [0, 0, 0.3]])
+    points = np.roll(points, axis - 2, axis=1) + centre
+    ids = np.arange(12)
+    after = np.roll(ids, -1)
+    return points, np.stack([ids, after, after + 12, ids + 12], axis=1)
+
+
+def joined(*parts):
+    counts = np.cumsum([0, *(len(points) for points, _ in parts)])
+    faces = [faces + count for (_, faces), count in zip(parts, counts, strict=False)]
+    points = np.concatenate([points for points, _ in parts]).astype(np.float32)
+    return Mesh(points, np.concatenate(faces).astype(np.int32))
+
+
+def test_openings_are_named_by_where_they_are():
+    mesh = joined(
+        tube_along(2, [0, 0, 0.1]),
+        tube_along(0, [0.4, 0, 0.4], 0.05),
+        tube_along(0, [-0.7, 0, 0.4], 0.05),
+        tube_along(2, [0.15, 0, -0.7]),
+        tube_along(2, [-0.15, 0, -0.7]),
+    )
+    there = openings(mesh)
+    places = {name: mesh.vertices[ids] for name, ids in there.items()}
+    np.testing.assert_allclose(places["top"][:, 2], 0.4, atol=1e-6)
+    np.testing.assert_allclose(places["bottom"][:, 2], 0.1, atol=1e-6)
+    assert (places["sleeves"][:, 2] > 0.3).all()
+    assert (places["legs"][:, 2] < -0.3).all()
+    assert sum(map(len, there.values())) == len(mesh.vertices)
+    for side in (-1, 1):
+        assert (side * places["sleeves"][:, 0] > 0).any()
+        assert (side * places["legs"][:, 0] > 0).any()
+
+
+def test_trousers_have_no_bottom_but_legs(tmp_path):
+    mesh = joined(tube_along(2, [0.15, 0, -0.7]), tube_along(2, [-0.15, 0, -0.7]))
+    assert list(openings(mesh)) == ["legs"]
+    with pytest.raises(InputError, match=r"mine\.obj: has no opening 'bottom', expected legs"):
+        rims("mine.obj", mesh, ["bottom"], 0.02)
+    np.testing.assert_array_equal(rims("mine.obj", mesh, [], 0.02), 0)
 
 
 def test_centimetres_are_recognised(tmp_path, skirt, toy_body):
