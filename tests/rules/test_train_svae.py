@@ -82,6 +82,10 @@ def test_a_model_is_used_without_the_data_of_its_training(
     # From the code alone on the same body, it is the same garment again.
     (decoded,) = model.decode(first.z[None], "Tshirt", **wearer)
     assert KDTree(decoded.mesh.vertices).query(first.mesh.vertices)[0].max() < 1e-5
+    (settled,) = model.sample(1, "Tshirt", **wearer)
+    (again,) = model.decode(first.z[None], "Tshirt", **wearer, settle=True)
+    np.testing.assert_allclose(again.mesh.vertices, settled.mesh.vertices, atol=1e-4)
+    assert np.abs(settled.mesh.vertices - first.mesh.vertices).max() > 1e-4
     for garment in model.decode(
         np.zeros((2, model.latent)), gender=["female", "male"], shape=shape
     ):

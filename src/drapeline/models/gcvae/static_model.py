@@ -16,7 +16,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.garment import garment_mesh
+from drapeline.metrics.garment import garment_mesh, largest_piece
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes
 from drapeline.models.gcvae.garment_ppca import StaticPpca
@@ -26,6 +26,7 @@ from drapeline.models.gcvae.sampling.draw import (
     Request,
     decode_by_type,
     draw_requests,
+    push_out,
     sample_garments,
 )
 from drapeline.models.gcvae.sampling.types import load_types
@@ -189,6 +190,7 @@ class StaticModel:
         gender: str | Sequence[str],
         shape: Sequence[float] | np.ndarray,
         tightness: Sequence[float] | np.ndarray = (0.0, 0.0),
+        settle: bool = False,
     ) -> list[RestGarment]:
         """Garments of codes on given bodies.
 
@@ -198,6 +200,8 @@ class StaticModel:
             gender: of the wearers.
             shape: (10,) or (n, 10) of the wearers.
             tightness: (2,) or (n, 2).
+            settle: whether a garment's largest piece alone is kept, smoothed and pushed out of the
+                body; otherwise it is as decoded.
 
         Raises:
             InputError: codes have another length, the model has no mask, or a condition is no such
@@ -214,8 +218,11 @@ class StaticModel:
         for request, code, decoded in zip(
             requests, z, decode_by_type(self._codec, self._types, z, cvar, types), strict=True
         ):
-            vertices = template.rest_body(request.cvar) + decoded.offsets
-            mesh = garment_mesh(vertices, template.faces_of(decoded.garment_index), decoded.mask)
+            body = template.rest_body(request.cvar)
+            faces = template.faces_of(decoded.garment_index)
+            mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
+            if settle:
+                mesh = push_out(self._codec, largest_piece(mesh), body)
             made.append(self._garment(request, GARMENTS[decoded.garment_index], mesh, code))
         return made
 

@@ -211,18 +211,18 @@ def sample_garments(
         if not waiting:
             break
     sampled = [found[name] for name in requests]
-    return [_push_out(sample, model) for sample in sampled] if settle else sampled
+    if not settle:
+        return sampled
+    return [replace(one, mesh=push_out(model, one.piece, one.body)) for one in sampled]
 
 
-def _push_out(sample: SampledGarment, model: GarmentCodec) -> SampledGarment:
-    piece = sample.piece
+def push_out(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
+    """A decoded garment, evened out and pushed out of the body (V, 3) that it was decoded on."""
     if not len(piece.faces):
-        return sample
+        return piece
     body_faces = model.body_template.faces[TOPOLOGIES[0]]
-    (vertices,) = resolve_penetration(
-        piece.vertices[None], piece.faces, sample.body[None], body_faces
-    )
-    return replace(sample, mesh=Mesh(vertices, piece.faces))
+    (vertices,) = resolve_penetration(piece.vertices[None], piece.faces, body[None], body_faces)
+    return Mesh(vertices, piece.faces)
 
 
 def _draw_once(
