@@ -2,6 +2,7 @@
 
 import re
 import sys
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from drapeline.experiment.source_digest import Sources
 from imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "drapeline"
 SOURCES = Sources(ROOT / "src")
 PINS = dict(
     line.lower().split("==")
@@ -31,16 +33,23 @@ def test_conda_environments_pin_what_the_lock_pins(path):
         assert PINS[name] == version, f"{path.name} pins {pin}, the lock {PINS[name]}"
 
 
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+BASE, EXTRAS = PROJECT["dependencies"], PROJECT["optional-dependencies"]
+
+
+def required(texts):
+    """Names of the distributions in requirements of pyproject.toml."""
+    names = {re.match(r"[\w.-]+", text)[0].lower() for text in texts}
+    return names - {"drapeline"}
+
+
 def test_the_lock_pins_every_dependency_of_the_package():
-    text = (ROOT / "pyproject.toml").read_text()
-    block = text.split("dependencies = [", 1)[1].split("\n]", 1)[0]
-    for name in re.findall(r'"([A-Za-z0-9_.-]+)[><=]', block):
-        assert name.lower() in PINS, f"{name} is not in requirements.lock"
+    for name in required([*BASE, *EXTRAS["torch"], *EXTRAS["pipeline"]]):
+        assert name in PINS, f"{name} is not in requirements.lock"
 
 
 DISTRIBUTIONS = {
     "PIL": "pillow",
-    "array_api_compat": "array-api-compat",
     "igl": "libigl",
     "mathutils": "bpy",
     "pxr": "bpy",
@@ -83,3 +92,17 @@ def test_a_rules_environment_holds_what_its_script_imports(script, environment, 
     files = [file, *(f for f in imported if f.suffix == ".py")]
     needed = set().union(*map(third_party, files))
     assert needed <= pins, f"envs/{environment}.yaml lacks {', '.join(sorted(needed - pins))}"
+
+
+@pytest.mark.parametrize(
+    ("extra", "entries"),
+    [
+        ("torch", [SOURCE / "torch.py", SOURCE / "models/load.py"]),
+        ("pipeline", sorted(ROOT.glob("scripts/*.py"))),
+    ],
+)
+def test_an_extra_names_all_that_its_modules_import(extra, entries):
+    imported = set(entries).union(*map(SOURCES.imported_files, entries))
+    needed = set().union(*(third_party(path) for path in imported if path.suffix == ".py"))
+    named = required([*BASE, *EXTRAS["torch"], *EXTRAS[extra]])
+    assert needed <= named, f"[{extra}] lacks {', '.join(sorted(needed - named))}"

@@ -1,9 +1,10 @@
 """Rotations and forward kinematics of the SMPL skeleton, for NumPy's arrays and torch's tensors."""
 
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from array_api_compat import array_namespace, device
 
 from drapeline.frames import JOINT_NAMES, PARENTS
 
@@ -14,12 +15,17 @@ if TYPE_CHECKING:
 Array = TypeVar("Array", np.ndarray, "torch.Tensor")
 
 
+def array_module(array: Array) -> ModuleType:
+    """`numpy` or `torch`, for functions that both have under one name."""
+    return np if isinstance(array, np.ndarray) else sys.modules["torch"]
+
+
 def axis_angle_to_matrix(axis_angle: Array) -> Array:
     """Rotation vectors (..., 3) in rad to matrices (..., 3, 3), by Rodrigues' formula.
 
     Differentiable at zero.
     """
-    xp = array_namespace(axis_angle)
+    xp = array_module(axis_angle)
     angle = xp.sqrt(xp.sum(axis_angle**2, axis=-1, keepdims=True) + 1e-24)
     axis = axis_angle / angle
     x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
@@ -33,7 +39,9 @@ def axis_angle_to_matrix(axis_angle: Array) -> Array:
 
 def identity_like(array: Array) -> Array:
     """Identity matrix (3, 3) of an array's type, on its device."""
-    return array_namespace(array).eye(3, dtype=array.dtype, device=device(array))
+    if isinstance(array, np.ndarray):
+        return np.eye(3, dtype=array.dtype)
+    return array_module(array).eye(3, dtype=array.dtype, device=array.device)
 
 
 def joint_transforms(joints: Array, rotations: Array) -> tuple[Array, Array]:
@@ -47,7 +55,7 @@ def joint_transforms(joints: Array, rotations: Array) -> tuple[Array, Array]:
         Motions (N, 24, 3, 4) of the joints' frames from rest to pose, which leave the root joint
         in its place, and posed joints (N, 24, 3).
     """
-    xp = array_namespace(joints, rotations)
+    xp = array_module(rotations)
     world = [rotations[:, 0]]
     places = [xp.broadcast_to(joints[0], (len(rotations), 3))]
     for joint in range(1, 24):
@@ -57,7 +65,7 @@ def joint_transforms(joints: Array, rotations: Array) -> tuple[Array, Array]:
         world.append(world[parent] @ rotations[:, joint])
     turn, place = xp.stack(world, axis=1), xp.stack(places, axis=1)  # (N, 24, 3, 3), (N, 24, 3)
     shift = place - (turn @ joints[..., None])[..., 0]
-    return xp.concat([turn, shift[..., None]], axis=-1), place
+    return xp.concatenate([turn, shift[..., None]], axis=-1), place
 
 
 def mirror_poses(poses: np.ndarray) -> np.ndarray:

@@ -6,10 +6,10 @@ and in double precision, so that `unskin_points` is the exact inverse of `skin_p
 """
 
 import numpy as np
-from array_api_compat import array_namespace
 
 from drapeline.bodies.kinematics import (
     Array,
+    array_module,
     axis_angle_to_matrix,
     identity_like,
     joint_transforms,
@@ -27,8 +27,8 @@ def skin_planes(planes: Array, transforms: Array, weights: Array) -> Array:
     Returns:
         (N, 3, V) coordinates of the posed body.
     """
-    xp = array_namespace(planes, transforms, weights)
-    blended = xp.reshape(xp.permute_dims(transforms, (0, 2, 3, 1)), (-1, 24)) @ weights
+    xp = array_module(transforms)
+    blended = xp.reshape(xp.moveaxis(transforms, 1, 3), (-1, 24)) @ weights
     blended = xp.reshape(blended, (-1, 3, 4, weights.shape[1]))
     out = blended[:, :, 3]
     for axis in range(3):
@@ -46,7 +46,7 @@ def pose_feature(rotations: Array) -> Array:
         (N, 207).
     """
     difference = rotations[:, 1:] - identity_like(rotations)
-    return array_namespace(rotations).reshape(difference, (len(rotations), -1))
+    return array_module(rotations).reshape(difference, (len(rotations), -1))
 
 
 def skin_body(
@@ -68,7 +68,7 @@ def skin_body(
     Returns:
         Vertices (N, V, 3) and joints (N, 24, 3), the root joint where it is at rest.
     """
-    xp = array_namespace(vertices, poses)
+    xp = array_module(poses)
     rotations = axis_angle_to_matrix(xp.reshape(poses, (-1, 24, 3)))
     transforms, places = joint_transforms(joints, rotations)
     planes = vertices.T

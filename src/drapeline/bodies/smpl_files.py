@@ -18,6 +18,11 @@ from drapeline.errors import InputError
 from drapeline.frames import PARENTS
 from drapeline.storage import atomic_file
 
+try:
+    from numpy._core import multiarray, numeric
+except ImportError:  # NumPy 1
+    from numpy.core import multiarray, numeric
+
 COMPONENTS = 10
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
 OPTIONAL = ("vt", "ft", "segmentation", "name")
@@ -103,9 +108,9 @@ def _encode(text: str, encoding: str = "latin1") -> bytes:
 _NUMPY_MODULES = ("numpy", "numpy.core.multiarray", "numpy._core.multiarray")
 _NUMERIC_MODULES = ("numpy.core.numeric", "numpy._core.numeric")
 _HARMLESS = {
-    **{(m, "_reconstruct"): np.core.multiarray._reconstruct for m in _NUMPY_MODULES},
-    **{(m, "scalar"): np.core.multiarray.scalar for m in _NUMPY_MODULES},
-    **{(m, "_frombuffer"): np.core.numeric._frombuffer for m in _NUMERIC_MODULES},
+    **{(m, "_reconstruct"): multiarray._reconstruct for m in _NUMPY_MODULES},
+    **{(m, "scalar"): multiarray.scalar for m in _NUMPY_MODULES},
+    **{(m, "_frombuffer"): numeric._frombuffer for m in _NUMERIC_MODULES},
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
     ("_codecs", "encode"): _encode,

@@ -302,7 +302,9 @@ class Sample:
             cache = PointCache(half)
             if single.is_file():
                 # The header of the half-precision cache saves parsing the OBJ for its vertices.
-                cache = PointCache(single, cache.vertex_count)
+                count = cache.vertex_count
+                cache.close()
+                cache = PointCache(single, count)
             if len(cache) != self.frame_count:
                 raise InputError(
                     f"{cache.path}: {len(cache)} frames, expected {self.frame_count} as in info.mat"

@@ -1,6 +1,7 @@
 """Wavefront OBJ files as CLOTH3D writes them."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -48,10 +49,14 @@ def load_obj(path: str | Path) -> Mesh:
 
 
 _NUMBER = r" -?\d+\.\d+"
+# Never to go back on what was matched takes half the time, but not before Python 3.11.
+_KEEP = "+" if sys.version_info >= (3, 11) else ""
 # A file laid out as `save_obj` does it: all `v`, then all `vt`, then faces of one form.
 _TIDY = re.compile(
-    rf"((?:v{3 * _NUMBER}\n)++)((?:vt{2 * _NUMBER}\n)*+)(?:"
-    + "|".join(rf"((?:f{n * corner}\n)++)" for corner in (r" \d+", r" \d+/\d+") for n in (3, 4))
+    rf"((?:v{3 * _NUMBER}\n)+{_KEEP})((?:vt{2 * _NUMBER}\n)*{_KEEP})(?:"
+    + "|".join(
+        rf"((?:f{n * corner}\n)+{_KEEP})" for corner in (r" \d+", r" \d+/\d+") for n in (3, 4)
+    )
     + ")",
     re.ASCII,
 )
