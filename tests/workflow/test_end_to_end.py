@@ -16,6 +16,8 @@ from drapeline.dataset.reader import Cloth3D
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
+from drapeline.rendering.raytracer import ray_share
+from notebooks import run_notebook
 from snakemake_run import ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
@@ -132,6 +134,18 @@ def test_the_report_is_one_page_that_needs_no_network(project, tmp_path):
     for word in ("00001", "Gallery", "Health", "Dataset", "Time"):
         assert word in text
     assert len(text) > 500_000
+
+
+def test_the_tour_runs_on_these_results(results):
+    # Networks of this size have learned nothing, so they may find no garment at all.
+    given = {"RESULTS": str(results), "LEAST_SHARE": 0}
+    with ray_share(0.05):
+        made, pictures = run_notebook(ROOT / "examples" / "tour.ipynb", given)
+    assert len(pictures) == 4
+    for picture in pictures:
+        assert np.asarray(picture).std() > 5
+    assert made["moving"].vertices.shape == made["clouds"].garment[made["rows"]].shape
+    assert len(made["codes"].mean) == 1
 
 
 def test_a_bad_clip_fails_alone_in_one_sentence(project, tmp_path):
