@@ -1,0 +1,326 @@
+"""Write the tables of docs/results.md from one finished experiment.
+
+    .venv/bin/python docs/write_tables.py RESULTS
+
+Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->` there.
+RESULTS is the folder of results of this project, made by its current commit.
+"""
+
+import argparse
+import re
+import subprocess
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.dataset.record import SampleRecord, read_record
+from drapeline.dataset.tables import read_table
+from drapeline.metrics.table import ALL, HIGH, LOW, find_value, read_metrics
+from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
+from drapeline.report.dataset.health import MEASURES
+from drapeline.report.times import step_times
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "results.md"
+BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+NAMES = {"Tshirt": "t-shirt"} | {name: name.lower() for name in GARMENTS if name != "Tshirt"}
+STATIC = {
+    "static_ppca": "masked PPCA (ours)",
+    "svae": "garment VAE, as printed",
+    "pca": "PCA of offsets",
+    "mean_garment": "mean garment of the type",
+    "nearest_cvar": "nearest training garment in the conditions",
+}
+DYNAMIC = {
+    "dynamic_ppca_settled": "masked PPCA (ours), pushed out of the body",
+    "dynamic_ppca": "masked PPCA (ours)",
+    "dvae_unposed_4": "garment VAE, as printed",
+    "skinned_static": "garment at rest, skinned",
+    "skinned_mean": "mean garment of the type, skinned",
+}
+CANONICAL = {
+    "canonical": "canonical stage",
+    "pointnet": "PN++ (baseline)",
+    "mean_garment": "mean garment of the type",
+    "pca": "true coefficients (lower bound)",
+}
+POSED = {
+    "lbs": "interpolated skinning",
+    "mgn": "MGN* (baseline)",
+    "posed": "posed stage, as trained",
+    "ours": "our final step",
+}
+CODES = {
+    "static_ppca": "masked PPCA (ours)",
+    "garment4d_pca": "PCA of Garment4D's templates",
+    "body_pca": "PCA of offsets",
+    "svae": "garment VAE, as printed",
+    "body_registered": "registered to the body, no code",
+    "template_registered": "registered to the template, no code",
+}
+# Stage -> the files whose rules belong to it.
+STAGES = {
+    "bodies, motion, outfits": ("bodies", "outfits"),
+    "cloth simulation": ("simulation",),
+    "dataset, pictures, report": ("dataset", "renders", "report", "evaluation"),
+    "registration and data for learning": ("registration", "learning_data"),
+    "garment VAEs": ("gcvae", "gcvae_figures"),
+    "Garment4D": ("garment4d", "garment4d_figures"),
+}
+
+# Table over all garments -> its rows, and its columns: metric, decimals and factor.
+BY_METRIC = {
+    "static": (
+        STATIC,
+        {
+            "surface error mm": ("surface_error_mm", 2, 1.0),
+            "normals deg": ("normal_error_deg", 1, 1.0),
+            "mask IoU": ("mask_iou", 3, 1.0),
+        },
+    ),
+    "dynamic": (
+        DYNAMIC,
+        {
+            "surface error mm": ("surface_error_mm", 1, 1.0),
+            "normals deg": ("normal_error_deg", 1, 1.0),
+            "inside the body %": ("inside_share", 2, 100.0),
+        },
+    ),
+    "representations": (
+        CODES,
+        {
+            "numbers": ("code_numbers", 0, 1.0),
+            "to the truth mm": ("surface_to_true_mm", 2, 1.0),
+            "back mm": ("true_to_surface_mm", 2, 1.0),
+        },
+    ),
+}
+# Table with a column per garment type -> its rows, types, metric, decimals and factor.
+BY_TYPE = {
+    "static_by_type": (STATIC, GARMENTS, "surface_error_mm", 1, 1.0),
+    "dynamic_by_type": (DYNAMIC, GARMENTS, "surface_error_mm", 1, 1.0),
+    "canonical": (CANONICAL, TEMPLATE_TYPES, "canonical_error_mm", 1, 1.0),
+    "labels": (
+        {"canonical": CANONICAL["canonical"]}, TEMPLATE_TYPES, "segmentation_accuracy", 1, 100.0
+    ),
+    "posed": (POSED, TEMPLATE_TYPES, "vertex_error_mm", 1, 1.0),
+    "acceleration": (POSED, TEMPLATE_TYPES, "acceleration_error_m_s2", 2, 1.0),
+    "contact": (
+        {"truth": "ground truth itself"} | POSED, TEMPLATE_TYPES, "inside_share", 2, 100.0
+    ),
+}  # fmt: skip
+
+Table = list[dict[str, str]]
+
+
+class Results:
+    """What the tables are made of.
+
+    Attributes:
+        folder: of the experiment.
+        metrics: rows of its `metrics.tsv`, of the test split.
+        records: its accepted samples.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.metrics = [row for row in read_metrics(folder / "metrics.tsv") if row.split == "test"]
+        samples = sorted(path for path in (folder / "samples").iterdir() if path.is_dir())
+        records = map(read_record, samples)
+        self.records: list[SampleRecord] = [record for record in records if record.accepted]
+
+    def value(
+        self, variant: str, garment: str, metric: str, digits: int, scale: float = 1.0
+    ) -> str:
+        """A metric with its interval, or a dash."""
+        found = [
+            find_value(self.metrics, variant, "test", garment, metric + end)
+            for end in ("", LOW, HIGH)
+        ]
+        if found[0] is None:
+            return "-"
+        numbers = [f"{scale * row.value:.{digits}f}" for row in found if row]
+        interval = f" ({numbers[1]} to {numbers[2]})" if len({*numbers[1:]}) == 2 else ""
+        return numbers[0] + interval
+
+    def by_metric(
+        self, variants: Mapping[str, str], columns: Mapping[str, tuple[str, int, float]]
+    ) -> Table:
+        """A row for each model that was measured, over all garments."""
+        return [
+            {"model": name}
+            | {title: self.value(variant, ALL, *column) for title, column in columns.items()}
+            for variant, name in variants.items()
+            if any(self.has(variant, column[0]) for column in columns.values())
+        ]
+
+    def by_type(
+        self,
+        variants: Mapping[str, str],
+        types: Sequence[str],
+        metric: str,
+        digits: int,
+        scale: float,
+    ) -> Table:
+        """A row for each model that was measured, a column for each garment type."""
+        found = {row.garment for row in self.metrics if row.metric == metric}
+        return [
+            {"model": name}
+            | {NAMES[g]: self.value(variant, g, metric, digits, scale) for g in types if g in found}
+            for variant, name in variants.items()
+            if self.has(variant, metric)
+        ]
+
+    def has(self, variant: str, metric: str) -> bool:
+        """Whether a model was measured."""
+        return any((row.variant, row.metric) == (variant, metric) for row in self.metrics)
+
+
+def origin(results: Results) -> str:
+    """Which experiment the tables are of."""
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.strip()  # fmt: skip
+    seeds = sorted({row.seed for row in results.metrics})
+    held_out = max((row.n for row in results.metrics if row.variant == "static_ppca"), default=0)
+    moving = sorted({row.n for row in results.metrics if row.variant == "posed"})
+    return (
+        f"Commit {commit}, seed {', '.join(map(str, seeds))}, one training of each model."
+        f" {len(results.records)} simulated samples; the test split has {held_out} garments at"
+        f" rest, and {'no' if not moving else ' or '.join(map(str, moving))} moving sequences of"
+        " each of Garment4D's types. Brackets hold 95 % intervals over outfits, or over sequences"
+        " where garments move; they do not cover what another seed would change.\n"
+    )
+
+
+def registration(results: Results) -> str:
+    """From the garment to offsets and back, by type."""
+    rows = read_table(results.folder / "report" / "registration.tsv")
+    shown = {
+        "garment to rebuilt mm": "garment_to_rebuilt_mean_mm",
+        "rebuilt to garment mm": "rebuilt_to_garment_mean_mm",
+        "area lost %": "area_lost_percent",
+    }
+    found = {(row["garment"], row["metric"]): row for row in rows if row["source"] == "static"}
+    table = []
+    for garment in GARMENTS:
+        if (garment, "area_lost_percent") not in found:
+            continue
+        cells = {title: found[garment, metric] for title, metric in shown.items()}
+        table.append(
+            {"garment": NAMES[garment], "garments": cells["area lost %"]["garments"]}
+            | {
+                title: f"{float(cell['mean']):.2f} (worst {float(cell['max']):.2f})"
+                for title, cell in cells.items()
+            }
+        )
+    return markdown(table)
+
+
+def health(results: Results) -> str:
+    """Measures of the simulated samples beside their goals."""
+    table = []
+    for measure in MEASURES.values():
+        values = np.array([measure.values(record) for record in results.records])
+        for place, end in enumerate(("low end", "", "high end")):
+            if place not in measure.judged:
+                continue
+            column = values[:, place]
+            low, high = measure.bounds
+            goals = [f"at least {low:g}" if low is not None and place < 2 else "",
+                     f"at most {high:g}" if high is not None and place > 0 else ""]  # fmt: skip
+            table.append(
+                {
+                    "measure": ", ".join(filter(None, [measure.label, end])),
+                    "mean of samples": f"{np.nanmean(column):.{measure.digits}f}",
+                    "smallest": f"{np.nanmin(column):.{measure.digits}f}",
+                    "largest": f"{np.nanmax(column):.{measure.digits}f}",
+                    "goal": " ".join(filter(None, goals)) or "-",
+                }
+            )
+    return markdown(table)
+
+
+def times(results: Results) -> str:
+    """Processor time and memory of each stage."""
+    steps = step_times([results.folder / "benchmarks", ROOT / "resources" / "benchmarks"])
+    table, whole = [], defaultdict(float)
+    for stage, files in STAGES.items():
+        rules = set().union(*(rules_of(name) for name in files))
+        found = [step for step in steps if step.rule in rules]
+        if not found:
+            continue
+        jobs = sum(len(step.seconds) for step in found)
+        seconds = sum(step.cpu_s for step in found)
+        memory = max(step.memory_mb or 0.0 for step in found)
+        longest = max(max(step.seconds) for step in found)
+        whole["jobs"] += jobs
+        whole["seconds"] += seconds
+        table.append(
+            {
+                "stage": stage,
+                "jobs": str(jobs),
+                "core-seconds": f"{seconds:.0f}",
+                "longest job s": f"{longest:.0f}",
+                "peak memory MB": f"{memory:.0f}",
+            }
+        )
+    total = {"stage": "all", "jobs": f"{whole['jobs']:.0f}"}
+    return markdown([*table, total | {"core-seconds": f"{whole['seconds']:.0f}"}])
+
+
+def rules_of(file: str) -> set[str]:
+    """Names of the rules in a file of the workflow."""
+    text = (ROOT / "workflow" / "rules" / f"{file}.smk").read_text()
+    return set(re.findall(r"^rule (\w+):", text, re.MULTILINE))
+
+
+def markdown(rows: Table) -> str:
+    """Rows as a table in Markdown, with the columns of all rows in order of appearance."""
+    if not rows:
+        return "Not measured.\n"
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    lines = [columns, ["---"] * len(columns)]
+    lines += [[row.get(column, "") for column in columns] for row in rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+TABLES: dict[str, Callable[[Results], str]] = {
+    **{table.__name__: table for table in (origin, times, health, registration)},
+    **{
+        name: lambda results, given=given: markdown(results.by_metric(*given))
+        for name, given in BY_METRIC.items()
+    },
+    **{
+        name: lambda results, given=given: markdown(results.by_type(*given))
+        for name, given in BY_TYPE.items()
+    },
+}
+
+
+def write_tables(results: str | Path, page: Path = PAGE) -> None:
+    """Replace the tables in a page; text outside of the marked places stays.
+
+    Args:
+        results: folder of a finished experiment.
+        page: Markdown.
+
+    Raises:
+        KeyError: the page has a place for a table that does not exist.
+        InputError: the experiment lacks a file.
+    """
+    read = Results(Path(results))
+
+    def replace(match: re.Match[str]) -> str:
+        return f"{match[1]}\n{TABLES[match[2]](read)}\n{match[3]}"
+
+    page.write_text(BLOCK.sub(replace, page.read_text()))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("results", type=Path, help="folder of results")
+    write_tables(parser.parse_args().results)
