@@ -11,7 +11,7 @@ PROFILE ?= local
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
-.PHONY: run report test test-portable mutants lint format lock clean
+.PHONY: run report docs test test-portable mutants lint format lock clean
 
 run: .venv/ready
 	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE)
@@ -40,6 +40,9 @@ format: .venv/ready
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
+
+docs: .venv/ready
+	PYTHONPATH=src $(BIN)/python docs/make_settings.py
 
 lock: .venv/ready
 	@{ echo "# Exact versions of the one environment that runs everything (Python 3.11); made by 'make lock'."; \

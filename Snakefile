@@ -1,9 +1,15 @@
+from pathlib import Path
+
 from snakemake.utils import min_version
 
 min_version("9.27")
 
 
-configfile: "config.yaml"
+# An experiment of one's own replaces the default one; what it omits takes the schema's defaults.
+DEFAULT = Path("config.yaml")
+if not workflow.overwrite_configfiles:
+
+    configfile: DEFAULT if DEFAULT.is_file() else workflow.source_path(str(DEFAULT))
 
 
 include: "workflow/rules/common.smk"

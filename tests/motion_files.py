@@ -59,6 +59,7 @@ def write_bvh(
     offsets: np.ndarray = REFERENCE_OFFSETS,
     order: str = "ZYX",
     frame_time: float = 1 / 30,
+    decimals: int = 9,
 ) -> Path:
     """Write local rotations (N, J, 3, 3) and root positions (N, 3) as BVH."""
     sequence: list[int] = []
@@ -67,7 +68,7 @@ def write_bvh(
     turns = Rotation.from_matrix(local[:, sequence].reshape(-1, 3, 3))
     angles = turns.as_euler(order, degrees=True).reshape(len(local), -1)
     for row in np.concatenate([root, angles], axis=1):
-        lines.append(" ".join(f"{value:.9f}" for value in row))
+        lines.append(" ".join(f"{value:.{decimals}f}" for value in row))
     path.write_text("\n".join(lines) + "\n")
     return path
 

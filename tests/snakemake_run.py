@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PROFILE = "workflow/profiles/ci"
-PARTS = ("Snakefile", "config.yaml", "workflow", "scripts", "src", "envs", "tests/data")
+PARTS = (
+    *("Snakefile", "config.yaml", "workflow", "scripts", "src", "envs", "examples", "tests/data"),
+)
 
 
 def copy_project(folder: Path) -> Path:

@@ -1,5 +1,7 @@
 """The workflow as Snakemake reads it: plans of each size, refusals before any job."""
 
+import re
+
 import pytest
 import yaml
 
@@ -56,7 +58,7 @@ def test_types_left_out_are_neither_trained_nor_needed(project, tmp_path):
         ({"motions": {"sequences": ["wlak"]}}, "lists no 'wlak', expected one of walk, run"),
         (
             {"motions": {"frames": 300, "frames_min": 300, "loop_frames": 60}},
-            "frames_min is 300, but the longest clip has",
+            "frames_min is 300, but some clips have fewer frames at 30 fps: walk 60, run 60,",
         ),
         ({"outfits": {"tightness_range": [1, -1]}}, "is [1, -1], expected the lower end first"),
         (
@@ -83,6 +85,26 @@ def test_what_only_training_needs_does_not_stop_the_dataset(project, tmp_path):
     target = str(tmp_path / "results/dataset")
     run = snakemake(project, "--dry-run", target, "--configfile", config)
     assert run.returncode == 0, run.stderr
+
+
+def test_a_table_of_ones_own_means_all_its_rows(project, tmp_path):
+    clips = project / "workflow/resources/motions"
+    table = tmp_path / "mine.tsv"
+    table.write_text(f"name\tfile\nwalk\t{clips}/walk.npz\nmine\t{clips}/kick.npz\n")
+    config = with_settings(tmp_path, motions={"table": str(table)})[-1]
+    run = snakemake(project, "dataset", "--dry-run", "--configfile", config)
+    assert run.returncode == 0, run.stderr
+    assert set(re.findall(r"motions/(\w+)\.npz", run.stdout + run.stderr)) >= {"walk", "mine"}
+    assert "motions/dance_a.npz" not in run.stdout + run.stderr
+
+
+def test_configs_are_laid_over_one_another_only_where_the_user_names_them(project, tmp_path):
+    config = with_settings(tmp_path, samples={"count": 20})[-1]
+    for configs, clips in (([config], 15), (["config.yaml", config], 8)):
+        run = snakemake(project, "dataset", "--dry-run", "--configfile", *configs)
+        assert run.returncode == 0, run.stderr
+        assert re.search(rf"^import_motion +{clips}$", run.stdout + run.stderr, re.MULTILINE)
+        assert re.search(r"^simulate_outfit +20$", run.stdout + run.stderr, re.MULTILINE)
 
 
 def test_a_missing_or_broken_motion_is_named_before_any_job(dry_run_error, tmp_path):

@@ -6,7 +6,8 @@ from pathlib import Path
 import yaml
 from snakemake.exceptions import WorkflowError
 
-ROOT = Path(workflow.basedir)
+# Of drapeline, which may be a module of another workflow or work in another folder.
+ROOT = Path(str(workflow.current_basedir)).parents[1]
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 os.environ.update(
@@ -35,12 +36,13 @@ try:
                 # Every command reads it, and in pure Python that takes most of a second.
                 getattr(yaml, "CSafeLoader", yaml.SafeLoader),
             ),
-            " + ".join(map(os.path.relpath, workflow.configfiles)),
+            " + ".join(map(os.path.relpath, workflow.configfiles)) or "config",
         )
     )
     refuse_contradictions(config)
     MOTIONS = motion_table(
-        config["motions"]["table"],
+        config["motions"]["table"]
+        or os.path.relpath(ROOT / "workflow/resources/motions/clips.tsv"),
         config["motions"]["sequences"],
         loop_frames=config["motions"]["loop_frames"],
     )

@@ -55,6 +55,12 @@ rule collect_dataset:
         "../../scripts/collect_dataset.py"
 
 
+rule dataset:
+    # The dataset and nothing else: no pictures, no training, no report.
+    input:
+        rules.collect_dataset.output,
+
+
 rule export_sample:
     input:
         f"{RESULTS}/samples/{{sample}}",

@@ -17,14 +17,15 @@ def fill_settings(
 
     Args:
         settings: nested mappings as read from YAML.
-        schema: JSON schema whose objects are closed and whose keys have defaults.
+        schema: JSON schema whose objects are closed and whose keys have defaults. What the default
+            of an object names comes before the defaults of its keys, also where the object is
+            given in part.
         source: name of the file the settings come from, for messages.
 
     Raises:
         InputError: names the key, its value and what is allowed, for the first problem.
     """
-    filled = copy.deepcopy(dict(settings))
-    _fill(filled, schema)
+    filled = _fill(settings, schema)
     problems = sorted(
         Draft202012Validator(schema).iter_errors(filled), key=lambda e: list(map(str, e.path))
     )
@@ -33,14 +34,17 @@ def fill_settings(
     return filled
 
 
-def _fill(values: Any, schema: Mapping[str, Any]) -> None:
-    if not isinstance(values, dict):
-        return
-    for key, part in schema.get("properties", {}).items():
-        if "default" in part and key not in values:
-            values[key] = copy.deepcopy(part["default"])
-        if key in values:
-            _fill(values[key], part)
+def _fill(values: Any, schema: Mapping[str, Any]) -> Any:
+    """A copy in which nothing is shared: YAML's aliases are one object."""
+    if not isinstance(values, Mapping):
+        return copy.deepcopy(values)
+    parts = schema.get("properties", {})
+    own = schema.get("default")
+    filled = {**(own if isinstance(own, Mapping) else {}), **values}
+    for key, part in parts.items():
+        if "default" in part:
+            filled.setdefault(key, part["default"])
+    return {key: _fill(value, parts.get(key, {})) for key, value in filled.items()}
 
 
 def _sentence(error: ValidationError) -> str:
@@ -62,27 +66,31 @@ def _sentence(error: ValidationError) -> str:
 
 
 def _expectation(schema: Mapping[str, Any]) -> str:
-    words = _allowed(schema)
+    words = allowed_values(schema)
     if "description" in schema and "enum" not in schema:
         words += f" ({schema['description'].strip().rstrip('.')})"
     return words
 
 
-def _allowed(schema: Mapping[str, Any]) -> str:
+def allowed_values(schema: Mapping[str, Any]) -> str:
+    """In words, what a key takes by its JSON schema, such as "a number from 0 to 1"."""
     if "anyOf" in schema:
-        return " or ".join(map(_allowed, schema["anyOf"]))
+        return " or ".join(map(allowed_values, schema["anyOf"]))
     if "enum" in schema:
         return "one of " + ", ".join(map(str, schema["enum"]))
-    kind = schema.get("type", "a value")
-    words = " or ".join(kind) if isinstance(kind, list) else str(kind)
-    words = ("an " if words[0] in "aeiou" else "a ") + words
+    kinds = schema.get("type", "value")
+    kinds = [kinds] if isinstance(kinds, str) else list(kinds)
+    named = " or ".join(kind for kind in kinds if kind != "null")
+    words = ("an " if named[0] in "aeiou" else "a ") + named
     words += _between(schema.get("minimum"), schema.get("maximum"), schema.get("exclusiveMinimum"))
     words += _items(schema.get("minItems"), schema.get("maxItems"))
+    if "enum" in schema.get("items", {}):
+        words += " out of " + ", ".join(map(str, schema["items"]["enum"]))
     if schema.get("uniqueItems"):
         words += ", each named once"
     if "pattern" in schema:
         words += f" matching {schema['pattern']}"
-    return words
+    return words + (" or null" if "null" in kinds else "")
 
 
 def _between(low: float | None, high: float | None, above: float | None = None) -> str:

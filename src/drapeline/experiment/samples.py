@@ -7,9 +7,11 @@ from itertools import cycle, islice
 
 from drapeline.dataset.splits import SPLITS, SplitItem, split_samples
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
+from drapeline.frames import FPS, GENDERS
 from drapeline.outfits.garment_types import GARMENT_TYPES, outfit_types_by_gender
 from drapeline.seeding import rng_for
+
+_LISTED = 10  # clips that a message names
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def plan_samples(
     frames_of: Mapping[str, int],
     *,
     frames: int,
-    frames_min: int,
+    frames_min: int | None,
     count: int | None,
     val_share: float,
     test_share: float,
@@ -81,7 +83,8 @@ def plan_samples(
 
     Args:
         frames_of: clip name -> frames at 30 fps.
-        frames, frames_min: longest and shortest sub-sequence.
+        frames, frames_min: longest and shortest sub-sequence; None means a second, or `frames`
+            where that is less.
         count: number of samples; None means every sub-sequence once.
         val_share, test_share: shares of the samples.
         female_share: share of female bodies, met exactly up to rounding.
@@ -90,20 +93,18 @@ def plan_samples(
         male_skirts: whether male bodies wear skirts and dresses.
 
     Raises:
-        InputError: `frames_min` is above `frames`, no sub-sequence is long enough, or no outfit
-            is left for male bodies.
+        InputError: `frames_min` is above `frames` or the length of a clip, or no outfit is left
+            for male bodies.
     """
+    if frames_min is None:
+        frames_min = min(FPS, frames)
     if frames_min > frames:
         raise InputError(
             f"motions.frames_min is {frames_min}, expected at most motions.frames,"
             f" which is {frames}"
         )
+    _refuse_short_clips(frames_of, frames_min)
     pieces = sub_sequences(frames_of, frames=frames, frames_min=frames_min)
-    if not any(pieces.values()):
-        longest = max(frames_of.values(), default=0)
-        raise InputError(
-            f"motions.frames_min is {frames_min}, but the longest clip has {longest} frames"
-        )
     turns = _turns(pieces)
     total = len(turns) if count is None else count
     chosen = list(islice(cycle(turns), total))
@@ -125,6 +126,18 @@ def plan_samples(
             sample, name, part, start, stop, gender, outfit_type, split_of[sample]
         )
     return plans
+
+
+def _refuse_short_clips(frames_of: Mapping[str, int], frames_min: int) -> None:
+    short = {name: count for name, count in frames_of.items() if count < frames_min}
+    if not short:
+        return
+    listed = ", ".join(f"{name} {count}" for name, count in list(short.items())[:_LISTED])
+    listed += f" and {len(short) - _LISTED} more" if len(short) > _LISTED else ""
+    raise InputError(
+        f"motions.frames_min is {frames_min}, but some clips have fewer frames at {FPS} fps:"
+        f" {listed}; expected at most {min(short.values())}, or motions.sequences without them"
+    )
 
 
 def _turns(pieces: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[str, int]]:

@@ -86,6 +86,7 @@ def outfit_types_by_gender(
     if males and not for_males:
         raise InputError(
             f"outfits.types is {', '.join(outfit_types)}, which leaves nothing for male bodies to"
-            " wear; expected a type without a skirt, or outfits.male_skirts: true"
+            " wear; expected a type without a skirt, body.female_share: 1 or outfits.male_skirts:"
+            " true"
         )
     return {"female": list(outfit_types), "male": for_males}

@@ -31,7 +31,7 @@ def settings(**given):
     [
         (
             {"simulation": {"settings": {"steps_min": 30}}},
-            r"simulation.settings.steps_min is 30, expected at most steps_max, which is 20$",
+            r"simulation.settings.steps_min is 30, expected at most steps_max, which is 14$",
         ),
         (
             {"outfits": {"tightness_range": [0.5, -1.5]}},
@@ -65,7 +65,7 @@ def test_contradictions_are_named_with_both_values(given, message):
     "given",
     [
         {},
-        {"simulation": {"settings": {"steps_min": 20}}},
+        {"simulation": {"settings": {"steps_min": 14}}},
         {"outfits": {"tightness_range": [0.5, 0.5]}},
         {"static": {"val_share": 0, "test_share": 0}},
     ],

@@ -30,6 +30,37 @@ def test_defaults_are_filled_at_every_level_and_given_values_kept():
     assert given == {"cloth": {"kind": "denim"}}
 
 
+@pytest.mark.parametrize(
+    ("given", "filled"),
+    [
+        ({}, {"epochs": 3, "batch": 8}),
+        ({"batch": 2}, {"epochs": 3, "batch": 2}),
+        ({"epochs": 5}, {"epochs": 5, "batch": 8}),
+    ],
+)
+def test_the_default_of_an_object_comes_before_those_of_its_keys(given, filled):
+    schema = {
+        "properties": {"epochs": {"default": 100}, "batch": {"default": 8}},
+        "default": {"epochs": 3},
+    }
+    assert fill_settings(given, schema, "x.yaml") == filled
+    assert schema["default"] == {"epochs": 3}
+
+
+def test_parts_that_are_one_object_in_yaml_get_defaults_of_their_own():
+    schema = {
+        "properties": {
+            name: {"properties": {"epochs": {"default": epochs}}}
+            for name, epochs in (("first", 1), ("second", 2))
+        }
+    }
+    given = yaml.safe_load("{first: &same {batch: 4}, second: *same}")
+    assert fill_settings(given, schema, "x.yaml") == {
+        "first": {"batch": 4, "epochs": 1},
+        "second": {"batch": 4, "epochs": 2},
+    }
+
+
 def test_defaults_of_two_calls_are_independent():
     first = fill_settings({}, SCHEMA, "x.yaml")
     first["cloth"]["gap_m"] = 99
@@ -65,6 +96,8 @@ properties:
   names: {type: array, minItems: 1, maxItems: 3, uniqueItems: true, default: [a]}
   kinds: {type: array, maxItems: 3, default: []}
   colours: {type: array, minItems: 1, default: [red]}
+  parts: {type: array, items: {enum: [body, cloth]}, uniqueItems: true, default: [body]}
+  count: {type: [integer, "null"], minimum: 1, default: null}
   devices:
     type: [integer, string]
     anyOf: [{enum: [auto, -1]}, {type: integer, minimum: 1}]
@@ -91,6 +124,9 @@ properties:
         ({"names": []}, r"expected an array of 1 to 3 items, each named once$"),
         ({"kinds": [1, 2, 3, 4]}, r"expected an array of at most 3 items$"),
         ({"colours": []}, r"expected an array of 1 or more items$"),
+        ({"parts": ["hat"]}, r"parts.0 is 'hat', expected one of body, cloth$"),
+        ({"parts": "hat"}, r"'hat', expected an array out of body, cloth, each named once$"),
+        ({"count": 0}, r"count is 0, expected an integer of at least 1 or null$"),
         ({"files": {"male": "a"}}, r"x.yaml: files names male but no female, expected both$"),
         ({"files": {"female": "a"}}, r"x.yaml: files names female but no male, expected both$"),
     ],

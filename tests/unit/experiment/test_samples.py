@@ -7,10 +7,10 @@ from drapeline.errors import InputError
 from drapeline.experiment.samples import plan_samples, sub_sequences
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 
-FRAMES = {"walk": 120, "run": 125, "jump": 60, "dance": 59, "crawl": 70, "spin": 130}
+FRAMES = {"walk": 120, "run": 125, "jump": 60, "crawl": 70, "spin": 130}
 
 
-def plan(seed=1, count=18, **changes):
+def plan(seed=1, count=18, clips=FRAMES, **changes):
     settings = {
         "frames": 60,
         "frames_min": 60,
@@ -21,7 +21,7 @@ def plan(seed=1, count=18, **changes):
         "outfit_types": OUTFIT_TYPES,
         "male_skirts": False,
     }
-    return plan_samples(seed, FRAMES, **{**settings, **changes})
+    return plan_samples(seed, clips, **{**settings, **changes})
 
 
 def test_clips_are_cut_end_to_end_and_short_remainders_left_out():
@@ -37,7 +37,6 @@ def test_samples_take_turns_over_the_clips_and_then_reuse_them():
     assert names[:5] == ["walk", "run", "jump", "crawl", "spin"]
     assert names[5:8] == ["walk", "run", "spin"]
     assert names[8:13] == names[:5]
-    assert "dance" not in names
 
 
 def test_without_a_count_each_sub_sequence_is_used_once():
@@ -97,9 +96,27 @@ def test_the_plan_depends_on_the_seed_alone():
     assert plan(3) != plan(4)
 
 
-def test_a_length_no_clip_reaches_is_named():
-    with pytest.raises(InputError, match=r"frames_min is 200, but the longest clip has 130 frames"):
-        plan(frames=300, frames_min=200)
+def test_clips_that_are_too_short_are_named_with_the_key():
+    expected = (
+        r"motions.frames_min is 100, but .*: jump 60, crawl 70; expected at most 60,"
+        r" or motions.sequences without them$"
+    )
+    with pytest.raises(InputError, match=expected):
+        plan(frames=300, frames_min=100)
+
+
+def test_of_many_short_clips_ten_are_named():
+    with pytest.raises(InputError, match=r": c0 5, .* c9 5 and 3 more; expected at most 5"):
+        plan(clips={f"c{i}": 5 for i in range(13)})
+
+
+@pytest.mark.parametrize(("frames", "shortest"), [(60, 30), (25, 25)])
+def test_the_least_length_is_a_second_unless_named(frames, shortest):
+    clips = {"long": 2 * frames + shortest, "short": 2 * frames + shortest - 1}
+    plans = plan(count=None, clips=clips, frames=frames, frames_min=None)
+    lengths = [(s.sequence, s.stop - s.start) for s in plans.values()]
+    assert ("long", shortest) in lengths
+    assert ("short", shortest - 1) not in lengths
 
 
 def test_a_least_length_above_the_length_is_named():
@@ -108,7 +125,7 @@ def test_a_least_length_above_the_length_is_named():
 
 
 def test_nothing_to_wear_is_named():
-    with pytest.raises(InputError, match="nothing for male bodies to wear"):
+    with pytest.raises(InputError, match="nothing for male bodies .* body.female_share: 1"):
         plan(outfit_types=["Dress", "Top+Skirt"])
 
 

@@ -1,0 +1,121 @@
+"""Write docs/settings.md, the list of all keys of the config, from the schema.
+
+PYTHONPATH=src .venv/bin/python docs/make_settings.py
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from drapeline.experiment.config import allowed_values, fill_settings
+
+ROOT = Path(__file__).parents[1]
+SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
+PAPER = ROOT / "workflow/config/paper.yaml"
+PAGE = ROOT / "docs/settings.md"
+
+INTRODUCTION = """\
+# Settings
+
+All {count} keys that a config may name, by stage. `docs/make_settings.py` writes this page from
+[the schema](../workflow/schemas/config.schema.yaml).
+
+A key that a config omits takes the default given here. Defaults suit a computer with two cores;
+*paper* is the value in `workflow/config/paper.yaml`, the size of CLOTH3D, where it is another.
+Units are part of the names, and frames are at 30 per second. A misspelt key or a value out of
+range stops the run before the first job.
+
+```bash
+.venv/bin/snakemake dataset --cores all --configfile mine.yaml
+.venv/bin/snakemake dataset --cores all --configfile config.yaml mine.yaml
+.venv/bin/snakemake dataset --cores all --config seed=3
+```
+
+The first makes your own experiment; the second changes the default one, since several configs are
+laid over one another in their order; the third changes a single key of it. Targets come first:
+`--configfile` takes every name that follows it for another config. Paths in a config are relative
+to the folder in which Snakemake works.
+"""
+
+
+def settings_page(schema: Mapping[str, Any], paper: Mapping[str, Any]) -> str:
+    """The page as Markdown.
+
+    Args:
+        schema: of the config.
+        paper: the config at the size of the papers.
+    """
+    default, printed = (fill_settings(given, schema, "config") for given in ({}, paper))
+    blocks, count = [], 0
+
+    def add_table(title: str, leaves: Mapping[str, Mapping[str, Any]], path: str = "") -> None:
+        nonlocal count
+        blocks.append(title)
+        if path and (about := _at(schema, path, "properties").get("description")):
+            blocks.append(about)
+        if leaves:
+            values = (_at(default, path), _at(printed, path))
+            blocks.append("\n".join(_table(leaves, *values)))
+            count += len(leaves)
+
+    parts = schema["properties"]
+    add_table("## General", {name: part for name, part in parts.items() if not _is_group(part)})
+    for stage, part in parts.items():
+        if _is_group(part):
+            own = {k: one for k, one in part["properties"].items() if not _is_group(one)}
+            add_table(f"## {part.get('title', stage)}: `{stage}`", own, stage)
+            for name, group in part["properties"].items():
+                if _is_group(group):
+                    path = f"{stage}.{name}"
+                    add_table(f"### `{path}`", dict(_leaves(group)), path)
+    return "\n\n".join([INTRODUCTION.format(count=count).rstrip(), *blocks]) + "\n"
+
+
+def _is_group(part: Mapping[str, Any]) -> bool:
+    return "properties" in part
+
+
+def _leaves(group: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Dotted name within the group and schema of every key."""
+    for name, part in group["properties"].items():
+        if _is_group(part):
+            yield from _leaves(part, f"{prefix}{name}.")
+        else:
+            yield prefix + name, part
+
+
+def _at(tree: Mapping[str, Any], path: str, between: str = "") -> Any:
+    """What stands at a dotted path; the empty path is the tree itself."""
+    for name in filter(None, path.split(".")):
+        tree = (tree[between] if between else tree).get(name, {})
+    return tree
+
+
+def _table(leaves: Mapping[str, Any], default: Any, paper: Any) -> list[str]:
+    lines = ["| key | default | paper | takes | meaning |", "|---|---|---|---|---|"]
+    for name, part in leaves.items():
+        first, second = (_value(_at(values, name)) for values in (default, paper))
+        cells = [
+            f"`{name}`",
+            first,
+            second if second != first else "",
+            allowed_values(part),
+            part.get("description", "").strip(),
+        ]
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return lines
+
+
+def _value(value: Any) -> str:
+    """As in YAML; a key without a default has none."""
+    if value == {}:
+        return ""
+    return f"`{value if isinstance(value, str) else json.dumps(value)}`"
+
+
+if __name__ == "__main__":
+    schema, paper = (yaml.safe_load(path.read_text()) for path in (SCHEMA, PAPER))
+    PAGE.write_text(settings_page(schema, paper))

@@ -1,0 +1,108 @@
+"""Make the files of this folder from what drapeline ships with and from the default experiment.
+
+make run
+PYTHONPATH=src:tests .venv/bin/python examples/data/make_data.py
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from drapeline.bodies.model import load_body
+from drapeline.bodies.rest_body import rest_body
+from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
+from drapeline.dataset.reader import Cloth3D
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import save_obj
+from drapeline.motions.importing import import_motion
+from drapeline.motions.motion import Motion
+from drapeline.motions.skeleton import REFERENCE_OFFSETS
+from drapeline.storage import save_npz
+from motion_files import write_bvh
+
+FOLDER = Path(__file__).parent
+ROOT = FOLDER.parents[1]
+CLIPS = ROOT / "workflow/resources/motions"
+Y_UP = Rotation.from_euler("x", -90, degrees=True)  # from Z up
+
+
+def write_clip(name: str, frames: int) -> None:
+    """A clip as BVH in centimetres, Y up, with the joint names of the CMU conversions."""
+    motion = import_motion(CLIPS / f"{name}.npz", frames=frames)
+    turns = Rotation.from_rotvec(motion.poses.reshape(-1, 3))
+    local = turns.as_matrix().reshape(len(motion), -1, 3, 3)
+    local[:, 0] = (Y_UP * Rotation.from_matrix(local[:, 0])).as_matrix()
+    root = 100 * Y_UP.apply(motion.trans)
+    write_bvh(FOLDER / f"{name}.bvh", local, root, offsets=100 * REFERENCE_OFFSETS, decimals=2)
+
+
+def write_amass(name: str) -> None:
+    """A clip with the keys of an AMASS file of SMPL-H."""
+    motion: Motion = import_motion(CLIPS / f"{name}.npz")
+    body = motion.poses[:, : 3 * 22].astype(np.float32)
+    hands = np.zeros((len(motion), 156 - body.shape[1]), np.float32)
+    save_npz(
+        FOLDER / f"{name}.npz",
+        poses=np.concatenate([body, hands], axis=1),
+        trans=motion.trans.astype(np.float32),
+        mocap_framerate=np.float64(30),
+    )
+
+
+def write_skirt(body_file: Path) -> None:
+    """A pleated skirt of quads around the waist and hips of the female rest body."""
+    body = load_body(body_file)
+    vertices = rest_body(body, np.zeros(10))
+    angles = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    heights = np.linspace(0.12, -0.42, 26)
+    rings, radius = [], np.zeros(len(angles))
+    for height in heights:
+        near = vertices[np.abs(vertices[:, 2] - height) < 0.02, :2]
+        # From one ring to the next the skirt only gets wider, as cloth that hangs does.
+        radius = np.maximum(radius, _reach(near, directions) + 0.012)
+        down = max(0.0, (0.02 - height) / 0.44)
+        pleats = 1 + 0.3 * down + 0.05 * down * np.cos(12 * angles)
+        ring = (radius * pleats)[:, None] * directions
+        rings.append(np.column_stack([ring, np.full(len(angles), height)]))
+    index = np.arange(len(heights) * len(angles)).reshape(len(heights), -1)
+    above, below = index[:-1], index[1:]
+    faces = np.stack([above, below, np.roll(below, -1, 1), np.roll(above, -1, 1)], axis=-1)
+    mesh = Mesh(np.concatenate(rings).round(4), faces.reshape(-1, 4).astype(np.int32))
+    save_obj(FOLDER / "skirt.obj", mesh)
+
+
+def _reach(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Distance from the origin to the convex hull of points around it, in each direction."""
+    equations = ConvexHull(points).equations
+    toward = directions @ equations[:, :2].T
+    with np.errstate(divide="ignore"):
+        return np.where(toward > 0, -equations[:, 2] / toward, np.inf).min(axis=1)
+
+
+def write_scans(dataset: Path, frames: int = 10) -> None:
+    """What cameras all around see of a simulated person in a skirt, and the body in it."""
+    sample = next(s for s in Cloth3D(dataset, "test") if "Skirt" in s.garments)
+    with tempfile.TemporaryDirectory() as scratch:
+        clouds = Path(scratch) / "clouds"
+        write_clouds(clouds, sample.folder, CloudSettings(points=1200, noise_m=0.002))
+        points = load_clouds(clouds).points[:frames] + sample.info.trans[:frames, None]
+    save_npz(FOLDER / "scans.npz", points=points.astype(np.float32))
+    save_npz(
+        FOLDER / "scanned_body.npz",
+        poses=sample.info.poses[:frames],
+        trans=sample.info.trans[:frames],
+        shape=sample.info.shape,
+        gender=sample.info.gender,
+    )
+
+
+if __name__ == "__main__":
+    write_clip("dance_b", frames=90)
+    write_clip("jump", frames=60)
+    write_amass("kick")
+    write_skirt(ROOT / "resources/body/female.npz")
+    write_scans(ROOT / "results/dataset")
