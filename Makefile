@@ -1,24 +1,31 @@
+# make setup  install everything into .venv; the others do it when needed
 # make run    set up, build the default dataset and its report
+# make dataset CONFIG=mine.yaml   the dataset of your own experiment and nothing else
 # make test   set up, run every test; `make test-portable` those that other processors could decide
 #             otherwise, as several processors would run them; `make mutants` plants faults in a
 #             copy of the code and counts those that no test notices
 # make lint   formatters and linters, as CI runs them
-# Anything after that is plain Snakemake: .venv/bin/snakemake --cores all [target]
+# Anything after that is plain Snakemake: .venv/bin/snakemake [target] --cores all
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 CONFIG ?= config.yaml
 CORES ?= all
 PROFILE ?= local
 BIN := .venv/bin
-SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
 
-.PHONY: run report docs test test-portable mutants lint format lock clean
+.PHONY: setup run dataset report docs test test-portable mutants lint format lock clean
+
+setup: .venv/ready
 
 run: .venv/ready
-	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE)
+	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG)
 	$(MAKE) --no-print-directory report
 
+dataset: .venv/ready
+	$(SNAKEMAKE) dataset --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG)
+
 report: .venv/ready
-	$(SNAKEMAKE) --report report.html
+	$(SNAKEMAKE) --report report.html --configfile $(CONFIG)
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
 
 test: .venv/ready
@@ -52,7 +59,7 @@ lock: .venv/ready
 	@$(PYTHON) src/drapeline/preflight.py
 	@echo "Setting up .venv with the locked versions (a few minutes, once) ..."
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	@$(BIN)/pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	@$(BIN)/pip install --disable-pip-version-check --requirement requirements.lock
 	@$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@$(BIN)/python -c "import bpy" || { echo "drapeline preflight: Blender's wheel is installed but does not load, see the line above."; exit 1; }
 	@touch $@

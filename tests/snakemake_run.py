@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-PROFILE = "workflow/profiles/ci"
+PROFILE = ROOT / "workflow/profiles/ci"
 PARTS = (
     *("Snakefile", "config.yaml", "workflow", "scripts", "src", "envs", "examples", "tests/data"),
 )
@@ -59,7 +59,7 @@ class Run(NamedTuple):
 
 
 def snakemake(project: Path, *arguments: str) -> Run:
-    """Run `snakemake` in a project's folder, as continuous integration does; output is captured."""
+    """Run `snakemake` in a folder, as continuous integration does; output is captured."""
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "out", Path(folder) / "err"
         process = SERVER.Process(target=_run, args=(project, arguments, out, err))
@@ -78,7 +78,7 @@ def _run(project: Path, arguments: tuple[str, ...], out: Path, err: Path) -> Non
     # Tests of Blender have added its folders, where a module with Blender's name is not Blender.
     blender = f"{os.sep}bpy{os.sep}"
     sys.path[:] = ["", *(path for path in sys.path[1:] if blender not in path)]
-    sys.argv = ["snakemake", "--workflow-profile", PROFILE, *arguments]
+    sys.argv = ["snakemake", "--workflow-profile", str(PROFILE), *arguments]
     from snakemake.benchmark import benchmarked
     from snakemake.cli import main
     from snakemake.script import PythonScript

@@ -17,7 +17,7 @@ CORE = {"errors", "seeding", "storage", "rule_log", "frames"}
 MAY_IMPORT = {
     part: CORE | {part, *others}
     for part, others in {
-        **{name: [] for name in (*CORE, "preflight")},
+        **{name: [] for name in (*CORE, "preflight", "__main__")},
         "geometry": [],
         "bodies": ["geometry"],
         "motions": ["bodies"],

@@ -1,0 +1,95 @@
+"""The workflow started in another folder, and as a module of another workflow."""
+
+import os
+import pty
+import re
+import sys
+
+import pytest
+import yaml
+
+from snakemake_run import ROOT, snakemake
+
+MODULE = """
+configfile: "config/config.yaml"
+
+
+module drapeline:
+    snakefile:
+        "{snakefile}"
+    config:
+        config
+
+
+use rule * from drapeline as drapeline_*
+
+
+rule count:
+    input:
+        rules.drapeline_dataset.input,
+"""
+
+
+def planned(run):
+    text = run.stdout + run.stderr
+    assert run.returncode == 0, text[-3000:]
+    return dict(re.findall(r"^(\w+) +(\d+)$", text, re.MULTILINE))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An empty folder with a small config of its own in `config/`."""
+    (tmp_path / "config").mkdir()
+    settings = {"samples": {"count": 2}, "motions": {"sequences": ["walk", "run"]}}
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(settings))
+    return tmp_path
+
+
+def test_another_folder_gets_the_default_experiment(project, folder):
+    jobs = planned(
+        snakemake(folder, "--dry-run", "dataset", "--snakefile", str(project / "Snakefile"))
+    )
+    assert jobs["simulate_outfit"] == "16"
+    assert jobs["import_motion"] == "8"
+
+
+def test_a_config_in_the_folder_comes_first(project, folder):
+    (folder / "config/config.yaml").rename(folder / "config.yaml")
+    arguments = ["--snakefile", str(project / "Snakefile"), "--directory", str(folder)]
+    assert planned(snakemake(project, "--dry-run", "dataset", *arguments))["import_motion"] == "2"
+
+
+@pytest.mark.parametrize("snakefile", ["Snakefile", "workflow/Snakefile"])
+def test_a_module_makes_the_dataset_of_another_workflow(project, folder, snakefile):
+    (folder / "Snakefile").write_text(MODULE.format(snakefile=project / snakefile))
+    run = snakemake(folder, "--dry-run", "count")
+    jobs = planned(run)
+    assert jobs["drapeline_simulate_outfit"] == "2"
+    assert jobs["drapeline_import_motion"] == "2"
+    assert "walk.npz" in run.stdout + run.stderr
+
+
+def test_the_module_in_the_docs_is_this_one():
+    documented = re.search(r"```python\n(.*?)```", (ROOT / "config/README.md").read_text(), re.S)[1]
+    path = "/path/to/drapeline/workflow/Snakefile"
+    assert MODULE.format(snakefile=path).lstrip().startswith(documented)
+
+
+def test_what_the_catalog_reads_is_there():
+    assert (ROOT / "config/config.yaml").resolve() == (ROOT / "config.yaml").resolve()
+    usage = yaml.safe_load((ROOT / ".snakemake-workflow-catalog.yml").read_text())["usage"]
+    assert usage["software-stack-deployment"]["conda"] is True
+    assert {"snakemake", "workflow"} <= set((ROOT / "README.md").read_text().lower().split())
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_is_a_display_on_a_terminal_and_plain_lines_elsewhere(terminal, monkeypatch):
+    from snakemake.profiles import ProfileConfigFileParser
+
+    ours, theirs = pty.openpty() if terminal else os.pipe()
+    with open(theirs, "w") as stream, open(ROOT / "workflow/profiles/local/config.yaml") as profile:
+        monkeypatch.setattr(sys, "stderr", stream)
+        settings = ProfileConfigFileParser().parse(profile)
+    os.close(ours)
+    assert settings.get("logger") == ("rich" if terminal else None)
+    assert settings["executor"] == "local"
