@@ -261,23 +261,21 @@ json.dump(
 
 
 def add_toy_garment_type(project):
-    """A row in the table, an outfit, its words in the schema and the configs, and a colour."""
+    """A row in the table, an outfit, its words in the schema and the config, and a colour."""
     table = "}\nGARMENTS = tuple(GARMENT_TYPES)\n"
     types = project / "src/drapeline/outfits/garment_types.py"
     replace(types, table, TOY_TYPE.removeprefix("\n"))
     replace(types, '"Dress", "Jumpsuit")', '"Dress", "Jumpsuit", "Overalls")')
     schema = project / "workflow/schemas/config.schema.yaml"
     replace(schema, "Top+Skirt, Dress, Jumpsuit]", "Top+Skirt, Dress, Jumpsuit, Overalls]")
-    replace(schema, "Skirt, Jumpsuit, Dress]", "Skirt, Jumpsuit, Dress, Overalls]")
+    for key, first in {"enum": "prior, ", "default": ""}.items():
+        old = f"{key}: [{first}Tshirt, Top, Trousers, Skirt, Jumpsuit, Dress]"
+        replace(schema, old, old.replace("]", ", Overalls]"))
     own = "          Dress: *own_garment\n"
     replace(schema, own, own + own.replace("Dress", "Overalls"))
     style = project / "src/drapeline/report/style.py"
     replace(style, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
-    for name in ("config.yaml", "workflow/config/paper.yaml"):
-        text = (project / name).read_text()
-        assert "\n  types: [" in text
-        text = text.replace("\n  types: [", "\n  types: [Overalls, ")
-        (project / name).write_text(text)
+    replace(project / "config.yaml", "\n  types: [", "\n  types: [Overalls, ")
 
 
 def read_files(project):
