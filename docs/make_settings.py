@@ -1,4 +1,4 @@
-"""Write docs/settings.md, the list of all keys of the config, from the schema.
+"""Write docs/reference/settings.md, the list of all keys of the config, from the schema.
 
 PYTHONPATH=src .venv/bin/python docs/make_settings.py
 """
@@ -15,13 +15,13 @@ from drapeline.experiment.config import allowed_values, fill_settings
 ROOT = Path(__file__).parents[1]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 PAPER = ROOT / "workflow/config/paper.yaml"
-PAGE = ROOT / "docs/settings.md"
+PAGE = ROOT / "docs/reference/settings.md"
 
 INTRODUCTION = """\
 # Settings
 
 All {count} keys that a config may name, by stage. `docs/make_settings.py` writes this page from
-[the schema](../workflow/schemas/config.schema.yaml).
+[the schema](../../workflow/schemas/config.schema.yaml).
 
 A key that a config omits takes the default given here. Defaults suit a computer with two cores;
 *paper* is the value in `workflow/config/paper.yaml`, the size of CLOTH3D, where it is another.

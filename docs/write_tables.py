@@ -1,4 +1,4 @@
-"""Write the tables of docs/results.md from one finished experiment.
+"""Write the tables of docs/reference/results.md from one finished experiment.
 
     .venv/bin/python docs/write_tables.py RESULTS
 
@@ -23,7 +23,7 @@ from drapeline.report.dataset.health import MEASURES
 from drapeline.report.times import step_times
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "results.md"
+PAGE = ROOT / "docs/reference/results.md"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 NAMES = {"Tshirt": "t-shirt"} | {name: name.lower() for name in GARMENTS if name != "Tshirt"}
 STATIC = {

@@ -1,4 +1,4 @@
-"""The import directions and bans that docs/architecture.md promises, checked on the source."""
+"""Import directions and bans that docs/background/architecture.md promises, checked on the source."""
 
 import ast
 import re
@@ -130,8 +130,8 @@ def test_rule_scripts_stay_thin_and_never_import_each_other():
 
 
 def _described_rooms():
-    """Rooms in the table of docs/architecture.md, and the arrows of its diagram."""
-    text = (ROOT / "docs" / "architecture.md").read_text()
+    """Rooms in the table of docs/background/architecture.md, and the arrows of its diagram."""
+    text = (ROOT / "docs/background/architecture.md").read_text()
     rooms = re.findall(r"^\| `(\w+)/` \|", text, re.MULTILINE)
     arrows = {}
     for line in re.findall(r"^[\w, ]+(?: -> [\w, ]+)+$", text, re.MULTILINE):

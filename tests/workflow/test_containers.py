@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 RECIPES = ["Containerfile", "drapeline.def"]
 
 
-@pytest.mark.parametrize("name", [*RECIPES, "docs/install.md"])
+@pytest.mark.parametrize("name", [*RECIPES, "docs/how-to/install.md"])
 def test_every_library_that_blender_needs_is_installed(name):
     installed = re.findall(r"apt-get install ((?:.*\\\n)*.*)", (ROOT / name).read_text())
     packages = {word for line in installed for word in line.replace("\\", " ").split()}

@@ -16,7 +16,7 @@ PAGES = [
         ROOT / name
         for name in ("README.md", "CHANGELOG.md", "workflow/resources/motions/README.md")
     ],
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
 ]
 SMK = [ROOT / "Snakefile", *sorted((ROOT / "workflow/rules").glob("*.smk"))]
 RULES = {name for p in SMK for name in re.findall(r"^rule (\w+):", p.read_text(), re.MULTILINE)}
@@ -61,7 +61,7 @@ def anchor(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
 
 
-pages = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+pages = pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 
 
 @pages

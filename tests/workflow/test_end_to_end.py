@@ -109,7 +109,7 @@ def test_splits_share_no_clip_and_no_body(made):
 
 
 def test_every_array_is_documented(results):
-    codes = re.findall(r"`([^`]+)`", (ROOT / "docs" / "data-format.md").read_text())
+    codes = re.findall(r"`([^`]+)`", (ROOT / "docs/reference/data-format.md").read_text())
     documented = {word for code in codes for word in re.findall(r"\w+", code)}
     for path in sorted(results.rglob("*.np[yz]")):
         keys = [path.stem]

@@ -1,4 +1,4 @@
-"""What docs/extending.md promises: additions touch the places it lists, and nothing else."""
+"""What docs/how-to/extending.md promises: additions touch the places it lists, and nothing else."""
 
 import json
 import os
@@ -289,7 +289,7 @@ def read_files(project):
 
 def listed_places(title, **names):
     """Places in the first table of a section of the guide, with names for its placeholders."""
-    guide = (ROOT / "docs/extending.md").read_text().partition(f"## {title}\n")[2]
+    guide = (ROOT / "docs/how-to/extending.md").read_text().partition(f"## {title}\n")[2]
     table = re.search(r"^\|.*?\n\n", guide, re.MULTILINE | re.DOTALL).group()
     places = [
         place
@@ -457,7 +457,7 @@ def test_a_cloth_solvers_folder_and_two_lines_simulate_with_it(extended, toy_bod
 
 def test_a_cloth_solvers_room_has_its_layer(extended):
     tests = ["tests/cloth_solvers.py", "tests/imported_modules.py", "tests/unit/test_layers.py"]
-    for name in [*tests, "docs/architecture.md", "pyproject.toml"]:
+    for name in [*tests, "docs/background/architecture.md", "pyproject.toml"]:
         (extended / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, extended / name)
     pytest_options = ["-v", "-p", "no:cacheprovider", "-k", "toy_cloth or documented"]

@@ -1,4 +1,4 @@
-"""docs/settings.md is what docs/make_settings.py makes of the schema now."""
+"""docs/reference/settings.md is what docs/make_settings.py makes of the schema now."""
 
 import importlib.util
 from pathlib import Path

@@ -13,7 +13,7 @@ A model has a folder of its own, `models/<name>/`, and imports no other model. T
 - `representation.py`: each way in which the model holds a garment, as a `Representation`, by which
   all models are compared on the same garments.
 
-docs/extending.md lists what it has outside its folder.
+docs/how-to/extending.md lists what it has outside its folder.
 """
 
 from collections.abc import Iterator, Sequence

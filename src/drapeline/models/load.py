@@ -5,7 +5,7 @@
     skirts = load("results/gcvae/svae").sample(8, "Skirt")
     moving = load("results/garment4d/Skirt").reconstruct(points, poses, shape)
 
-docs/api.md shows more of it. Loading executes nothing that is in the files.
+docs/reference/api.md shows more of it. Loading executes nothing that is in the files.
 """
 
 from pathlib import Path

@@ -96,7 +96,7 @@ def check_motion(motion: Motion) -> Motion:
 
 
 def save_motion(path: str | Path, motion: Motion) -> None:
-    """Write a motion to `.npz`; docs/data-format.md lists the keys."""
+    """Write a motion to `.npz`; docs/reference/data-format.md lists the keys."""
     check_motion(motion)
     arrays = {
         "poses": np.asarray(motion.poses, dtype=np.float64),

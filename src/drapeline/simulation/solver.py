@@ -40,7 +40,7 @@ class ClothSolver(Protocol):
     """Moves garments with a body. It knows nothing of attempts, health or files of the dataset.
 
     A solver lives in a package of its own, with a module that has `cloth_solver(threads)`, which
-    returns one that takes no more than so many cores (see docs/extending.md).
+    returns one that takes no more than so many cores (see docs/how-to/extending.md).
     """
 
     @property
