@@ -1,4 +1,4 @@
-"""Import directions and bans that docs/background/architecture.md promises, checked on the source."""
+"""The import directions and bans of docs/background/architecture.md, checked on the source."""
 
 import ast
 import re
