@@ -50,6 +50,7 @@ format: .venv/ready
 
 docs: .venv/ready
 	PYTHONPATH=src $(BIN)/python docs/make_settings.py
+	$(BIN)/python docs/make_rules.py
 
 lock: .venv/ready
 	@{ echo "# Exact versions of the one environment that runs everything (Python 3.11); made by 'make lock'."; \

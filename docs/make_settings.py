@@ -26,18 +26,8 @@ All {count} keys that a config may name, by stage. `docs/make_settings.py` write
 A key that a config omits takes the default given here. Defaults suit a computer with two cores;
 *paper* is the value in `workflow/config/paper.yaml`, the size of CLOTH3D, where it is another.
 Units are part of the names, and frames are at 30 per second. A misspelt key or a value out of
-range stops the run before the first job.
-
-```bash
-.venv/bin/snakemake dataset --cores all --configfile mine.yaml
-.venv/bin/snakemake dataset --cores all --configfile config.yaml mine.yaml
-.venv/bin/snakemake dataset --cores all --config seed=3
-```
-
-The first makes your own experiment; the second changes the default one, since several configs are
-laid over one another in their order; the third changes a single key of it. Targets come first:
-`--configfile` takes every name that follows it for another config. Paths in a config are relative
-to the folder in which Snakemake works.
+range stops the run before the first job. Paths are relative to the folder in which Snakemake works.
+[Make your own experiment](../how-to/own-experiment.md) says how to use a config.
 """
 
 

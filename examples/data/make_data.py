@@ -20,6 +20,10 @@ from drapeline.geometry.obj import save_obj
 from drapeline.motions.importing import import_motion
 from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS
+from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.generate import make_outfit, sample_numbers
+from drapeline.outfits.templates import build_templates
+from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from motion_files import write_bvh
 
@@ -75,6 +79,28 @@ def write_skirt(body_file: Path) -> None:
     save_obj(FOLDER / "skirt.obj", mesh)
 
 
+def write_dress(body_file: Path) -> None:
+    """A short-sleeved dress as drapeline cuts it, on the female rest body."""
+    body = load_body(body_file)
+    cut = OutfitRanges(
+        sleeve_length=(0.25, 0.25),
+        skirt_length=(0.62, 0.62),
+        skirt_alpha1=(0.45, 0.45),
+        sewn_waist=(0.9, 0.9),
+    )
+    outfit = make_outfit(
+        sample_numbers(rng_for(0, "dress"), "Dress", cut),
+        build_templates(body),
+        body,
+        gender="female",
+        shape=np.zeros(10),
+        tightness=np.zeros(2),
+        edge_length_m=0.025,
+    )
+    (dress,) = outfit.garments
+    save_obj(FOLDER / "dress.obj", Mesh(dress.vertices, dress.faces, dress.uv, dress.uv_faces))
+
+
 def _reach(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Distance from the origin to the convex hull of points around it, in each direction."""
     equations = ConvexHull(points).equations
@@ -105,4 +131,5 @@ if __name__ == "__main__":
     write_clip("jump", frames=60)
     write_amass("kick")
     write_skirt(ROOT / "resources/body/female.npz")
+    write_dress(ROOT / "resources/body/female.npz")
     write_scans(ROOT / "results/dataset")

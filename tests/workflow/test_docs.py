@@ -1,21 +1,26 @@
-"""What the documentation names exists: modules, functions, rules, settings, files and links."""
+"""What the documentation names exists: modules, functions, rules, settings, files, links, commands.
+
+Its pages are of four kinds, kept apart by folder, and all can be reached from docs/README.md.
+"""
 
 import ast
 import re
+import shlex
 from functools import cache
 from pathlib import Path
 
 import pytest
 import yaml
 
+from drapeline.experiment.config import fill_settings
+
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src"
 SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
 PAGES = [
-    *[
-        ROOT / name
-        for name in ("README.md", "CHANGELOG.md", "workflow/resources/motions/README.md")
-    ],
+    ROOT / "README.md",
+    *(ROOT / name / "README.md" for name in ("config", "examples", "workflow/resources/motions")),
+    ROOT / "CHANGELOG.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 SMK = [ROOT / "Snakefile", *sorted((ROOT / "workflow/rules").glob("*.smk"))]
@@ -90,20 +95,25 @@ def test_rules_exist(page):
         assert name in RULES, f"{page.name} names the rule {name}"
 
 
-def test_the_readmes_table_of_rules_is_true():
-    rows = re.findall(r"^\| [\w ]+ \| ((?:`[\w*]+`,? ?)+)", text_of(PAGES[0]), re.MULTILINE)
+def test_the_steps_from_clip_to_model_name_rules():
+    text = text_of(ROOT / "docs/background/architecture.md")
+    rows = re.findall(r"^\| [\w ]+ \| ((?:`[\w*]+`,? ?)+)", text, re.MULTILINE)
     names = [name for row in rows for name in re.findall(r"`([\w*]+)`", row)]
     assert len(names) > 10
     for name in names:
         pattern = re.compile(name.replace("*", r"\w+"))
-        assert any(pattern.fullmatch(rule) for rule in RULES), f"README.md names {name}"
+        assert any(pattern.fullmatch(rule) for rule in RULES), f"architecture.md names {name}"
+
+
+def links(page: Path) -> list[str]:
+    """Targets of a page's links and pictures within the repository."""
+    found = re.findall(r"\]\(([^)\s]+)\)", text_of(page))
+    return [target for target in found if not target.startswith("http")]
 
 
 @pages
 def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
-        if target.startswith("http"):
-            continue
+    for target in links(page):
         file, _, heading = target.partition("#")
         path = (page.parent / file) if file else page
         assert path.exists(), f"{page.name} links to {target}"
@@ -140,8 +150,55 @@ def test_settings_in_examples_exist(page):
     for language, block in FENCED.findall(page.read_text()):
         if language != "yaml":
             continue
-        for section, values in yaml.safe_load(block).items():
-            if section not in SCHEMA["properties"]:
-                continue  # an example of another file, such as a joint map
-            known = SCHEMA["properties"][section]["properties"]
-            assert set(values) <= set(known), f"{page.name}: {section}"
+        given = yaml.safe_load(block)
+        if set(given) <= set(SCHEMA["properties"]):  # else another file, such as a joint map
+            fill_settings(given, SCHEMA, page.name)
+
+
+def test_pages_are_of_four_kinds():
+    docs = ROOT / "docs"
+    assert {path.name for path in docs.glob("*.md")} == {"README.md", "tutorial.md"}
+    kinds = {path.parent.name for path in docs.glob("*/*.md")}
+    assert kinds == {"how-to", "reference", "background"}
+    assert not list(docs.glob("*/*/*.md"))
+
+
+def test_the_index_links_to_every_page():
+    index = ROOT / "docs/README.md"
+    linked = {(index.parent / target.partition("#")[0]).resolve() for target in links(index)}
+    assert linked == {path.resolve() for path in (ROOT / "docs").rglob("*.md")} - {index}
+
+
+def test_the_readme_leads_to_the_index_and_the_tutorial():
+    assert {"docs/README.md", "docs/tutorial.md"} <= set(links(ROOT / "README.md"))
+
+
+def commands(page: Path) -> list[list[str]]:
+    """Words of every command in a page's shell blocks, without comments."""
+    blocks = [block for language, block in FENCED.findall(page.read_text()) if language == "bash"]
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+@pages
+def test_commands_name_targets_files_and_programs_that_exist(page):
+    goals = set(re.findall(r"^(\w[\w-]*):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for words in commands(page):
+        program, *rest = words
+        if program.startswith(".venv/bin/"):
+            assert program.removeprefix(".venv/bin/") in {"python", "snakemake", "tensorboard"}
+        assert program != "snakemake", f"{page.name}: it is .venv/bin/snakemake"
+        if program == "make":
+            named = [word for word in rest if "=" not in word]
+            assert set(named) <= goals, f"{page.name}: make {named}"
+        for word in rest:
+            if word.startswith(("workflow/", "tests/", "examples/")):
+                assert (ROOT / word).exists(), f"{page.name} names {word}"
+        if program.endswith("snakemake"):
+            targets = rest[: next((i for i, w in enumerate(rest) if w.startswith("-")), None)]
+            for target in targets:
+                made = target.startswith(("results/", "resources/"))
+                assert made or target in RULES, f"{page.name} asks for {target}"
+            # `--configfile` takes all names that follow.
+            after = rest[rest.index("--configfile") + 1 :] if "--configfile" in rest else []
+            assert all(word.endswith(".yaml") for word in after), f"{page.name}: {after}"

@@ -70,7 +70,8 @@ def test_a_module_makes_the_dataset_of_another_workflow(project, folder, snakefi
 
 
 def test_the_module_in_the_docs_is_this_one():
-    documented = re.search(r"```python\n(.*?)```", (ROOT / "config/README.md").read_text(), re.S)[1]
+    page = ROOT / "docs/how-to/run-elsewhere.md"
+    documented = re.search(r"```snakemake\n(.*?)```", page.read_text(), re.S)[1]
     path = "/path/to/drapeline/workflow/Snakefile"
     assert MODULE.format(snakefile=path).lstrip().startswith(documented)
 
