@@ -2,7 +2,7 @@
 
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.scene_part import PLAIN_COLOUR, SKIN_COLOUR, ScenePart
+from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 
 
 def scene_parts(sample: Sample) -> list[ScenePart]:
@@ -10,7 +10,7 @@ def scene_parts(sample: Sample) -> list[ScenePart]:
     parts = []
     if sample.has_body:
         parts.append(
-            ScenePart(BODY, sample.body_mesh(), SKIN_COLOUR, sample.body_vertices, len(sample))
+            ScenePart(BODY, sample.body_mesh(), BODY_COLOUR, sample.body_vertices, len(sample))
         )
     for name in sample.garments:
         texture = sample.info.outfit.get(name, {}).get("texture", {})

@@ -9,7 +9,7 @@ from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
 
 # sRGB, like the colours in `info.mat`.
-SKIN_COLOUR = (0.62, 0.52, 0.46)
+BODY_COLOUR = (0.74, 0.74, 0.75)  # the light grey of a mannequin
 PLAIN_COLOUR = (0.55, 0.6, 0.68)  # of garments without a stored colour
 _CHUNK = 32  # frames held in memory at once
 

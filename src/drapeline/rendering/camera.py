@@ -1,7 +1,7 @@
 """Pinhole cameras in the OpenCV convention: x right, y down, z into the picture."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -72,6 +72,33 @@ def look_at(
     extrinsics[:3, 3] = -axes @ position
     intrinsics = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1.0]])
     return Camera(intrinsics, extrinsics, width, height)
+
+
+def frame_points(
+    cameras: Sequence[Camera], points: Sequence[np.ndarray], margin: float
+) -> list[Camera]:
+    """The same views, zoomed by one factor and shifted by one offset to hold all points.
+
+    Where a camera stands and looks does not change; the principal point may leave the middle.
+
+    Args:
+        cameras: of one size.
+        points: (P, 3) world, metres, before each camera.
+        margin: share of the picture's height and width that is left free on each side, at least.
+    """
+    size = np.array([cameras[0].width, cameras[0].height])
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for camera, seen in zip(cameras, points, strict=True):
+        image, _ = camera.project(seen)
+        low, high = np.minimum(low, image.min(axis=0)), np.maximum(high, image.max(axis=0))
+    zoom = float(((1 - 2 * margin) * size / (high - low)).min())
+    framed = []
+    for camera in cameras:
+        intrinsics = camera.intrinsics.copy()
+        intrinsics[:2] *= zoom
+        intrinsics[:2, 2] += size / 2 - zoom * (low + high) / 2
+        framed.append(replace(camera, intrinsics=intrinsics))
+    return framed
 
 
 def facing_direction(root_rotation: np.ndarray) -> tuple[float, float]:

@@ -16,6 +16,9 @@ from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.geometry.warp_mesh import warp_mesh
 from drapeline.rendering.camera import Camera
 
+BACKDROP = 1.0  # sRGB grey: white like the page that pictures stand on
+FLOOR_REACH_M = 1.6  # shadows fade out at this distance from where they are darkest
+
 
 @dataclass(frozen=True)
 class ColouredMesh:
@@ -34,6 +37,17 @@ class ColouredMesh:
     gloss: float = 0.0
 
 
+# What a pixel shows, in `_Pixels.kind`: nothing, the floor, or a mesh.
+_BACKDROP, _FLOOR, _MESH = wp.constant(0), wp.constant(1), wp.constant(2)
+# Pixels of a tile share the samples of the light out among them, and `_blend` brings them together
+# (Keller and Heidrich, "Interleaved sampling", 2001).
+_TILE = wp.constant(5)
+_FILTER = wp.constant(1.3)  # width of the box over which edges are averaged, in pixels
+_LONE_SAMPLES = wp.constant(4)  # of the light on what is too thin for any pixel's middle
+_SHADOW_M = wp.constant(1.7)  # on the floor, shadows of what is farther away are not seen
+_CONTACT_M = wp.constant(0.5)
+
+
 @wp.struct
 class _View:
     position: wp.vec3
@@ -45,10 +59,53 @@ class _View:
     centre_x: float
     centre_y: float
     width: int
+    height: int
+    # Image coordinates between which the meshes lie.
+    first_x: float
+    first_y: float
+    last_x: float
+    last_y: float
     floor_x: float
     floor_y: float
-    floor_radius: float
+    floor_reach: float
     samples: int
+    edge_samples: int
+
+
+@wp.struct
+class _Surfaces:
+    mesh: wp.uint64
+    normals: wp.array(dtype=wp.vec3)
+    colours: wp.array(dtype=wp.vec3)
+    gloss: wp.array(dtype=float)
+
+
+@wp.struct
+class _Spot:
+    """Where a ray through the picture ends."""
+
+    kind: int
+    face: int
+    place: wp.vec3
+    normal: wp.vec3
+    flat: wp.vec3
+    rounded: wp.vec3
+
+
+@wp.struct
+class _Pixels:
+    """What the middle of each pixel shows."""
+
+    kind: wp.array(dtype=int)
+    face: wp.array(dtype=int)
+    place: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+
+
+@wp.func
+def _spread(index: int):
+    """The sequence R2, which fills the unit square evenly (Roberts 2018)."""
+    return wp.frac(0.5 + 0.7548777 * float(index)), wp.frac(0.5 + 0.5698403 * float(index))
 
 
 @wp.func
@@ -70,34 +127,97 @@ def _tilt(axis: wp.vec3, cosine: float, turn: float) -> wp.vec3:
 
 
 @wp.func
-def _incoming_light(
-    mesh: wp.uint64,
-    colours: wp.array(dtype=wp.vec3),
-    place: wp.vec3,
-    rounded: wp.vec3,
-    normal: wp.vec3,
-    flat: wp.vec3,
-    light: wp.vec3,
-    u: float,
-    v: float,
-) -> wp.vec4:
-    """Incoming light: RGB from the surroundings and the light's share in the fourth number.
+def _above(place: wp.vec3, corner: wp.vec3, normal: wp.vec3) -> wp.vec3:
+    """The place, or its projection on the tangent plane of a corner that it is below."""
+    return place - wp.min(0.0, wp.dot(place - corner, normal)) * normal
 
-    The lamp's rays start at `rounded`, where the place would be on a smooth surface.
+
+@wp.func
+def _ray(view: _View, x: float, y: float) -> wp.vec3:
+    return wp.normalize(
+        view.forward
+        + view.right * ((x - view.centre_x) / view.focal)
+        + view.down * ((y - view.centre_y) / view.focal)
+    )
+
+
+@wp.func
+def _look(surfaces: _Surfaces, view: _View, x: float, y: float) -> _Spot:
+    """What lies at image coordinates."""
+    ray = _ray(view, x, y)
+    spot = _Spot()
+    if x > view.first_x and x < view.last_x and y > view.first_y and y < view.last_y:
+        hit = wp.mesh_query_ray(surfaces.mesh, view.position, ray, 1.0e3)
+        if hit.result:
+            corners = wp.mesh_get(surfaces.mesh).indices
+            points = wp.mesh_get(surfaces.mesh).points
+            a = corners[3 * hit.face]
+            b = corners[3 * hit.face + 1]
+            c = corners[3 * hit.face + 2]
+            w = 1.0 - hit.u - hit.v
+            normal = wp.normalize(
+                hit.u * surfaces.normals[a] + hit.v * surfaces.normals[b] + w * surfaces.normals[c]
+            )
+            flat = hit.normal
+            if wp.dot(flat, ray) > 0.0:
+                flat = -flat
+            side = 1.0
+            if wp.dot(normal, flat) < 0.0:
+                side = -1.0
+            place = view.position + hit.t * ray
+            spot.kind = _MESH
+            spot.face = hit.face
+            spot.place = place
+            spot.normal = side * normal
+            spot.flat = flat
+            # Facets would shade one another where light grazes (Hanika 2021).
+            spot.rounded = (
+                hit.u * _above(place, points[a], side * surfaces.normals[a])
+                + hit.v * _above(place, points[b], side * surfaces.normals[b])
+                + w * _above(place, points[c], side * surfaces.normals[c])
+            )
+            return spot
+    if ray[2] < 0.0:
+        place = view.position - view.position[2] / ray[2] * ray
+        away = wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0)
+        if wp.length(away) < view.floor_reach:
+            spot.kind = _FLOOR
+            spot.place = place
+            spot.normal = wp.vec3(0.0, 0.0, 1.0)
+    return spot
+
+
+@wp.func
+def _gather(surfaces: _Surfaces, view: _View, spot: _Spot, u: float, v: float) -> wp.vec4:
+    """One sample of the light at a spot: RGB from around, and what comes through of the lamp's.
+
+    Of the floor: how near things are above it, and how much of the lamp's light they take.
     """
-    start = place + 2.0e-3 * flat
     # The lamp is a disc seen 12 degrees wide: its rim gives the shadows their soft edge.
-    to_lamp = _tilt(light, 1.0 - 0.0055 * u, 6.2831853 * v)
-    lamp = wp.max(0.0, wp.dot(normal, to_lamp))
-    if lamp > 0.0:  # noqa: SIM102  (Warp would cast the ray for any lamp)
-        if wp.mesh_query_ray_anyhit(mesh, rounded + 2.0e-3 * normal, to_lamp, 10.0):
-            lamp = 0.0
-    up = _tilt(normal, wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
+    to_lamp = _tilt(view.light, 1.0 - 0.0055 * u, 6.2831853 * v)
+    up = _tilt(spot.normal, wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
+    if spot.kind == _FLOOR:
+        # Shadows are palest where what casts them is far up, like those of a large lamp.
+        shadow = wp.mesh_query_ray(surfaces.mesh, spot.place, to_lamp, _SHADOW_M)
+        lamp = float(0.0)
+        if shadow.result:
+            lamp = 1.0 - shadow.t / _SHADOW_M
+        above = wp.mesh_query_ray(surfaces.mesh, spot.place, up, _CONTACT_M)
+        near = float(0.0)
+        if above.result:
+            near = 1.0 - above.t / _CONTACT_M
+        return wp.vec4(near, near, near, lamp)
+    lamp = float(0.0)
+    if wp.dot(spot.normal, view.light) > -0.1:  # noqa: SIM102  (Warp would cast the ray anyway)
+        if not wp.mesh_query_ray_anyhit(
+            surfaces.mesh, spot.rounded + 2.0e-3 * spot.normal, to_lamp, 10.0
+        ):
+            lamp = 1.0
     fill = _sky(up)
-    if wp.dot(flat, up) > 0.0:
-        near = wp.mesh_query_ray(mesh, start, up, 3.0)
-        if near.result:
-            fill = 0.35 * colours[near.face]
+    if wp.dot(spot.flat, up) > 0.0:
+        beside = wp.mesh_query_ray(surfaces.mesh, spot.place + 2.0e-3 * spot.flat, up, 3.0)
+        if beside.result:
+            fill = 0.35 * surfaces.colours[beside.face]
         elif up[2] < 0.0:
             fill = fill * 0.75
     else:
@@ -106,106 +226,195 @@ def _incoming_light(
 
 
 @wp.func
-def _above(place: wp.vec3, corner: wp.vec3, normal: wp.vec3) -> wp.vec3:
-    """The place, or its projection on the tangent plane of a corner that it is below."""
-    return place - wp.min(0.0, wp.dot(place - corner, normal)) * normal
+def _floor_share(view: _View, place: wp.vec3, x: float, y: float) -> float:
+    """What is left of shadows on the floor: nothing far away and at the picture's borders."""
+    away = wp.length(wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0))
+    border = wp.min(wp.min(x, float(view.width) - x), wp.min(y, float(view.height) - y)) / float(
+        wp.min(view.width, view.height)
+    )
+    near = 1.0 - wp.smoothstep(0.3 * view.floor_reach, view.floor_reach, away)
+    return near * wp.smoothstep(0.0, 0.1, border)
 
 
 @wp.func
-def _floor_shade(mesh: wp.uint64, view: _View, place: wp.vec3, u: float, v: float) -> float:
-    """How much darker the floor is along one ray: by the lamp's shadow, and by things nearby."""
-    away = wp.length(wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0))
-    if away > view.floor_radius:
-        return 0.0
-    shade = 0.0
-    to_lamp = _tilt(view.light, 1.0 - 0.0055 * u, 6.2831853 * v)
-    if wp.mesh_query_ray_anyhit(mesh, place, to_lamp, 10.0):
-        shade += 0.38
-    up = _tilt(wp.vec3(0.0, 0.0, 1.0), wp.sqrt(1.0 - u), 6.2831853 * wp.frac(v + 0.5))
-    near = wp.mesh_query_ray(mesh, place, up, 0.6)
-    if near.result:
-        shade += 0.3 * (1.0 - near.t / 0.6)
-    return shade * wp.min(1.0, 2.0 * (1.0 - away / view.floor_radius))
+def _paint(
+    surfaces: _Surfaces,
+    view: _View,
+    spot: _Spot,
+    x: float,
+    y: float,
+    light: wp.vec4,
+    backdrop: wp.vec3,
+) -> wp.vec3:
+    """Colour of a spot, seen at image coordinates, in its light."""
+    if spot.kind == _BACKDROP:
+        return backdrop
+    if spot.kind == _FLOOR:
+        shade = 0.55 * light[3] + 0.35 * light[0]
+        return backdrop * (1.0 - shade * _floor_share(view, spot.place, x, y))
+    lamp = light[3] * wp.max(0.0, wp.dot(spot.normal, view.light))
+    half = wp.normalize(view.light - wp.normalize(spot.place - view.position))
+    shine = (
+        light[3] * surfaces.gloss[spot.face] * wp.pow(wp.max(0.0, wp.dot(spot.normal, half)), 24.0)
+    )
+    found = wp.cw_mul(
+        surfaces.colours[spot.face],
+        0.68 * wp.vec3(light[0], light[1], light[2]) + 0.8 * lamp * wp.vec3(1.0, 0.97, 0.93),
+    ) + shine * wp.vec3(1.0, 1.0, 1.0)
+    return wp.vec3(_shoulder(found[0]), _shoulder(found[1]), _shoulder(found[2]))
+
+
+@wp.func
+def _shoulder(light: float) -> float:
+    """Bright light, bent to stay below white, so that white cloth keeps its folds."""
+    if light < 0.5:
+        return light
+    return 0.5 + 0.42 * (1.0 - wp.exp((0.5 - light) / 0.42))
+
+
+@wp.func
+def _alike(place: wp.vec3, normal: wp.vec3, other: wp.vec3, its_normal: wp.vec3) -> bool:
+    """Whether two spots are of one smooth surface, where the light hardly differs."""
+    way = other - place
+    far = wp.length(way)
+    return (
+        wp.dot(normal, its_normal) > 0.8
+        and wp.abs(wp.dot(normal, way)) + wp.abs(wp.dot(its_normal, way)) < 0.002 + 0.7 * far
+    )
 
 
 @wp.kernel
 def _expose(
-    mesh: wp.uint64,
-    normals: wp.array(dtype=wp.vec3),
-    colours: wp.array(dtype=wp.vec3),
-    gloss: wp.array(dtype=float),
+    surfaces: _Surfaces,
     view: _View,
+    pixels: _Pixels,
+    light: wp.array(dtype=wp.vec4),
+):
+    """See what each pixel's middle shows, and sample the light there."""
+    pixel = wp.tid()
+    column = pixel % view.width
+    row = pixel / view.width
+    spot = _look(surfaces, view, float(column) + 0.5, float(row) + 0.5)
+    pixels.kind[pixel] = spot.kind
+    pixels.face[pixel] = spot.face
+    pixels.place[pixel] = spot.place
+    pixels.normal[pixel] = spot.normal
+    if spot.kind == _BACKDROP:
+        return
+    # Neighbours differ as much as possible in their place of the sequence.
+    first = _TILE * ((2 * column + row) % _TILE) + (column + 2 * row) % _TILE
+    total = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    for sample in range(view.samples):
+        u, v = _spread(first + _TILE * _TILE * sample)
+        total += _gather(surfaces, view, spot, u, v)
+    light[pixel] = total / float(view.samples)
+
+
+@wp.kernel
+def _blend(
+    view: _View,
+    pixels: _Pixels,
+    step: int,
+    light: wp.array(dtype=wp.vec4),
+    blended: wp.array(dtype=wp.vec4),
+):
+    """Average the light over the tile around each pixel, on its own surface."""
+    pixel = wp.tid()
+    kind = pixels.kind[pixel]
+    if kind == _BACKDROP:
+        return
+    column = pixel % view.width
+    row = pixel / view.width
+    place = pixels.place[pixel]
+    normal = pixels.normal[pixel]
+    total = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    count = float(0.0)
+    for down in range(-2, 3):
+        for aside in range(-2, 3):
+            y = row + step * down
+            x = column + step * aside
+            other = y * view.width + x
+            if (
+                x >= 0
+                and x < view.width
+                and y >= 0
+                and y < view.height
+                and pixels.kind[other] == kind
+                and _alike(place, normal, pixels.place[other], pixels.normal[other])
+            ):
+                total += light[other]
+                count += 1.0
+    blended[pixel] = total / count
+
+
+@wp.kernel
+def _develop(
+    surfaces: _Surfaces,
+    view: _View,
+    pixels: _Pixels,
+    light: wp.array(dtype=wp.vec4),
     backdrop: wp.vec3,
     image: wp.array(dtype=wp.vec3),
 ):
+    """Colour each pixel: with one sample where it shows one surface, with many at edges."""
     pixel = wp.tid()
-    column = float(pixel % view.width)
-    row = float(pixel / view.width)
-    state = wp.rand_init(17, pixel)
-    shift_u = wp.randf(state)
-    shift_v = wp.randf(state)
+    column = pixel % view.width
+    row = pixel / view.width
+    kind = pixels.kind[pixel]
+    first_x = wp.max(column - 1, 0)
+    last_x = wp.min(column + 2, view.width)
+    first_y = wp.max(row - 1, 0)
+    last_y = wp.min(row + 2, view.height)
+    edge = int(0)  # a plain 0 would be a constant, which Warp does not let loops change
+    for j in range(first_y, last_y):
+        for i in range(first_x, last_x):
+            other = j * view.width + i
+            if pixels.kind[other] != kind:
+                if kind == _MESH or pixels.kind[other] == _MESH:
+                    edge = 1
+            elif kind == _MESH and not _alike(
+                pixels.place[pixel], pixels.normal[pixel], pixels.place[other], pixels.normal[other]
+            ):
+                edge = 1
+    if edge == 0:
+        spot = _Spot()
+        spot.kind = kind
+        spot.face = pixels.face[pixel]
+        spot.place = pixels.place[pixel]
+        spot.normal = pixels.normal[pixel]
+        x = float(column) + 0.5
+        y = float(row) + 0.5
+        image[pixel] = _paint(surfaces, view, spot, x, y, light[pixel], backdrop)
+        return
     total = wp.vec3(0.0, 0.0, 0.0)
-    taken = float(0.0)
-    shaded = int(0)  # a plain 0 would be a constant, which Warp does not let loops change
-    for sample in range(view.samples):
-        # Additive recurrences spread the samples evenly over pixel, lamp and sky.
-        k = float(sample)
-        x = column + wp.frac(0.5 + 0.8566749 * k)
-        y = row + wp.frac(0.5 + 0.7338919 * k)
-        u = wp.frac(shift_u + 0.6287067 * k)
-        v = wp.frac(shift_v + 0.5385973 * k)
-        ray = wp.normalize(
-            view.forward
-            + view.right * ((x - view.centre_x) / view.focal)
-            + view.down * ((y - view.centre_y) / view.focal)
-        )
-        hit = wp.mesh_query_ray(mesh, view.position, ray, 1.0e3)
-        found = backdrop
-        if hit.result:
-            corners = wp.mesh_get(mesh).indices
-            points = wp.mesh_get(mesh).points
-            a = corners[3 * hit.face]
-            b = corners[3 * hit.face + 1]
-            c = corners[3 * hit.face + 2]
-            w = 1.0 - hit.u - hit.v
-            normal = wp.normalize(hit.u * normals[a] + hit.v * normals[b] + w * normals[c])
-            flat = hit.normal
-            if wp.dot(flat, ray) > 0.0:
-                flat = -flat
-            side = 1.0
-            if wp.dot(normal, flat) < 0.0:
-                side = -1.0
-            normal = side * normal
-            place = view.position + hit.t * ray
-            # Facets would shade one another where light grazes (Hanika 2021).
-            rounded = (
-                hit.u * _above(place, points[a], side * normals[a])
-                + hit.v * _above(place, points[b], side * normals[b])
-                + w * _above(place, points[c], side * normals[c])
-            )
-            light = _incoming_light(mesh, colours, place, rounded, normal, flat, view.light, u, v)
-            half = wp.normalize(view.light - ray)
-            shine = gloss[hit.face] * wp.pow(wp.max(0.0, wp.dot(normal, half)), 24.0)
-            if light[3] <= 0.0:
-                shine = 0.0
-            found = wp.cw_mul(
-                colours[hit.face],
-                0.68 * wp.vec3(light[0], light[1], light[2])
-                + 0.8 * light[3] * wp.vec3(1.0, 0.97, 0.93),
-            ) + shine * wp.vec3(1.0, 1.0, 1.0)
-            shaded = 1
-        elif ray[2] < 0.0:
-            shade = _floor_shade(mesh, view, view.position - view.position[2] / ray[2] * ray, u, v)
-            if shade > 0.0:
-                found = backdrop * (1.0 - shade)
-                shaded = 1
-        total += found
-        taken += 1.0
-        if sample == 5 and shaded == 0:
-            break  # plain backdrop: more rays would tell nothing new
-    image[pixel] = total / taken
+    for sample in range(view.edge_samples):
+        u, v = _spread(sample)
+        x = float(column) + 0.5 + _FILTER * (u - 0.5)
+        y = float(row) + 0.5 + _FILTER * (v - 0.5)
+        spot = _look(surfaces, view, x, y)
+        here = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        if spot.kind != _BACKDROP:
+            # The light of the neighbours that show the same surface; of the spot if none does.
+            found = float(0.0)
+            for j in range(first_y, last_y):
+                for i in range(first_x, last_x):
+                    other = j * view.width + i
+                    if pixels.kind[other] == spot.kind and _alike(
+                        spot.place, spot.normal, pixels.place[other], pixels.normal[other]
+                    ):
+                        here += light[other]
+                        found += 1.0
+            if found == 0.0:
+                for _ in range(_LONE_SAMPLES):
+                    u, v = _spread(_LONE_SAMPLES * (sample + pixel) + int(found))
+                    here += _gather(surfaces, view, spot, u, v)
+                    found += 1.0
+            here = here / found
+        total += _paint(surfaces, view, spot, x, y, here, backdrop)
+    image[pixel] = total / float(view.edge_samples)
 
 
+_DEVICE = "cpu"
 _RAY_SHARE: ContextVar[float] = ContextVar("ray share", default=1.0)
 
 
@@ -225,15 +434,15 @@ def raytrace(
     *,
     floor_centre: Sequence[float] = (0.0, 0.0),
     samples: int = 16,
-    backdrop: float = 0.93,
+    backdrop: float = BACKDROP,
 ) -> np.ndarray:
     """Render meshes that stand on the floor z = 0; equal inputs give equal pictures.
 
     Args:
         parts: the meshes.
         camera: takes the picture.
-        floor_centre: (x, y) where shadows are darkest; they fade out 2.2 m away from it.
-        samples: rays per pixel, before `ray_share`.
+        floor_centre: (x, y) where shadows are darkest; they fade out `FLOOR_REACH_M` away from it.
+        samples: at edges, per pixel, before `ray_share`; a quarter as many for the light.
         backdrop: sRGB grey of background and unshaded floor.
 
     Returns:
@@ -248,33 +457,37 @@ def raytrace(
     counts = [len(t) for t in triangles]
     corners = np.concatenate([t + s for t, s in zip(triangles, starts[:-1], strict=True)])
     linear = _to_linear(np.array([p.colour for p in parts], dtype=np.float64))
-    device = "cpu"
+    surfaces = _Surfaces()
     mesh = warp_mesh(vertices, corners)
-    image = wp.zeros(camera.width * camera.height, dtype=wp.vec3, device=device)
-    wp.launch(
-        _expose,
-        dim=camera.width * camera.height,
-        inputs=[
-            mesh.id,
-            wp.array(normals.astype(np.float32), dtype=wp.vec3, device=device),
-            wp.array(
-                np.repeat(linear, counts, axis=0).astype(np.float32), dtype=wp.vec3, device=device
-            ),
-            wp.array(
-                np.repeat([p.gloss for p in parts], counts).astype(np.float32),
-                dtype=float,
-                device=device,
-            ),
-            _view(camera, floor_centre, max(1, round(_RAY_SHARE.get() * samples))),
-            wp.vec3(*[float(_to_linear(np.array(backdrop)))] * 3),
-        ],
-        outputs=[image],
-        device=device,
-    )
+    surfaces.mesh = mesh.id
+    surfaces.normals = _array(normals, wp.vec3)
+    surfaces.colours = _array(np.repeat(linear, counts, axis=0), wp.vec3)
+    surfaces.gloss = _array(np.repeat([p.gloss for p in parts], counts), float)
+    view = _view(camera, vertices, floor_centre, _RAY_SHARE.get() * samples)
+    count = camera.width * camera.height
+    pixels = _Pixels()
+    pixels.kind, pixels.face = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
+    pixels.place, pixels.normal = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2))
+    light, blended = (wp.zeros(count, dtype=wp.vec4, device=_DEVICE) for _ in range(2))
+    image = wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
+    wall = wp.vec3(*[float(_to_linear(np.array(backdrop)))] * 3)
+    for kernel, inputs in (
+        (_expose, [surfaces, view, pixels, light]),
+        (_blend, [view, pixels, 1, light, blended]),
+        (_blend, [view, pixels, 2, blended, light]),
+        (_develop, [surfaces, view, pixels, light, wall, image]),
+    ):
+        wp.launch(kernel, dim=count, inputs=inputs, device=_DEVICE)
     return _to_srgb(image.numpy().reshape(camera.height, camera.width, 3))
 
 
-def _view(camera: Camera, floor_centre: Sequence[float], samples: int) -> _View:
+def _array(values: np.ndarray, dtype: type) -> wp.array:
+    return wp.array(values.astype(np.float32), dtype=dtype, device=_DEVICE)
+
+
+def _view(
+    camera: Camera, vertices: np.ndarray, floor_centre: Sequence[float], rays: float
+) -> _View:
     right, _down, forward = camera.axes
     level = np.array([forward[0], forward[1], 0.0])
     level /= np.linalg.norm(level)
@@ -286,10 +499,16 @@ def _view(camera: Camera, floor_centre: Sequence[float], samples: int) -> _View:
     view.light = wp.vec3(*(light / np.linalg.norm(light)))
     view.focal = float(camera.intrinsics[0, 0])
     view.centre_x, view.centre_y = map(float, camera.intrinsics[:2, 2])
-    view.width = camera.width
+    view.width, view.height = camera.width, camera.height
+    seen, depth = camera.project(vertices)
+    if (depth > 0).all():
+        view.first_x, view.first_y = map(float, seen.min(axis=0))
+        view.last_x, view.last_y = map(float, seen.max(axis=0))
+    else:
+        view.last_x, view.last_y = float(camera.width), float(camera.height)
     view.floor_x, view.floor_y = map(float, floor_centre)
-    view.floor_radius = 2.2
-    view.samples = samples
+    view.floor_reach = FLOOR_REACH_M
+    view.samples, view.edge_samples = max(1, round(rays / 4)), max(1, round(rays))
     return view
 
 

@@ -26,7 +26,6 @@ GARMENT_COLOURS = {
     "Dress": SKY,
 }
 FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
-SKIN = (0.83, 0.69, 0.6)  # sRGB of bodies in renderings
 
 _SETTINGS = {
     "font.family": "sans-serif",

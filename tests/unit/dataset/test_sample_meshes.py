@@ -2,7 +2,7 @@ import numpy as np
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
-from drapeline.dataset.scene_part import PLAIN_COLOUR, SKIN_COLOUR
+from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR
 from tiny_sample import body_truth
 
 
@@ -14,7 +14,7 @@ def test_the_body_and_the_garments_move_in_the_world(tiny, toy_body):
         expected = tiny.vertices[part.name] + tiny.trans[:, None]
         np.testing.assert_allclose(list(part.frames()), expected, atol=1e-6)
         np.testing.assert_array_equal(part.mesh.faces, tiny.meshes[part.name].faces)
-    assert body.colour == SKIN_COLOUR
+    assert body.colour == BODY_COLOUR
     assert shirt.colour == (0.1, 0.5, 0.9)
 
 

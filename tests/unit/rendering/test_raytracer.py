@@ -5,13 +5,13 @@ import pytest
 import trimesh
 
 from drapeline.rendering.camera import look_at
-from drapeline.rendering.raytracer import ColouredMesh, ray_share, raytrace
+from drapeline.rendering.raytracer import FLOOR_REACH_M, ColouredMesh, ray_share, raytrace
 
 BOX = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.5, 1.1)])
 SIDES = np.array(
     [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 )
-BACKDROP = round(255 * 0.93)
+WHITE = 255
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def camera():
 
 def test_empty_backdrop_is_even_and_things_stand_where_the_camera_sees_them(camera):
     picture = raytrace([ColouredMesh(BOX, SIDES, (0.1, 0.2, 0.9))], camera, samples=16)
-    assert (picture[:10] == BACKDROP).all()
+    assert (picture[:10] == WHITE).all()
     blue = picture[..., 2].astype(int) - picture[..., 0] > 40
     where, _ = camera.project(BOX)
     rows, columns = np.nonzero(blue)
@@ -34,7 +34,7 @@ def test_empty_backdrop_is_even_and_things_stand_where_the_camera_sees_them(came
 def test_shadow_lies_on_the_floor_and_away_from_the_lamp(camera):
     picture = raytrace([ColouredMesh(BOX, SIDES, (0.1, 0.2, 0.9))], camera, samples=16)
     grey = np.ptp(picture.astype(int), axis=2) <= 2
-    rows, columns = np.nonzero(grey & (picture[..., 0] < BACKDROP - 15))
+    rows, columns = np.nonzero(grey & (picture[..., 0] < WHITE - 15))
     (_, horizon), _ = camera.project(np.array([0.0, 1e6, 0.0]))
     assert rows.min() > horizon
     assert columns.mean() > 48  # the lamp stands to the left of the camera
@@ -46,6 +46,42 @@ def test_the_nearer_thing_hides_the_other(camera):
     for parts in ([near, far], [far, near]):
         middle = raytrace(parts, camera, samples=4)[60:66, 44:52].reshape(-1, 3).mean(0)
         assert middle[0] > middle[2] + 60
+
+
+def test_a_half_covered_pixel_has_the_average_of_both_colours():
+    """A wall whose upper edge runs through the middle of a row of pixels."""
+    target = np.array([0.0, 0.0, 10.0])  # far above the floor, which is not seen
+    camera = look_at(target - [0, 4, 0], target, focal_px=100, size=(20, 20))
+    edge = 0.5 * 4 / 100  # half a pixel above the middle, at the wall's distance
+    wall = np.array([[-9, 0, 5], [9, 0, 5], [9, 0, 10 + edge], [-9, 0, 10 + edge]], float)
+    part = ColouredMesh(wall, np.array([[0, 1, 2, 3]]), (0.2, 0.2, 0.2))
+    light = to_linear(raytrace([part], camera, samples=64)[:, 10] / 255)
+    above, half, below = light[[5, 9, 15], 0]
+    assert above == 1.0
+    assert half == pytest.approx((above + below) / 2, abs=0.04)
+
+
+def test_shadows_fade_out_with_distance_and_towards_the_borders(camera):
+    """The floor under a roof so large that all of it lies in shadow."""
+    roof = np.array([[-9, -9, 0.6], [9, -9, 0.6], [9, 9, 0.6], [-9, 9, 0.6]], float)
+    above = look_at(np.array([0, -0.7, 0.5]), np.zeros(3), focal_px=60, size=(300, 200))
+    part = ColouredMesh(roof, np.array([[0, 1, 2, 3]]), (0.5, 0.5, 0.5))
+    picture = raytrace([part], above, samples=4)[..., 0].astype(int)
+    column, row = np.meshgrid(np.arange(300) + 0.5, np.arange(200) + 0.5)
+    rays = np.stack([(column - 150) / 60, (row - 100) / 60, np.ones_like(row)], -1) @ above.axes
+    places = above.position - above.position[2] / rays[..., 2:] * rays
+    away = np.where(rays[..., 2] < 0, np.linalg.norm(places[..., :2], axis=-1), np.inf)
+    assert (picture[(away > FLOOR_REACH_M) & (rays[..., 2] < 0)] == WHITE).all()
+    near = picture[away < 0.2 * FLOOR_REACH_M]
+    assert near.max() < WHITE - 30
+    middle = np.abs(away - 0.65 * FLOOR_REACH_M) < 0.05
+    assert near.max() < picture[middle].mean() < WHITE
+    assert (picture[-1] >= WHITE - 1).all()
+    assert (picture[:, [0, -1]][rays[:, [0, -1], 2] < 0] >= WHITE - 1).all()
+
+
+def to_linear(colour):
+    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
 
 
 def ball_picture(subdivisions, samples=64):

@@ -7,24 +7,27 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from drapeline.dataset.labels import BODY
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import meta_path, read_meta
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
-from drapeline.rendering.animated_png import save_animation
-from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
+from drapeline.rendering.animation import save_animation
+from drapeline.rendering.camera import (
+    Camera,
+    facing_direction,
+    frame_points,
+    look_at,
+    view_direction,
+)
 from drapeline.rendering.picture_grid import text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.style import SKIN
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_file
 
 _GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
 _DISTANCE_M = 7.0
-_SEEN_HEIGHT_M = 2.3
 _TARGET_HEIGHT_M = 0.93
-_FILLED = 0.95  # share of the picture that is filled by movements that reach farther than usual
+_MARGIN = 0.05  # of the picture's height and width, around the figure
 _TURN_DEG = 28.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.2
 
@@ -35,20 +38,20 @@ def render_gallery(
     moving: str | Path,
     *,
     still_size: tuple[int, int] = (480, 640),
-    moving_size: tuple[int, int] = (240, 320),
-    moving_frames: int = 16,
+    moving_size: tuple[int, int] = (360, 480),
+    frame_step: int = 2,
 ) -> None:
-    """Render a sample's middle frame and an animation of it, at the same scale for all samples.
+    """Render a sample's middle frame and an animation of it; both are filled by the figure.
 
-    The camera follows the body along the floor. A sample that was not accepted gets a card with
-    its status and reason in place of both pictures.
+    The camera follows the body along the floor at one scale. A sample that was not accepted gets a
+    card with its status and reason in place of both pictures.
 
     Args:
         folder: a sample.
         still: the PNG to write.
         moving: the animated PNG to write; it loops.
         still_size, moving_size: width and height in pixels.
-        moving_frames: pictures of the animation, spread evenly over the sequence.
+        frame_step: of each so many frames one is shown; 2 gives 15 pictures per second.
 
     Raises:
         InputError: the sample's files are missing or damaged.
@@ -60,16 +63,18 @@ def render_gallery(
         return
     with Sample(folder) as sample:
         parts = scene_parts(sample)
-        frames = np.unique(np.linspace(0, len(sample) - 1, moving_frames).astype(int)).tolist()
-        middle = frames[len(frames) // 2]
-        camera = _cameras(sample, parts, frames, still_size)[middle]
+        middle = len(sample) // 2
+        (camera,) = _cameras(sample, parts, [middle], still_size)
         _save_still(still, _shot(sample, parts, middle, camera))
+        frames = range(0, len(sample), frame_step)
         cameras = _cameras(sample, parts, frames, moving_size)
         pictures = [
-            _shot(sample, parts, frame, cameras[frame], samples=6)
-            for frame in progress(frames, label="gallery")
+            _shot(sample, parts, frame, camera, samples=8)
+            for frame, camera in progress(
+                zip(frames, cameras, strict=True), total=len(frames), label="gallery"
+            )
         ]
-        save_animation(moving, pictures, round(1000 * len(sample) / sample.fps / len(frames)))
+        save_animation(moving, pictures, 1000 * frame_step / sample.fps)
 
 
 def _shot(
@@ -78,13 +83,13 @@ def _shot(
     frame: int,
     camera: Camera,
     *,
-    samples: int = 12,
+    samples: int = 16,
 ) -> np.ndarray:
     painted = [
         ColouredMesh(
             part.read(frame, frame + 1)[0],
             part.mesh.faces,
-            SKIN if part.name == BODY else part.colour,
+            part.colour,
             _GLOSS.get(sample.fabrics.get(part.name) or "", 0.0),
         )
         for part in parts
@@ -95,27 +100,20 @@ def _shot(
 
 def _cameras(
     sample: Sample, parts: Sequence[ScenePart], frames: Sequence[int], size: tuple[int, int]
-) -> dict[int, Camera]:
-    """Frame -> camera; all look in one direction, at one scale."""
+) -> list[Camera]:
+    """The cameras of frames; all look in one direction, at one scale."""
     front = facing_direction(sample.info.poses[frames[len(frames) // 2], :3])
     direction = view_direction(front, turn_deg=_TURN_DEG, rise=_RISE)
     targets = sample.root_positions()[list(frames)]
     targets[:, 2] = _TARGET_HEIGHT_M
-    focal_px = size[1] * _DISTANCE_M / _SEEN_HEIGHT_M
-
-    def shots(focal_px: float) -> dict[int, Camera]:
-        return {
-            frame: look_at(target + _DISTANCE_M * direction, target, focal_px=focal_px, size=size)
-            for frame, target in zip(frames, targets, strict=True)
-        }
-
-    half = np.array(size) / 2
-    reach = 0.0
-    for frame, camera in shots(focal_px).items():
-        for part in parts:
-            seen, _ = camera.project(part.read(frame, frame + 1)[0])
-            reach = max(reach, float(np.abs(seen / half - 1).max()))
-    return shots(focal_px * min(1.0, _FILLED / reach))
+    cameras = [
+        look_at(target + _DISTANCE_M * direction, target, focal_px=size[1], size=size)
+        for target in targets
+    ]
+    figures = [
+        np.concatenate([part.read(frame, frame + 1)[0] for part in parts]) for frame in frames
+    ]
+    return frame_points(cameras, figures, _MARGIN)
 
 
 def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:

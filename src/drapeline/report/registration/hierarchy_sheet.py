@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from trimesh.intersections import slice_faces_plane
 
+from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import edges
 from drapeline.registration.to_body.hierarchy import Hierarchy
 from drapeline.registration.to_body.segments import vertex_areas
@@ -14,7 +15,6 @@ from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_
 from drapeline.rendering.camera import Camera, look_at
 from drapeline.rendering.picture_grid import save_contact_sheet
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.style import SKIN
 
 _INNER, _NEW = (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)
 _SAMPLES = 8
@@ -51,7 +51,7 @@ def plot_topologies(path: str | Path, topology: Topology) -> None:
         "legs joined": (rest, topology.skirt_faces, look),
         "inner legs smoothed": (tube, topology.skirt_faces, look),
     }
-    colours = (SKIN, _INNER, _NEW)
+    colours = (BODY_COLOUR, _INNER, _NEW)
     pictures = []
     for view in ("front", "side"):
         for name, (vertices, faces, colour) in meshes.items():
@@ -209,5 +209,5 @@ def _facets(
     _, first = np.unique(corners[between], axis=0, return_index=True)
     coarse = standing[label[faces[between][first]]]
     return ColouredMesh(
-        vertices[coarse].reshape(-1, 3), np.arange(3 * len(coarse)).reshape(-1, 3), SKIN
+        vertices[coarse].reshape(-1, 3), np.arange(3 * len(coarse)).reshape(-1, 3), BODY_COLOUR
     )

@@ -7,6 +7,7 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
+from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import faces_within, triangulate, vertex_normals
 from drapeline.outfits.garment_types import first_of_each
 from drapeline.outfits.outfit import Garment
@@ -19,12 +20,7 @@ from drapeline.rendering.picture_grid import GridCell, heat_parts, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 
 _SIZE = (320, 340)
-_SKIN, _CLOTH, _LAID, _REBUILT = (
-    (0.80, 0.70, 0.64),
-    (0.33, 0.5, 0.74),
-    (0.84, 0.6, 0.3),
-    (0.4, 0.62, 0.5),
-)
+_CLOTH, _LAID, _REBUILT = (0.33, 0.5, 0.74), (0.84, 0.6, 0.3), (0.4, 0.62, 0.5)
 _FLOAT_M = 0.004  # garments laid on the body are shown this far above it
 _SCALE_MM = 5.0
 
@@ -63,13 +59,13 @@ def _row(
     vertices, kept = body + done.offsets, faces_within(faces, done.match.mask)
     error, _, _ = surface_distance(garment.vertices.astype(float), triangles, vertices, kept)
     values = {m.metric: m.value for m in done.measures}
-    skin = ColouredMesh(body, topology.faces, _SKIN)
+    wearer = ColouredMesh(body, topology.faces, BODY_COLOUR)
     views = [
-        ([skin, ColouredMesh(garment.vertices, garment.faces, _CLOTH)], ""),
-        ([skin, ColouredMesh(laid, triangles, _LAID)], ""),
-        ([skin, ColouredMesh(vertices, kept, _REBUILT)], ""),
+        ([wearer, ColouredMesh(garment.vertices, garment.faces, _CLOTH)], ""),
+        ([wearer, ColouredMesh(laid, triangles, _LAID)], ""),
+        ([wearer, ColouredMesh(vertices, kept, _REBUILT)], ""),
         (
-            [skin, *heat_parts(garment.vertices, triangles, 1000 * error, _SCALE_MM)],
+            [wearer, *heat_parts(garment.vertices, triangles, 1000 * error, _SCALE_MM)],
             f"mean {values['garment_to_rebuilt_mean_mm']:.2f} mm,"
             f" at most {values['garment_to_rebuilt_max_mm']:.1f} mm",
         ),

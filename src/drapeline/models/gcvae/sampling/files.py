@@ -9,7 +9,7 @@ import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.dataset.gltf import write_glb
-from drapeline.dataset.scene_part import PLAIN_COLOUR, SKIN_COLOUR, ScenePart
+from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
@@ -69,7 +69,7 @@ def save_samples(
     rows = sample_table(sampled, body_faces)
     with atomic_folder(folder) as scratch:
         for sample in sampled:
-            parts = [_still_part("Body", wearer_mesh(bodies, sample.request.cvar), SKIN_COLOUR)]
+            parts = [_still_part("Body", wearer_mesh(bodies, sample.request.cvar), BODY_COLOUR)]
             if len(sample.mesh.faces):
                 save_obj(scratch / f"{sample.name}.obj", sample.mesh)
                 parts.append(_still_part(sample.garment, sample.mesh, PLAIN_COLOUR))

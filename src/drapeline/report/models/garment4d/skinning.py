@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
+from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import edges
 from drapeline.rendering.picture_grid import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.report.models.scene import Scene, fit_scene
-from drapeline.report.style import SKIN, garment_colour
+from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 _RING = (213, 94, 0)
@@ -88,7 +89,7 @@ def _neighbour_cells(case: SkinnedTwice) -> list[GridCell]:
     cells = []
     for vertices in (case.nearest, case.interpolated):
         parts = [
-            ColouredMesh(case.body, case.body_faces, SKIN),
+            ColouredMesh(case.body, case.body_faces, BODY_COLOUR),
             ColouredMesh(vertices, case.faces, garment_colour(case.garment)),
         ]
         cells.append(GridCell(_draw_ring(far.picture(parts), far, lifted)))

@@ -8,15 +8,16 @@ import numpy as np
 from trimesh.creation import icosahedron
 
 from drapeline.dataset.labels import LABELS
+from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.metrics.sequence import vertex_errors_mm
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.rendering.animated_png import save_animation
+from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import GridCell, heat_parts, join_pictures, save_grid
-from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.rendering.raytracer import BACKDROP, ColouredMesh
 from drapeline.report.models.scene import PICTURE_SIZE, Scene, fit_scene, share_scale
-from drapeline.report.style import SKIN, garment_colour
+from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 HEAT_SPAN_MM = 80.0
@@ -29,8 +30,6 @@ STEP_COLUMNS = (
     "error of (c)",
     "error of (d)",
 )
-_BACKDROP = 0.93
-_GREY = (0.8, 0.8, 0.81)
 _MOVING_SIZE = (220, 270)
 _SURFACE_M2 = 2.2  # of a dressed body, roughly: what a cloud's points are spread over
 _POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them
@@ -119,7 +118,7 @@ def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list
     if not len(case.true):
         return cells
     cells.append(GridCell(scene.picture(_dress(case, frame, case.true[frame]))))
-    wearer = ColouredMesh(case.body[frame], case.body_faces, _GREY)
+    wearer = ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR)
     for vertices in (case.proposal[frame], case.final[frame]):
         error = vertex_errors_mm(vertices, case.true[frame])
         heat = heat_parts(vertices, case.faces, error[case.faces].mean(axis=1), HEAT_SPAN_MM)
@@ -134,12 +133,12 @@ def _canonical_cell(case: Reconstruction, row: int) -> GridCell | None:
     scene = fit_scene(standing, [case.rest_body, case.canonical])
     if row == 1:
         error = vertex_errors_mm(case.canonical, case.true_canonical)
-        wearer = ColouredMesh(case.rest_body, case.body_faces, _GREY)
+        wearer = ColouredMesh(case.rest_body, case.body_faces, BODY_COLOUR)
         of_faces = error[case.faces].mean(axis=1)
         heat = heat_parts(case.canonical, case.faces, of_faces, HEAT_SPAN_MM)
         return GridCell(scene.picture([wearer, *heat]), f"its error: {error.mean():.1f} mm")
     shown = case.true_canonical if row == 2 else case.canonical
-    wearer = ColouredMesh(case.rest_body, case.body_faces, SKIN)
+    wearer = ColouredMesh(case.rest_body, case.body_faces, BODY_COLOUR)
     garment = ColouredMesh(shown, case.faces, garment_colour(case.garment))
     return GridCell(scene.picture([wearer, garment]), "registered" if row == 2 else "")
 
@@ -157,14 +156,14 @@ def _scenes(case: Reconstruction, frames: Sequence[int]) -> list[Scene]:
 def _dress(case: Reconstruction, frame: int, garment: np.ndarray) -> list[ColouredMesh]:
     """Put a posed garment (N, 3) on its wearer."""
     return [
-        ColouredMesh(case.body[frame], case.body_faces, SKIN),
+        ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR),
         ColouredMesh(garment, case.faces, garment_colour(case.garment)),
     ]
 
 
 def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:
     """Draw a cloud (P, 3) as balls in the colours of its labels (P,), paler in the distance."""
-    colours = [SKIN if name not in GARMENTS else garment_colour(name) for name in LABELS]
+    colours = [BODY_COLOUR if name not in GARMENTS else garment_colour(name) for name in LABELS]
     depth = points @ scene.camera(PICTURE_SIZE).axes[2]
     share = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
     level = np.minimum((share * _DEPTH_LEVELS).astype(int), _DEPTH_LEVELS - 1)
@@ -172,7 +171,7 @@ def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[Co
     parts = []
     for label, far in sorted(set(zip(labels.tolist(), level.tolist(), strict=True))):
         haze = _HAZE * far / (_DEPTH_LEVELS - 1)
-        colour = (1 - haze) * np.array(colours[label]) + haze * _BACKDROP
+        colour = (1 - haze) * np.array(colours[label]) + haze * BACKDROP
         parts.append(
             ColouredMesh(*_balls(points[(labels == label) & (level == far)], radius), colour)
         )

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import Mesh, faces_within
 from drapeline.metrics.garment import distances_mm, garment_mesh
 from drapeline.metrics.predictions import GarmentCase, WornGarment
-from drapeline.rendering.animated_png import save_animation
+from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import (
     GridCell,
@@ -19,13 +20,13 @@ from drapeline.rendering.picture_grid import (
 )
 from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.report.models.scene import Scene
-from drapeline.report.style import SKIN, garment_colour
+from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 HEAT_SPAN_MM = 30.0
 ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
 _TARGET_HEIGHT_M = 0.95
-_EMPTY = 237  # grey of a picture without any mesh
+_EMPTY = 255  # white, like the background of the others
 
 
 _STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)
@@ -56,7 +57,7 @@ def view_picture(
     """(height, width, 3) uint8 picture; the same scale for all views of one size."""
     parts = []
     if view.body is not None:
-        parts.append(ColouredMesh(view.body.vertices, view.body.faces, SKIN))
+        parts.append(ColouredMesh(view.body.vertices, view.body.faces, BODY_COLOUR))
     if view.garment is not None and len(view.garment.faces):
         vertices, faces = view.garment.vertices, view.garment.faces
         if view.error_mm is None:

@@ -23,7 +23,7 @@ from drapeline.report.models.gcvae.views import (
 from gcvae_toys import tube, tube_faces
 
 TUBE = Mesh((2 * tube() - [0, 0, 0.6]).astype(np.float32), tube_faces(False))
-BACKDROP = 237
+BACKDROP = 255
 
 
 def shown(view, **settings):
