@@ -17,4 +17,4 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     shown = load_reconstruction(snakemake.input[0])
     plot_steps(snakemake.output.steps, [(shown, spread_frames(len(shown.final), _STEPS))])
     frames_apart = int(shown.number[1] - shown.number[0]) if len(shown.number) > 1 else 1
-    animate_steps(snakemake.output.moving, shown, frame_ms=round(1000 * frames_apart / FPS))
+    animate_steps(snakemake.output.moving, shown, frame_ms=1000 * frames_apart / FPS)

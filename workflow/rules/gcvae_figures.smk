@@ -170,7 +170,7 @@ rule plot_gcvae_walks:
         runtime=30,
     params:
         steps=7,
-        frames=15,
+        frames=24,
         rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("plot_gcvae_walks"),
     script:

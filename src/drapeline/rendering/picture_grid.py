@@ -66,7 +66,7 @@ def save_grid(
         letter: height of the letters, in pixels.
         gap: between pictures, in pixels.
     """
-    font, small = ImageFont.load_default(letter), ImageFont.load_default(letter - 2)
+    font, small = ImageFont.load_default(letter), ImageFont.load_default(letter - 1)
     height, width = next(c.picture for row in rows for c in row if c is not None).shape[:2]
     words = [line for label in labels for line in label.splitlines()]
     left = gap + (round(max(map(font.getlength, words))) + 2 * gap if words else 0)
@@ -136,7 +136,7 @@ def save_contact_sheet(
 
 def join_pictures(pictures: Sequence[np.ndarray], titles: Sequence[str]) -> np.ndarray:
     """Pictures (H, W, 3) side by side under their titles."""
-    font, top = ImageFont.load_default(14), 24
+    font, top = ImageFont.load_default(16), 24
     row = np.concatenate(pictures, axis=1)
     image = Image.new("RGB", (row.shape[1], row.shape[0] + top), _PAPER)
     image.paste(Image.fromarray(row), (0, top))
@@ -160,7 +160,7 @@ def text_card(title: str, text: str, size: tuple[int, int]) -> np.ndarray:
     width, height = size
     image = Image.new("RGB", size, _CARD)
     draw = ImageDraw.Draw(image)
-    margin, letter = width // 12, max(11, width // 26)
+    margin, letter = width // 12, max(14, width // 26)
     small = ImageFont.load_default(letter)
     columns = int((width - 2 * margin) / (0.52 * letter))
     draw.text((margin, height * 0.36), title, _INK, font=ImageFont.load_default(letter * 1.6))

@@ -30,7 +30,7 @@ STEP_COLUMNS = (
     "error of (c)",
     "error of (d)",
 )
-_MOVING_SIZE = (220, 270)
+_MOVING_SIZE = (340, 456)  # 480 pixels high with the titles
 _SURFACE_M2 = 2.2  # of a dressed body, roughly: what a cloud's points are spread over
 _POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them
 _DEPTH_LEVELS, _HAZE = 6, 0.6  # distant points are drawn paler, so that near ones stand out
@@ -78,7 +78,7 @@ def plot_results(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequenc
     save_grid(path, rows, labels=labels)
 
 
-def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: int = 66) -> None:
+def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: float = 1000 / 15) -> None:
     """Animate a sequence: input, interpolated LBS, reconstruction, ground truth.
 
     Args:
@@ -96,7 +96,7 @@ def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: int = 66)
         scene = replace(first, floor_z=-float(case.root_height[frame]))
         parts = [cloud_parts(case.points[frame], case.labels[frame], scene)]
         parts += [_dress(case, frame, garment[frame]) for garment in steps]
-        shown = [scene.picture(each, _MOVING_SIZE, samples=6) for each in parts]
+        shown = [scene.picture(each, _MOVING_SIZE, samples=8) for each in parts]
         pictures.append(join_pictures(shown, columns[: len(shown)]))
     save_animation(path, pictures, frame_ms)
 

@@ -26,6 +26,7 @@ from drapeline.rule_log import progress
 HEAT_SPAN_MM = 30.0
 ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
 _TARGET_HEIGHT_M = 0.95
+_MOVING_SIZE = (440, 480)
 _EMPTY = 255  # white, like the background of the others
 
 
@@ -104,9 +105,9 @@ def plot_samples(path: str | Path, views: Mapping[str, View], *, columns: int = 
     save_contact_sheet(path, pictures, columns)
 
 
-def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: int = 90) -> None:
+def animate_views(path: str | Path, views: Sequence[View], *, frame_ms: float = 1000 / 15) -> None:
     """Animate a transition, there and back."""
-    pictures = [view_picture(v, size=(250, 260), samples=6) for v in views]
+    pictures = [view_picture(view, size=_MOVING_SIZE, samples=8) for view in views]
     save_animation(path, [*pictures, *pictures[-2:0:-1]], frame_ms)
 
 
