@@ -164,8 +164,10 @@ def text_card(title: str, text: str, size: tuple[int, int]) -> np.ndarray:
     small = ImageFont.load_default(letter)
     columns = int((width - 2 * margin) / (0.52 * letter))
     draw.text((margin, height * 0.36), title, _INK, font=ImageFont.load_default(letter * 1.6))
-    lines = "\n".join(textwrap.wrap(text, columns)[:10])
-    draw.text((margin, height * 0.36 + 2.6 * letter), lines, _QUIET, font=small)
+    top = height * 0.36 + 2.6 * letter
+    fitting = int((height - top - margin) / (1.45 * letter))
+    lines = "\n".join(textwrap.wrap(text, columns)[:fitting])
+    draw.text((margin, top), lines, _QUIET, font=small)
     return np.asarray(image)
 
 

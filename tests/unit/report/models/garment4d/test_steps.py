@@ -123,7 +123,7 @@ def test_animation_has_a_picture_per_frame_with_all_stages(made, tmp_path):
         animate_steps(tmp_path / "moving.png", case(3, truth=truth), frame_ms=50)
         assert len(made) == 3 * panels
         with Image.open(tmp_path / "moving.png") as image:
-            assert image.size[0] == panels * 220
+            assert image.size == (panels * 340, 480)
     assert image.size[1] > 270
 
 
