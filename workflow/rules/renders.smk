@@ -36,6 +36,32 @@ rule render_gallery:
         "../../scripts/render_gallery.py"
 
 
+rule render_people:
+    input:
+        lambda wildcards: expand(
+            f"{RESULTS}/samples/{{sample}}", sample=wildcards.samples.split("-")
+        ),
+    output:
+        f"{RESULTS}/people/{{samples}}.webp",
+    log:
+        f"{LOGS}/render_people/{{samples}}.log",
+    benchmark:
+        f"{BENCHMARKS}/render_people/{{samples}}.tsv"
+    wildcard_constraints:
+        samples=r"\d+(-\d+)*",
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    params:
+        rays=lookup(dpath="renders/rays", within=config),
+        code=source_hash("render_people"),
+    script:
+        "../../scripts/render_people.py"
+
+
 rule render_modalities:
     input:
         f"{RESULTS}/samples/{{sample}}",

@@ -44,8 +44,8 @@ _BACKDROP, _FLOOR, _MESH = wp.constant(0), wp.constant(1), wp.constant(2)
 _TILE = wp.constant(5)
 _FILTER = wp.constant(1.3)  # width of the box over which edges are averaged, in pixels
 _LONE_SAMPLES = wp.constant(4)  # of the light on what is too thin for any pixel's middle
-_SHADOW_M = wp.constant(1.7)  # on the floor, shadows of what is farther away are not seen
-_CONTACT_M = wp.constant(0.5)
+# On the floor, the lamp's shadows of what is farther away are not seen, nor the sky's.
+_SHADOW_M, _CONTACT_M = wp.constant(1.7), wp.constant(0.5)
 
 
 @wp.struct
@@ -68,6 +68,9 @@ class _View:
     floor_x: float
     floor_y: float
     floor_reach: float
+    # Corners of the part of the floor that can lie in shadow.
+    first_floor: wp.vec3
+    last_floor: wp.vec3
     samples: int
     edge_samples: int
 
@@ -180,7 +183,13 @@ def _look(surfaces: _Surfaces, view: _View, x: float, y: float) -> _Spot:
     if ray[2] < 0.0:
         place = view.position - view.position[2] / ray[2] * ray
         away = wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0)
-        if wp.length(away) < view.floor_reach:
+        if (
+            wp.length(away) < view.floor_reach
+            and place[0] > view.first_floor[0]
+            and place[0] < view.last_floor[0]
+            and place[1] > view.first_floor[1]
+            and place[1] < view.last_floor[1]
+        ):
             spot.kind = _FLOOR
             spot.place = place
             spot.normal = wp.vec3(0.0, 0.0, 1.0)
@@ -433,6 +442,7 @@ def raytrace(
     camera: Camera,
     *,
     floor_centre: Sequence[float] = (0.0, 0.0),
+    floor_reach_m: float = FLOOR_REACH_M,
     samples: int = 16,
     backdrop: float = BACKDROP,
 ) -> np.ndarray:
@@ -441,8 +451,11 @@ def raytrace(
     Args:
         parts: the meshes.
         camera: takes the picture.
-        floor_centre: (x, y) where shadows are darkest; they fade out `FLOOR_REACH_M` away from it.
-        samples: at edges, per pixel, before `ray_share`; a quarter as many for the light.
+        floor_centre: (x, y) where shadows are darkest; they fade out with the distance from it, and
+            towards the picture's borders.
+        floor_reach_m: from where on there are no shadows.
+        samples: at edges, per pixel, before `ray_share`; an eighth as many for the light, which
+            neighbouring pixels share.
         backdrop: sRGB grey of background and unshaded floor.
 
     Returns:
@@ -463,7 +476,7 @@ def raytrace(
     surfaces.normals = _array(normals, wp.vec3)
     surfaces.colours = _array(np.repeat(linear, counts, axis=0), wp.vec3)
     surfaces.gloss = _array(np.repeat([p.gloss for p in parts], counts), float)
-    view = _view(camera, vertices, floor_centre, _RAY_SHARE.get() * samples)
+    view = _view(camera, vertices, (*floor_centre, floor_reach_m), _RAY_SHARE.get() * samples)
     count = camera.width * camera.height
     pixels = _Pixels()
     pixels.kind, pixels.face = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
@@ -485,18 +498,17 @@ def _array(values: np.ndarray, dtype: type) -> wp.array:
     return wp.array(values.astype(np.float32), dtype=dtype, device=_DEVICE)
 
 
-def _view(
-    camera: Camera, vertices: np.ndarray, floor_centre: Sequence[float], rays: float
-) -> _View:
+def _view(camera: Camera, vertices: np.ndarray, floor: Sequence[float], rays: float) -> _View:
     right, _down, forward = camera.axes
     level = np.array([forward[0], forward[1], 0.0])
     level /= np.linalg.norm(level)
     aside = np.array([right[0], right[1], 0.0])
     light = -0.55 * level - 0.5 * aside + np.array([0.0, 0.0, 1.15])
+    light /= np.linalg.norm(light)
     view = _View()
     view.position = wp.vec3(*camera.position)
     view.right, view.down, view.forward = (wp.vec3(*axis) for axis in camera.axes)
-    view.light = wp.vec3(*(light / np.linalg.norm(light)))
+    view.light = wp.vec3(*light)
     view.focal = float(camera.intrinsics[0, 0])
     view.centre_x, view.centre_y = map(float, camera.intrinsics[:2, 2])
     view.width, view.height = camera.width, camera.height
@@ -506,9 +518,13 @@ def _view(
         view.last_x, view.last_y = map(float, seen.max(axis=0))
     else:
         view.last_x, view.last_y = float(camera.width), float(camera.height)
-    view.floor_x, view.floor_y = map(float, floor_centre)
-    view.floor_reach = FLOOR_REACH_M
-    view.samples, view.edge_samples = max(1, round(rays / 4)), max(1, round(rays))
+    view.floor_x, view.floor_y, view.floor_reach = map(float, floor)
+    low = vertices[vertices[:, 2] < _SHADOW_M]
+    if len(low):
+        shadow = np.concatenate([low, low - low[:, 2:] / light[2] * light])
+        view.first_floor = wp.vec3(*(shadow.min(axis=0) - _CONTACT_M))
+        view.last_floor = wp.vec3(*(shadow.max(axis=0) + _CONTACT_M))
+    view.samples, view.edge_samples = max(1, round(rays / 8)), max(1, round(rays))
     return view
 
 

@@ -25,6 +25,7 @@ GARMENT_COLOURS = {
     "Jumpsuit": VERMILION,
     "Dress": SKY,
 }
+FABRIC_GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
 FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
 
 _SETTINGS = {
@@ -59,6 +60,11 @@ _SETTINGS = {
 def garment_colour(garment: str) -> tuple[float, float, float]:
     """sRGB of a garment type in 0-1, the same in every figure."""
     return to_rgb(GARMENT_COLOURS[garment])
+
+
+def fabric_gloss(fabric: str | None) -> float:
+    """Strength of a fabric's highlights in renderings, 0 for none."""
+    return FABRIC_GLOSS.get(fabric or "", 0.0)
 
 
 @contextmanager

@@ -21,10 +21,10 @@ from drapeline.rendering.camera import (
 )
 from drapeline.rendering.picture_grid import text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
+from drapeline.report.style import fabric_gloss
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_file
 
-_GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
 _DISTANCE_M = 7.0
 _TARGET_HEIGHT_M = 0.93
 _MARGIN = 0.05  # of the picture's height and width, around the figure
@@ -90,7 +90,7 @@ def _shot(
             part.read(frame, frame + 1)[0],
             part.mesh.faces,
             part.colour,
-            _GLOSS.get(sample.fabrics.get(part.name) or "", 0.0),
+            fabric_gloss(sample.fabrics.get(part.name)),
         )
         for part in parts
     ]
