@@ -4,16 +4,19 @@
 # make test   set up, run every test; `make test-portable` those that other processors could decide
 #             otherwise, as several processors would run them; `make mutants` plants faults in a
 #             copy of the code and counts those that no test notices
+# make test-browser REPORT=report.html   open every page of a report in a browser; installs
+#             Playwright and, where there is no browser, Debian's Chromium
 # make lint   formatters and linters, as CI runs them
 # Anything after that is plain Snakemake: .venv/bin/snakemake [target] --cores all
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 CONFIG ?= config.yaml
+REPORT ?= report.html
 CORES ?= all
 PROFILE ?= local
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
 
-.PHONY: setup run dataset report docs test test-portable mutants lint format lock clean
+.PHONY: setup run dataset report docs test test-portable test-browser mutants lint format lock clean
 
 setup: .venv/ready
 
@@ -25,7 +28,7 @@ dataset: .venv/ready
 	$(SNAKEMAKE) dataset --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG)
 
 report: .venv/ready
-	$(SNAKEMAKE) --report report.html --configfile $(CONFIG)
+	$(SNAKEMAKE) --report report.html --report-stylesheet workflow/report/style.css --configfile $(CONFIG)
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
 
 test: .venv/ready
@@ -33,6 +36,13 @@ test: .venv/ready
 
 test-portable: .venv/ready
 	$(BIN)/python tests/run_portable.py
+
+test-browser: .venv/ready
+	$(BIN)/pip install --quiet --disable-pip-version-check --requirement tests/browser/requirements.txt
+	@for browser in chromium chromium-browser google-chrome google-chrome-stable; do \
+	   command -v $$browser >/dev/null && exit; done; \
+	 apt-get install --yes --no-install-recommends chromium
+	$(BIN)/python -m pytest -q tests/browser --report-page $(REPORT)
 
 mutants: .venv/ready
 	PYTHONPATH=tests $(BIN)/python -m mutants.run
@@ -54,7 +64,7 @@ docs: .venv/ready
 
 lock: .venv/ready
 	@{ echo "# Exact versions of the one environment that runs everything (Python 3.11); made by 'make lock'."; \
-	   $(BIN)/pip freeze --exclude-editable | sed 's/+cpu//'; } > requirements.lock
+	   $(BIN)/pip freeze --exclude-editable --exclude playwright | sed 's/+cpu//'; } > requirements.lock
 
 .venv/ready: requirements.lock pyproject.toml src/drapeline/preflight.py
 	@$(PYTHON) src/drapeline/preflight.py

@@ -50,13 +50,17 @@ def check_figure(report: Page) -> None:
     figure = report.locator("#app img:not(nav img)")
     figure.evaluate("image => image.decode()")
     assert contrast(figure) > 1, "the figure is blank"
-    seen = figure.evaluate(
-        """image => {
-          const pane = image.closest(".overflow-auto"), room = pane.getBoundingClientRect();
+    check_scrolls_to_its_ends(figure)
+
+
+def check_scrolls_to_its_ends(shown: Locator) -> None:
+    seen = shown.evaluate(
+        """box => {
+          const pane = box.closest(".overflow-auto"), room = pane.getBoundingClientRect();
           pane.scrollTo(0, 0);
-          const first = image.getBoundingClientRect();
+          const first = box.getBoundingClientRect();
           pane.scrollTo(pane.scrollWidth, pane.scrollHeight);
-          const last = image.getBoundingClientRect();
+          const last = box.getBoundingClientRect();
           return { above: room.top - first.top, left: room.left - first.left,
                    below: last.bottom - room.bottom, right: last.right - room.right };
         }"""
@@ -129,16 +133,38 @@ def test_every_result_is_seen_whole(report, subtests):
     assert seen == set(dict(kinds)), "results that no entry of the menu leads to"
 
 
-def test_every_result_and_its_rule_are_described(report, subtests):
-    for path, caption in report.evaluate(
-        "Object.entries(results).map(([path, result]) => [path, result.caption])"
+def test_every_result_and_rule_is_described(report, subtests):
+    bar = report.locator("nav.h-screen")
+    rules = set()
+    for path, caption, rule in report.evaluate(
+        "Object.entries(results).map(([path, r]) => [path, r.caption, r.job_properties.rule])"
     ):
         with subtests.test(path):
             assert caption.strip(), "it has no caption"
             report.evaluate("path => app.showResultInfo(path)", path)
-            bar = report.locator("nav.h-screen")
-            bar.locator("a[iconname=information-circle], li a:has(svg)").last.click()
-            bar.locator("pre, .source").first.wait_for()
+            bar.get_by_text("Description", exact=True).wait_for()
+            if rule not in rules:
+                rules.add(rule)
+                bar.locator("a:has(svg)").last.click()
+                bar.get_by_text("Code", exact=True).wait_for()
+
+
+def test_the_front_page_shows_pictures_numbers_and_all_samples(report):
+    menu(report)  # the house leads here, too
+    front = report.locator("#app .prose")
+    samples = front.locator(".sheet figure")
+    names = {
+        name
+        for row in report.evaluate("Object.values(results).map(r => r.labels.sample)")
+        for name in [row]
+        if name
+    }
+    assert samples.count() == len(names)
+    assert front.locator(".shown img").count()
+    assert front.locator(".numbers dt").count() == 10
+    for picture in front.locator("img").all():
+        picture.evaluate("image => image.decode()")
+    check_scrolls_to_its_ends(front)
 
 
 @pytest.mark.parametrize("page", ["Workflow", "Statistics"])

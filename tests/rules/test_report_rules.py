@@ -1,8 +1,10 @@
 """The rules of the report, on a dataset with and without accepted samples."""
 
 import pytest
+from PIL import Image
 
 from drapeline.dataset.collect import collect_dataset
+from drapeline.metrics.table import collect_metrics
 from drapeline.report.dataset.health import MEASURES
 from tiny_sample import write_tiny_sample
 
@@ -50,3 +52,25 @@ def test_plot_time_reads_the_benchmarks(run_rule, tmp_path):
     }
     run_rule("plot_time", output=output, params={"folders": [tmp_path / "benchmarks"]})
     assert "make_outfit\t1\t3.5" in output["table"].read_text()
+
+
+def test_write_overview_shows_stills_numbers_and_samples(run_rule, dataset, tmp_path):
+    still = tmp_path / "gallery" / "00001.png"
+    still.parent.mkdir()
+    Image.new("RGB", (48, 64), "grey").save(still)
+    registration, metrics = tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
+    registration.write_text("metric\tgarments\ttotal\ngarment_to_rebuilt_mean_mm\t4\t2\n")
+    collect_metrics(metrics, [])
+    run_rule(
+        "write_overview",
+        input={
+            "dataset": dataset,
+            "pictures": [still],
+            "registration": registration,
+            "metrics": metrics,
+        },
+        output=[tmp_path / "overview.html"],
+    )
+    text = (tmp_path / "overview.html").read_text()
+    assert "<strong>00001</strong>" in text
+    assert "<strong>0.50 mm</strong>mean of 4 garments" in text

@@ -16,6 +16,7 @@ os.environ.update(
     )
 )
 
+from drapeline.dataset.record import outfit_text, read_meta
 from drapeline.errors import InputError
 from drapeline.experiment.checks import refuse_contradictions, require_splits
 from drapeline.experiment.config import fill_settings

@@ -2,6 +2,21 @@ DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}.png")
 DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}_moving.png")
 
 
+def gallery_labels(kind):
+    """Labels function: what a sample shows, which its own record knows once it is made."""
+
+    def labels(wildcards, input):
+        meta = read_meta(input[0])
+        return {
+            "sample": wildcards.sample,
+            "motion": meta["motion"]["sequence"],
+            "wears": outfit_text(meta),
+            "kind": kind,
+        }
+
+    return labels
+
+
 rule render_gallery:
     input:
         f"{RESULTS}/samples/{{sample}}",
@@ -11,13 +26,13 @@ rule render_gallery:
             f"{RESULTS}/gallery/{{sample}}.png",
             caption="../report/gallery.rst",
             category="Gallery",
-            labels={"sample": "{sample}", "kind": "still"},
+            labels=gallery_labels("still"),
         ),
         moving=report(
             f"{RESULTS}/gallery/{{sample}}_moving.png",
             caption="../report/gallery.rst",
             category="Gallery",
-            labels={"sample": "{sample}", "kind": "moving"},
+            labels=gallery_labels("moving"),
         ),
     log:
         f"{LOGS}/render_gallery/{{sample}}.log",

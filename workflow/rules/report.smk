@@ -201,7 +201,38 @@ rule view_example:
         "../../scripts/view_example.py"
 
 
+rule write_overview:
+    input:
+        dataset=f"{RESULTS}/dataset",
+        pictures=per_sample(f"{RESULTS}/gallery/{{sample}}.png"),
+        registration=f"{RESULTS}/report/registration.tsv",
+        metrics=f"{RESULTS}/metrics.tsv",
+    output:
+        # The front page, workflow.rst, shows what this page holds.
+        report(
+            f"{RESULTS}/report/overview.html",
+            caption="../report/overview.rst",
+            category="Dataset",
+            labels={"shows": "overview: numbers and all samples"},
+        ),
+    log:
+        f"{LOGS}/write_overview.log",
+    benchmark:
+        f"{BENCHMARKS}/write_overview.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("write_overview"),
+    script:
+        "../../scripts/write_overview.py"
+
+
 DEFAULT_TARGETS += [
+    *rules.write_overview.output,
     *rules.plot_statistics.output,
     *rules.tabulate_dataset.output,
     *rules.plot_health.output,

@@ -71,6 +71,12 @@ def read_meta(folder: str | Path) -> dict[str, Any]:
     return read_json(meta_path(folder))
 
 
+def outfit_text(meta: Mapping[str, Any]) -> str:
+    """A sample's garments and their fabrics in words, such as "Top (silk), Skirt (denim)"."""
+    worn = meta["outfit"]["garments"]
+    return ", ".join(f"{garment['name']} ({garment['fabric']})" for garment in worn)
+
+
 def body_fingerprint(body: "BodyModel") -> str:
     """SHA-256 of the arrays that determine the vertices of a posed body."""
     digest = hashlib.sha256()

@@ -21,6 +21,7 @@ th, td { padding: .32rem .8rem .32rem 0; text-align: left; vertical-align: top;
 th { font-weight: 600; border-bottom: 2px solid #6b6f76; vertical-align: bottom; cursor: pointer; }
 th[aria-sort=ascending]::after { content: " \\25B4"; }
 th[aria-sort=descending]::after { content: " \\25BE"; }
+table.many { font-size: .77rem; } table.many :is(th, td) { padding-right: .5rem; }
 td:first-child { min-width: 5rem; max-width: 22rem; }
 td.number, th.number { text-align: right; } td.number { white-space: nowrap; }
 tr:hover td { background: #f4f7fa; }
@@ -47,6 +48,7 @@ for (const table of document.querySelectorAll("table")) {
 """.strip()
 
 
+_MANY_COLUMNS = 11  # from which on the cells of a table are smaller, so that it fits a window
 _INTERVAL = re.compile(r" (\[[^\]]*\]|\(\S+ to \S+\))$")
 
 
@@ -84,8 +86,9 @@ def html_table(rows: Sequence[Mapping[str, object]]) -> str:
     body = "\n".join(
         f"<tr>{''.join(_data(row.get(column, '')) for column in columns)}</tr>" for row in rows
     )
+    classes = "sortable asc n-last" + (" many" if len(columns) >= _MANY_COLUMNS else "")
     return (
-        '<div class="wide"><table class="sortable asc n-last">\n<thead><tr>'
+        f'<div class="wide"><table class="{classes}">\n<thead><tr>'
         f"{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table></div>"
     )
 

@@ -1,0 +1,19 @@
+"""Rule `write_overview`: the front page of the report."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drapeline.report.overview import write_overview
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    write_overview(
+        snakemake.output[0],
+        snakemake.input.dataset,
+        {Path(picture).stem: picture for picture in snakemake.input.pictures},
+        snakemake.input.registration,
+        snakemake.input.metrics,
+    )

@@ -1,0 +1,279 @@
+"""The front page of the report: a picture, the numbers that matter and a sheet of all samples."""
+
+import base64
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from drapeline.dataset.record import SampleRecord, outfit_text
+from drapeline.dataset.tables import read_table
+from drapeline.metrics.table import ALL, MetricRow, find_value, read_metrics
+from drapeline.report.dataset.health import MEASURES
+from drapeline.report.dataset.records import accepted_records
+from drapeline.report.html import write_page
+
+# The page must stay below what browsers open in a frame, together with its pictures' base64.
+_SHEET_BYTES = 700_000
+_SHEET_MAX = 400
+_SHEET_WIDTHS = (180, 120, 80)
+_SHOWN = 5
+_SHOWN_HEIGHT = 360
+_STYLE = """<style>
+.overview .shown { display: flex; gap: 4px; }
+.overview .shown img { min-width: 0; flex: 1 1 0; object-fit: cover; margin: 0; }
+.overview .numbers { display: grid; grid-template-columns: repeat(auto-fill, minmax(11.5rem, 1fr));
+  gap: .6rem; margin: 1rem 0; padding: 0; }
+.overview .numbers div { border: 1px solid #e3e5e8; border-radius: .4rem; padding: .5rem .7rem; }
+.overview dt { font-size: .82rem; font-weight: 400; color: #6b6f76; margin: 0; }
+.overview dd { margin: 0; padding: 0; font-size: .82rem; line-height: 1.35; color: #444; }
+.overview dd strong { display: block; font-size: 1.35rem; color: #222; }
+.overview .sheet { display: grid; grid-template-columns: repeat(auto-fill, minmax(8.6rem, 1fr));
+  gap: .7rem; }
+.overview figure { margin: 0; font-size: .78rem; line-height: 1.35; color: #444; }
+.overview figure img { width: 100%; margin: 0; display: block; }
+.overview figure strong { color: #222; }
+</style>"""
+
+
+class Figure(NamedTuple):
+    """A number that matters.
+
+    Attributes:
+        title: what it is.
+        value: with its unit.
+        note: what to hold it against.
+    """
+
+    title: str
+    value: str
+    note: str
+
+
+class _Comparison(NamedTuple):
+    """An error of a model beside that of a trivial baseline.
+
+    Attributes:
+        title: what is compared.
+        metric: in millimetres.
+        models: variant -> name; the first that was evaluated is shown.
+        baseline: likewise, without any learning.
+    """
+
+    title: str
+    metric: str
+    models: Mapping[str, str]
+    baseline: tuple[str, str]
+
+
+_COMPARISONS = (
+    _Comparison(
+        "Garments at rest, rebuilt from codes",
+        "surface_error_mm",
+        {"static_ppca": "masked PPCA", "svae": "garment VAE"},
+        ("mean_garment", "mean garment of the type"),
+    ),
+    _Comparison(
+        "Garments in motion, rebuilt from codes",
+        "surface_error_mm",
+        {
+            "dynamic_ppca_settled": "masked PPCA, pushed out of the body",
+            "dynamic_ppca": "masked PPCA",
+            "dvae_unposed_4": "garment VAE",
+        },
+        ("skinned_static", "garment at rest, skinned"),
+    ),
+    _Comparison(
+        "Garments in motion, from point clouds",
+        "vertex_error_mm",
+        {"ours": "Garment4D, our variant", "posed": "Garment4D"},
+        ("lbs", "interpolated skinning alone"),
+    ),
+)
+
+
+def write_overview(
+    path: str | Path,
+    dataset: str | Path,
+    pictures: Mapping[str, str | Path],
+    registration: str | Path,
+    metrics: str | Path,
+) -> None:
+    """Write the page.
+
+    Args:
+        path: the HTML page; the report's front page, `workflow.rst`, shows what it holds.
+        dataset: folder of the collected dataset.
+        pictures: sample -> its still.
+        registration: table of the errors of the round trip.
+        metrics: table of all metrics; models that it does not hold have no number.
+
+    Raises:
+        InputError: a table is missing or unusable.
+    """
+    dataset = Path(dataset)
+    status = read_table(dataset / "status.tsv", ("sample", "status", "attempts", "sequence"))
+    records = accepted_records(dataset)
+    figures = [
+        *_dataset_figures(dataset, status, records),
+        *_registration_figures(registration),
+        *_model_figures(metrics),
+    ]
+    worn = {record.meta["id"]: outfit_text(record.meta) for record in records}
+    write_page(
+        path,
+        "Overview",
+        f'<div class="overview">{_STYLE}',
+        _strip([pictures[sample] for sample in _evenly([*worn], _SHOWN)]),
+        _numbers(figures),
+        "<!-- samples --><h2>All samples</h2>",
+        _sheet(status, worn, pictures),
+        "</div><!-- overview -->",
+    )
+
+
+def _dataset_figures(
+    dataset: Path, status: Sequence[Mapping[str, str]], records: Sequence[SampleRecord]
+) -> list[Figure]:
+    overview = {
+        row["measure"]: row["all"]
+        for row in read_table(dataset / "statistics_overview.tsv", ("measure", "all"))
+    }
+    at_once = sum(row["status"] == "accepted" and row["attempts"] == "1" for row in status)
+    figures = [
+        Figure("Samples", f"{len(records)} of {len(status)}", "accepted"),
+        Figure(
+            "Accepted at the first attempt",
+            f"{100 * at_once / max(len(status), 1):.0f} %",
+            "of all samples",
+        ),
+    ]
+    if not records:
+        return figures
+    inside = MEASURES["penetration"]
+    share = np.mean([inside.values(record)[1] for record in records])
+    return [
+        *figures,
+        Figure(
+            "Frames",
+            f"{int(overview['frames']):,}",
+            f"{overview['actions']} actions from {overview['motion clips']} motion clips",
+        ),
+        Figure(
+            "Garments",
+            overview["garments"],
+            f"of {overview['garment types']} types and {overview['fabrics']} fabrics",
+        ),
+        Figure(
+            "Bodies",
+            overview["subjects (bodies)"],
+            f"{overview['female']} female, {overview['male']} male",
+        ),
+        Figure(
+            "Garment vertices inside the body",
+            f"{share:.{inside.digits}f} {inside.unit}",
+            f"mean over frames; the goal is at most {inside.bounds[1]:g} {inside.unit}",
+        ),
+    ]
+
+
+def _registration_figures(table: str | Path) -> list[Figure]:
+    rows = [
+        row
+        for row in read_table(table, ("metric", "garments", "total"))
+        if row["metric"] == "garment_to_rebuilt_mean_mm"
+    ]
+    garments = sum(int(row["garments"]) for row in rows)
+    if not garments:
+        return []
+    mean = sum(float(row["total"]) for row in rows) / garments
+    return [Figure("Registration error", f"{mean:.2f} mm", f"mean of {garments} garments")]
+
+
+def _model_figures(metrics: str | Path) -> list[Figure]:
+    rows = read_metrics(metrics)
+    figures = []
+    for title, metric, models, (baseline, baseline_name) in _COMPARISONS:
+        errors = {variant: _mean_error(rows, variant, metric) for variant in (*models, baseline)}
+        found = next((variant for variant in models if errors[variant] is not None), None)
+        if found is None:
+            continue
+        note = models[found]
+        if errors[baseline] is not None:
+            note += f"; {baseline_name}: {errors[baseline]:.1f} mm"
+        figures.append(Figure(title, f"{errors[found]:.1f} mm", note))
+    return figures
+
+
+def _mean_error(rows: Sequence[MetricRow], variant: str, metric: str) -> float | None:
+    """Over all test garments or, where models are trained per type, the mean of the types."""
+    whole = find_value(rows, variant, "test", ALL, metric)
+    if whole:
+        return whole.value
+    found = [row.value for row in rows if row[1:3] == (variant, "test") and row.metric == metric]
+    return float(np.mean(found)) if found else None
+
+
+def _numbers(figures: Iterable[Figure]) -> str:
+    cells = "\n".join(
+        f"<div><dt>{escape(title)}</dt><dd><strong>{escape(value)}</strong>{escape(note)}</dd></div>"
+        for title, value, note in figures
+    )
+    return f'<dl class="numbers">\n{cells}\n</dl>'
+
+
+def _strip(pictures: Sequence[str | Path]) -> str:
+    encoded = [_jpeg(picture, height=_SHOWN_HEIGHT) for picture in pictures]
+    images = "".join(f'<img src="{_uri(data)}" alt="A sample">' for data in encoded)
+    return f'<div class="shown">{images}</div>' if images else ""
+
+
+def _sheet(
+    status: Sequence[Mapping[str, str]],
+    worn: Mapping[str, str],
+    pictures: Mapping[str, str | Path],
+) -> str:
+    """All samples in small or, of very many, as many as the page has room for."""
+    rows = _evenly([row for row in status if row["sample"] in pictures], _SHEET_MAX)
+    for width in _SHEET_WIDTHS:
+        small = [_jpeg(pictures[row["sample"]], width=width) for row in rows]
+        size = sum(map(len, small))
+        if size <= _SHEET_BYTES:
+            break
+    room = len(rows) if size <= _SHEET_BYTES else int(len(rows) * _SHEET_BYTES / size)
+    cells = "\n".join(
+        f'<figure><img src="{_uri(data)}" alt=""><figcaption>{_caption(row, worn)}</figcaption>'
+        "</figure>"
+        for row, data in _evenly(list(zip(rows, small, strict=True)), room)
+    )
+    note = f"<p>{room} of {len(status)}.</p>" if room < len(status) else ""
+    return f'{note}<div class="sheet">\n{cells}\n</div>'
+
+
+def _caption(row: Mapping[str, str], worn: Mapping[str, str]) -> str:
+    name = f"<strong>{escape(row['sample'])}</strong> {escape(row['sequence'])}"
+    return f"{name}<br>{escape(worn.get(row['sample'], row['status']))}"
+
+
+def _evenly(items: Sequence, count: int) -> list:
+    """At most so many of the items, spread evenly."""
+    chosen = np.unique(np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int))
+    return [items[k] for k in chosen]
+
+
+def _jpeg(path: str | Path, *, width: int = 0, height: int = 0) -> bytes:
+    stream = io.BytesIO()
+    with Image.open(path) as picture:
+        small = picture.convert("RGB")
+        small.thumbnail((width or picture.width, height or picture.height))
+        small.save(stream, format="JPEG", quality=82, optimize=True)
+    return stream.getvalue()
+
+
+def _uri(data: bytes) -> str:
+    # In lines, for reStructuredText, which the front page passes through, refuses long ones.
+    return f"data:image/jpeg;base64,{base64.encodebytes(data).decode()}"

@@ -1,0 +1,115 @@
+import base64
+import io
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from drapeline.errors import InputError
+from drapeline.metrics.table import write_metrics
+from drapeline.report.overview import write_overview
+from metric_rows import metric_row
+
+REGISTRATION = """metric\tgarments\ttotal
+garment_to_rebuilt_mean_mm\t3\t0.9
+garment_to_rebuilt_max_mm\t3\t60
+garment_to_rebuilt_mean_mm\t1\t0.7
+"""
+
+
+METRICS = [
+    metric_row("static_ppca", "all", "surface_error_mm", 1.0, model="ppca", split="val"),
+    metric_row("static_ppca", "all", "surface_error_mm", 3.26, model="ppca"),
+    metric_row("svae", "all", "surface_error_mm", 12.0, model="svae"),
+    metric_row("mean_garment", "all", "surface_error_mm", 15.4, model="baseline"),
+    metric_row("posed", "Skirt", "vertex_error_mm", 40.0),
+    metric_row("posed", "Tshirt", "vertex_error_mm", 50.0),
+]
+
+
+@pytest.fixture
+def overview(tmp_path):
+    """overview(dataset, metrics) -> the page's text"""
+
+    def write(dataset, metrics=METRICS, size=(48, 64)):
+        rng = np.random.default_rng(0)
+        pictures = {}
+        for name in ("00001", "00002", "00003", "00004"):
+            pictures[name] = tmp_path / f"{name}.png"
+            pixels = rng.integers(256, size=(size[1], size[0], 3), dtype=np.uint8)
+            Image.fromarray(pixels).save(pictures[name])
+        (tmp_path / "registration.tsv").write_text(REGISTRATION)
+        write_metrics(tmp_path / "metrics.tsv", metrics)
+        page = tmp_path / "overview.html"
+        write_overview(
+            page, dataset.path, pictures, tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
+        )
+        return page.read_text()
+
+    return write
+
+
+def numbers(text):
+    found = re.findall(r"<dt>(.*?)</dt><dd><strong>(.*?)</strong>(.*?)</dd>", text)
+    return {title: (value, note) for title, value, note in found}
+
+
+def test_numbers_are_those_of_the_tables(overview, dataset):
+    shown = numbers(overview(dataset))
+    assert shown["Samples"] == ("3 of 4", "accepted")
+    assert shown["Accepted at the first attempt"][0] == "75 %"
+    assert shown["Frames"][0] == "18"
+    assert shown["Bodies"][1] == "2 female, 1 male"
+    assert shown["Registration error"] == ("0.40 mm", "mean of 4 garments")
+
+
+def test_errors_stand_beside_a_baseline_and_only_for_models_that_there_are(overview, dataset):
+    shown = numbers(overview(dataset))
+    at_rest = shown["Garments at rest, rebuilt from codes"]
+    assert at_rest == ("3.3 mm", "masked PPCA; mean garment of the type: 15.4 mm")
+    assert "Garments in motion, rebuilt from codes" not in shown
+    # The mean of the types, and a baseline that was not evaluated.
+    assert shown["Garments in motion, from point clouds"] == ("45.0 mm", "Garment4D")
+    assert not any(title.startswith("Garments ") for title in numbers(overview(dataset, [])))
+
+
+def test_every_sample_is_in_the_sheet_with_motion_garments_and_fabrics(overview, dataset):
+    text = overview(dataset)
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", text)
+    assert len(captions) == 4
+    meta = dataset.records[0].meta
+    worn = meta["outfit"]["garments"][0]
+    assert meta["motion"]["sequence"] in captions[0]
+    assert f"{worn['name']} ({worn['fabric']})" in captions[0]
+    assert captions[2].endswith("rejected")
+
+
+def test_pictures_are_small_whole_and_in_short_lines(overview, dataset):
+    text = overview(dataset, size=(480, 640))
+    assert len(text) < 1_500_000
+    assert max(map(len, text.splitlines())) < 10_000  # docutils' limit
+    uris = re.findall(r'src="data:image/jpeg;base64,(.*?)"', text, re.DOTALL)
+    assert len(uris) == 3 + 4
+    for uri in uris:
+        with Image.open(io.BytesIO(base64.b64decode(uri))) as picture:
+            assert picture.width * 4 == picture.height * 3
+
+
+def test_a_sheet_that_is_too_large_shows_some_of_the_samples(overview, dataset, monkeypatch):
+    monkeypatch.setattr("drapeline.report.overview._SHEET_BYTES", 5_000)
+    text = overview(dataset, size=(480, 640))
+    shown = text.count("<figure>")
+    assert 0 < shown < 4
+    assert f"{shown} of 4" in text
+
+
+def test_without_accepted_samples_there_is_a_page(overview, rejected):
+    shown = numbers(overview(rejected, []))
+    assert shown["Samples"] == ("0 of 1", "accepted")
+    assert "Frames" not in shown
+
+
+def test_a_missing_table_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"status.tsv: no such file"):
+        write_overview(tmp_path / "x.html", tmp_path, {}, tmp_path / "r.tsv", tmp_path / "m.tsv")
