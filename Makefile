@@ -2,8 +2,9 @@
 # make run    set up, build the default dataset and its report
 # make dataset CONFIG=mine.yaml   the dataset of your own experiment and nothing else
 # make test   set up, run every test; `make test-portable` those that other processors could decide
-#             otherwise, as several processors would run them; `make mutants` plants faults in a
-#             copy of the code and counts those that no test notices
+#             otherwise, as several processors would run them; `make test-install` installs the
+#             library with pip into empty environments; `make mutants` plants faults in a copy of
+#             the code and counts those that no test notices
 # make test-browser REPORT=report.html   open every page of a report in a browser; installs
 #             Playwright and, where there is no browser, Debian's Chromium
 # make lint   formatters and linters, as CI runs them
@@ -16,7 +17,8 @@ PROFILE ?= local
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
 
-.PHONY: setup run dataset report docs test test-portable test-browser mutants lint format lock clean
+.PHONY: setup run dataset report docs test test-install test-portable test-browser mutants lint \
+        format lock clean
 
 setup: .venv/ready
 
@@ -33,6 +35,9 @@ report: .venv/ready
 
 test: .venv/ready
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+
+test-install: .venv/ready
+	PYTHONPATH=tests $(BIN)/python tests/run_installs.py
 
 test-portable: .venv/ready
 	$(BIN)/python tests/run_portable.py

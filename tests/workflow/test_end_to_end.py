@@ -1,4 +1,7 @@
-"""The tiny size, really made: bodies, outfits, Blender, dataset, pictures, report."""
+"""The tiny size, really made: bodies, outfits, Blender, dataset, pictures, report.
+
+On the clips of an example, in BVH and AMASS form; `.ci/run` makes it on those that come along.
+"""
 
 import hashlib
 import os
@@ -20,8 +23,9 @@ from drapeline.rendering.raytracer import ray_share
 from notebooks import run_notebook
 from snakemake_run import ROOT, copy_project, snakemake
 
-CONFIG = "tests/data/tiny.yaml"
-SETTINGS = yaml.safe_load((ROOT / CONFIG).read_text())
+TINY, ALL_CLIPS = "tests/data/tiny.yaml", "all_clips.yaml"
+SETTINGS = yaml.safe_load((ROOT / TINY).read_text())
+EXPERIMENT = ["--configfile", "examples/own_motion.yaml", TINY, ALL_CLIPS]
 BODIES = [f"{gender}.npz" for gender in GENDERS]
 
 
@@ -47,7 +51,8 @@ def project(tmp_path_factory):
     folder = copy_project(tmp_path_factory.mktemp("tiny"))
     if all((cached_bodies() / name).is_file() for name in BODIES):
         copy_bodies(cached_bodies(), folder / "resources/body")
-    run = snakemake(folder, "all", "--configfile", CONFIG)
+    (folder / ALL_CLIPS).write_text(yaml.safe_dump({"motions": {"sequences": []}}))
+    run = snakemake(folder, "all", *EXPERIMENT)
     assert run.returncode == 0, run.stderr[-4000:]
     copy_bodies(folder / "resources/body", cached_bodies())
     return folder
@@ -68,6 +73,7 @@ def test_every_sample_is_accounted_for_and_most_are_accepted(made, results):
     assert list(status["sample"]) == ["00001", "00002", "00003"]
     assert set(status["status"]) <= {"accepted", "rejected", "failed"}
     assert (status["status"] == "accepted").sum() >= 2
+    assert set(status["sequence"]) == {"dance_s0", "jump_s0", "kick_s0"}
     assert len(made) == (status["status"] == "accepted").sum()
 
 
@@ -122,13 +128,13 @@ def test_every_array_is_documented(results):
 
 
 def test_a_second_run_has_nothing_to_do(project):
-    run = snakemake(project, "all", "--dry-run", "--configfile", CONFIG)
+    run = snakemake(project, "all", "--dry-run", *EXPERIMENT)
     assert "Nothing to be done" in run.stdout + run.stderr
 
 
 def test_the_report_is_one_page_that_needs_no_network(project, tmp_path):
     page = tmp_path / "report.html"
-    run = snakemake(project, "--report", str(page), "--configfile", CONFIG)
+    run = snakemake(project, "--report", str(page), *EXPERIMENT)
     assert run.returncode == 0, run.stderr[-2000:]
     text = page.read_text()
     for word in ("00001", "Gallery", "Health", "Dataset", "Time"):

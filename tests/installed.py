@@ -1,0 +1,58 @@
+"""What someone does first with drapeline installed, and the files for it."""
+
+import shutil
+from pathlib import Path
+
+from drapeline.bodies.model import save_body
+from gcvae_files import TypedGarments, save_model
+from tiny_sample import write_tiny_sample
+from toys import toy_body
+
+ROOT = Path(__file__).parents[1]
+# Arguments: a folder of samples, a body.
+READ = """
+import sys, warnings
+warnings.simplefilter("error")
+from drapeline.bodies.model import load_body
+from drapeline.dataset.reader import Cloth3D
+folder, body = sys.argv[1:]
+data = Cloth3D(folder, bodies=dict.fromkeys(("female", "male"), load_body(body)))
+with data[0] as sample:
+    assert sample.vertices("Skirt", 0, 2).shape == (2, 80, 3)
+    assert sample.mesh("Skirt").triangles.shape[1] == 3
+    assert sample.body_vertices(1, 2).shape[0] == 1
+"""
+# Arguments: a folder of samples, a trained model.
+TORCH = """
+import sys
+from drapeline.dataset.reader import Cloth3D
+from drapeline.models.load import load
+from drapeline.torch import FrameDataset, make_loader
+folder, model = sys.argv[1:]
+(batch,) = make_loader(FrameDataset(Cloth3D(folder)), 99, seed=0)
+assert set(batch.garment) == {"Skirt", "Tshirt"}
+(garment,) = load(model).sample(1)
+assert len(garment.body.faces)
+"""
+# No arguments.
+PIPELINE = """
+import bpy, snakemake
+import drapeline.bodies.bake, drapeline.blender.solver, drapeline.models.training.lightning
+"""
+
+
+def copy_library(folder: Path) -> Path:
+    """Copy all that pip installs, so that it builds outside the checkout."""
+    shutil.copytree(ROOT / "src" / "drapeline", folder / "src" / "drapeline")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+def write_files(folder: Path) -> dict[str, Path]:
+    """Write a sample, a body and a trained model; returns where they are."""
+    body = toy_body()
+    tiny = write_tiny_sample(folder, body)
+    save_model(folder / "model", garments=TypedGarments())
+    save_body(folder / "body.npz", body)
+    return {"samples": tiny.folder.parent, "model": folder / "model", "body": folder / "body.npz"}
