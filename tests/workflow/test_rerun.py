@@ -205,5 +205,6 @@ def test_what_follows_a_change_leaves_other_work_alone(planned, file, never):
     assert not jobs.keys() & never
 
 
-def test_a_module_of_the_report_makes_its_page_alone(planned):
-    assert planned("report/dataset/health.py").keys() == {"plot_health", "plot_time", "all"}
+def test_a_module_of_the_report_makes_its_page_and_the_overview_alone(planned):
+    pages = {"plot_health", "write_overview", "plot_time"}
+    assert planned("report/dataset/health.py").keys() == {*pages, "all"}

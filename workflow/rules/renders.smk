@@ -51,11 +51,14 @@ rule render_gallery:
         "../../scripts/render_gallery.py"
 
 
+def samples_side_by_side(wildcards):
+    """Input function: the samples whose ids, joined by hyphens, name the picture."""
+    return expand(f"{RESULTS}/samples/{{sample}}", sample=wildcards.samples.split("-"))
+
+
 rule render_people:
     input:
-        lambda wildcards: expand(
-            f"{RESULTS}/samples/{{sample}}", sample=wildcards.samples.split("-")
-        ),
+        samples_side_by_side,
     output:
         f"{RESULTS}/people/{{samples}}.webp",
     log:

@@ -28,7 +28,7 @@ def test_each_code_has_a_row_and_what_was_not_measured_a_dash(tmp_path):
     page = (tmp_path / "page.html").read_text()
     assert "3.25 (3.00 to 3.50)" in page
     assert "4.50" in page
-    assert "77" not in page
+    assert "77.00" not in page
     first = page.split("Masked PPCA")[1].split("</tr>")[0]
     assert first.count(">-<") == 3
     assert "128" in first
