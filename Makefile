@@ -46,7 +46,7 @@ test-browser: .venv/ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement tests/browser/requirements.txt
 	@for browser in chromium chromium-browser google-chrome google-chrome-stable; do \
 	   command -v $$browser >/dev/null && exit; done; \
-	 apt-get install --yes --no-install-recommends chromium
+	 { apt-get update --quiet && apt-get install --yes --no-install-recommends chromium; }
 	$(BIN)/python -m pytest -q tests/browser --report-page $(REPORT)
 
 mutants: .venv/ready
