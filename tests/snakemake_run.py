@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
@@ -60,6 +61,24 @@ class Run(NamedTuple):
 
 def snakemake(project: Path, *arguments: str) -> Run:
     """Run `snakemake` in a folder, as continuous integration does; output is captured."""
+    memory = project / ".snakemake" / "drapeline_sources.json"
+    parsed = Path(_scratch().name) / memory.name
+    if parsed.exists() and not memory.exists():
+        memory.parent.mkdir(exist_ok=True)
+        shutil.copy(parsed, memory)
+    run = _start(project, arguments)
+    if memory.exists():
+        shutil.copy(memory, parsed)
+    return run
+
+
+@cache
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    """Keeps what the first process has parsed of the package; each folder has its own copy."""
+    return tempfile.TemporaryDirectory(prefix="drapeline-")
+
+
+def _start(project: Path, arguments: tuple[str, ...]) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "out", Path(folder) / "err"
         process = SERVER.Process(target=_run, args=(project, arguments, out, err))

@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 import sys
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -154,13 +155,15 @@ class _Code(NamedTuple):
 
 def _parse(text: str) -> _Code:
     tree = ast.parse(text)
-    for node in ast.walk(tree):
-        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-            node.body[0] = ast.Pass()
+    nodes = list(ast.walk(tree))
     imports: list[_Import] = []
     names = set()
-    unseen = _type_checking_nodes(tree)
-    for node in ast.walk(tree):
+    unseen = _type_checking_nodes(nodes)
+    for node in nodes:
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            unseen.update(id(inner) for inner in ast.walk(node.body[0]))
+            node.body[0] = ast.Pass()
+    for node in nodes:
         if id(node) in unseen:
             continue
         if isinstance(node, ast.Import):
@@ -176,11 +179,11 @@ def _parse(text: str) -> _Code:
     )
 
 
-def _type_checking_nodes(tree: ast.Module) -> set[int]:
+def _type_checking_nodes(nodes: Iterable[ast.AST]) -> set[int]:
     """Identities of the nodes that only type checkers see."""
     return {
         id(inner)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         for statement in node.body
         for inner in ast.walk(statement)
