@@ -59,14 +59,21 @@ class Run(NamedTuple):
     stderr: str
 
 
-def snakemake(project: Path, *arguments: str) -> Run:
-    """Run `snakemake` in a folder, as continuous integration does; output is captured."""
+def snakemake(project: Path, *arguments: str, many_jobs: bool = False) -> Run:
+    """Run `snakemake` in a folder, as continuous integration does; output is captured.
+
+    Args:
+        project: the folder.
+        arguments: of the command line.
+        many_jobs: whether so many jobs will run that it is worth seconds to import first what they
+            need.
+    """
     memory = project / ".snakemake" / "drapeline_sources.json"
     parsed = Path(_scratch().name) / memory.name
     if parsed.exists() and not memory.exists():
         memory.parent.mkdir(exist_ok=True)
         shutil.copy(parsed, memory)
-    run = _start(project, arguments)
+    run = _start(project, arguments, many_jobs)
     if memory.exists():
         shutil.copy(memory, parsed)
     return run
@@ -78,10 +85,10 @@ def _scratch() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="drapeline-")
 
 
-def _start(project: Path, arguments: tuple[str, ...]) -> Run:
+def _start(project: Path, arguments: tuple[str, ...], many_jobs: bool) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "out", Path(folder) / "err"
-        process = SERVER.Process(target=_run, args=(project, arguments, out, err))
+        process = SERVER.Process(target=_run, args=(project, arguments, many_jobs, out, err))
         process.start()
         process.join(timeout=3600)
         if process.exitcode is None:
@@ -90,7 +97,7 @@ def _start(project: Path, arguments: tuple[str, ...]) -> Run:
         return Run(process.exitcode, out.read_text(), err.read_text())
 
 
-def _run(project: Path, arguments: tuple[str, ...], out: Path, err: Path) -> None:
+def _run(project: Path, arguments: tuple[str, ...], many_jobs: bool, out: Path, err: Path) -> None:
     """In a process of its own: call the command line's entry point."""
     _write_to(out, err)
     os.chdir(project)
@@ -102,7 +109,7 @@ def _run(project: Path, arguments: tuple[str, ...], out: Path, err: Path) -> Non
     from snakemake.cli import main
     from snakemake.script import PythonScript
 
-    SERVER.set_forkserver_preload(JOBS_NEED)
+    SERVER.set_forkserver_preload(JOBS_NEED if many_jobs else JOBS_NEED[:2])
     # As Snakemake sets them for jobs, but read when NumPy and torch are imported.
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 

@@ -52,7 +52,7 @@ def project(tmp_path_factory):
     if all((cached_bodies() / name).is_file() for name in BODIES):
         copy_bodies(cached_bodies(), folder / "resources/body")
     (folder / ALL_CLIPS).write_text(yaml.safe_dump({"motions": {"sequences": []}}))
-    run = snakemake(folder, "all", *EXPERIMENT)
+    run = snakemake(folder, "all", *EXPERIMENT, many_jobs=True)
     assert run.returncode == 0, run.stderr[-4000:]
     copy_bodies(folder / "resources/body", cached_bodies())
     return folder

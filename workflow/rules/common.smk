@@ -168,6 +168,26 @@ def own_garment_files(wildcards):
     return [own["path"] for own in sample_own_garments(wildcards).values()]
 
 
+def gallery_labels(kind):
+    """Labels function: what a sample shows, which its own record knows once it is made."""
+
+    def labels(wildcards, input):
+        meta = read_meta(input[0])
+        return {
+            "sample": wildcards.sample,
+            "motion": meta["motion"]["sequence"],
+            "wears": outfit_text(meta),
+            "kind": kind,
+        }
+
+    return labels
+
+
+def samples_side_by_side(wildcards):
+    """Input function: the samples whose ids, joined by hyphens, name the picture."""
+    return expand(f"{RESULTS}/samples/{{sample}}", sample=wildcards.samples.split("-"))
+
+
 def shard_plans(wildcards):
     """The plans of a shard's static outfits."""
     return [asdict(plan) for plan in STATIC[wildcards.shard]]

@@ -2,21 +2,6 @@ DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}.png")
 DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}_moving.png")
 
 
-def gallery_labels(kind):
-    """Labels function: what a sample shows, which its own record knows once it is made."""
-
-    def labels(wildcards, input):
-        meta = read_meta(input[0])
-        return {
-            "sample": wildcards.sample,
-            "motion": meta["motion"]["sequence"],
-            "wears": outfit_text(meta),
-            "kind": kind,
-        }
-
-    return labels
-
-
 rule render_gallery:
     input:
         f"{RESULTS}/samples/{{sample}}",
@@ -49,11 +34,6 @@ rule render_gallery:
         code=source_hash("render_gallery"),
     script:
         "../../scripts/render_gallery.py"
-
-
-def samples_side_by_side(wildcards):
-    """Input function: the samples whose ids, joined by hyphens, name the picture."""
-    return expand(f"{RESULTS}/samples/{{sample}}", sample=wildcards.samples.split("-"))
 
 
 rule render_people:
