@@ -7,10 +7,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 PROFILE = ROOT / "workflow/profiles/ci"
@@ -34,10 +37,13 @@ def copy_project(folder: Path) -> Path:
 
 
 # Importing takes longer than most plans and jobs of tests: processes begin as copies of one that
-# has imported Snakemake, and jobs as copies of another that has imported what they need.
+# has started Snakemake, and jobs as copies of another that has imported what they need.
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
-    ["snakemake.cli", "snakemake_executor_plugin_slurm", "pandas", "scipy.spatial"]
+    [
+        *("snakemake_started", "smart_open", "jsonschema", "nbformat"),
+        *("pandas", "scipy.spatial", "scipy.ndimage"),
+    ]
 )
 JOBS_NEED = [
     *("snakemake.script", "scipy.optimize", "scipy.sparse.linalg", "trimesh", "warp"),
@@ -88,8 +94,12 @@ def _scratch() -> tempfile.TemporaryDirectory[str]:
 def _start(project: Path, arguments: tuple[str, ...], many_jobs: bool) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "out", Path(folder) / "err"
-        process = SERVER.Process(target=_run, args=(project, arguments, many_jobs, out, err))
-        process.start()
+        given = (project, arguments, many_jobs, dict(os.environ), out, err)
+        # The server, which starts with the first process, looks here for what it imports.
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+            process = SERVER.Process(target=_run, args=given)
+            process.start()
         process.join(timeout=3600)
         if process.exitcode is None:
             process.kill()
@@ -97,10 +107,19 @@ def _start(project: Path, arguments: tuple[str, ...], many_jobs: bool) -> Run:
         return Run(process.exitcode, out.read_text(), err.read_text())
 
 
-def _run(project: Path, arguments: tuple[str, ...], many_jobs: bool, out: Path, err: Path) -> None:
+def _run(
+    project: Path,
+    arguments: tuple[str, ...],
+    many_jobs: bool,
+    environment: Mapping[str, str],
+    out: Path,
+    err: Path,
+) -> None:
     """In a process of its own: call the command line's entry point."""
     _write_to(out, err)
     os.chdir(project)
+    os.environ.clear()
+    os.environ.update(environment)
     # Tests of Blender have added its folders, where a module with Blender's name is not Blender.
     blender = f"{os.sep}bpy{os.sep}"
     sys.path[:] = ["", *(path for path in sys.path[1:] if blender not in path)]
