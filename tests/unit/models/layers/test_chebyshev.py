@@ -11,17 +11,7 @@ from drapeline.models.layers.mesh_graph import copy_matrix, scaled_laplacian, un
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 from gcvae_toys import VERTICES, tube_faces
 
-
-@pytest.fixture(autouse=True)
-def _double():
-    torch.set_default_dtype(torch.float64)
-    yield
-    torch.set_default_dtype(torch.float32)
-
-
-@pytest.fixture
-def laplacian():
-    return scaled_laplacian(edges(tube_faces(True)), VERTICES)
+pytestmark = pytest.mark.usefixtures("double")
 
 
 def rng(seed=0):

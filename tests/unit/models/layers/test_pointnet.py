@@ -18,11 +18,7 @@ from drapeline.models.layers.pointnet import (
 RADIUS, COUNT = 0.3, 6
 
 
-@pytest.fixture(autouse=True)
-def _double():
-    torch.set_default_dtype(torch.float64)
-    yield
-    torch.set_default_dtype(torch.float32)
+pytestmark = pytest.mark.usefixtures("double")
 
 
 def rng(seed=0):

@@ -1,22 +1,9 @@
 import pytest
 import torch
 
-from drapeline.geometry.mesh import edges
-from drapeline.models.layers.mesh_graph import scaled_laplacian
 from drapeline.models.layers.sparse_matrix import SparseMatrix
-from gcvae_toys import VERTICES, tube_faces
 
-
-@pytest.fixture(autouse=True)
-def _double():
-    torch.set_default_dtype(torch.float64)
-    yield
-    torch.set_default_dtype(torch.float32)
-
-
-@pytest.fixture
-def laplacian():
-    return scaled_laplacian(edges(tube_faces(True)), VERTICES)
+pytestmark = pytest.mark.usefixtures("double")
 
 
 def test_a_product_and_its_gradients_are_those_of_the_dense_matrix(laplacian):
