@@ -34,7 +34,7 @@ def test_hierarchies_are_built_and_drawn(run_rule, topology, tmp_path):
         "plot_hierarchy",
         input={"topology": topology, **paths},
         output=pictures,
-        params={"rays": 0.1},
+        params={"rays": 0.02},
     )
     for path in pictures.values():
         with Image.open(path) as image:

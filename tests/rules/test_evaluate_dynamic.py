@@ -137,7 +137,7 @@ def test_figure_10_has_its_four_rows(run_rule, stages_of_either, tmp_path):
         "plot_gcvae_wrinkles",
         input=stages_of_either,
         output=[tmp_path / "wrinkles.png"],
-        params={"frames": FRAMES, "columns": 2, "seed": 0, "rays": 0.1},
+        params={"frames": FRAMES, "columns": 2, "seed": 0, "rays": 0.02},
     )
     with Image.open(tmp_path / "wrinkles.png") as image:
         assert 4 * 250 < image.size[1] < 5 * 250
@@ -187,7 +187,7 @@ def test_figure_7_shows_garments_at_rest_and_in_motion(
             "outfits": [tmp_path / "outfits.npz"],
         },
         output=[tmp_path / "errors.png"],
-        params={"frames": FRAMES, "rays": 0.1},
+        params={"frames": FRAMES, "rays": 0.02},
     )
     with Image.open(tmp_path / "errors.png") as image:
         assert image.size[0] > 5 * 240

@@ -121,7 +121,7 @@ def test_figure_8_and_figure_9_are_drawn(run_rule, files, toy_body):
             **{gender: files.folder / f"{gender}.npz" for gender in GENDERS},
         },
         output=output,
-        params={"steps": 2, "frames": 2, "rays": 0.1},
+        params={"steps": 2, "frames": 2, "rays": 0.02},
     )
     with Image.open(output["sheet"]) as sheet:
         assert sheet.size[1] > 5 * 250  # shape, tightness, cloth, topology, all

@@ -211,7 +211,7 @@ def test_scans_become_a_sample_its_errors_and_pictures(run_rule, reconstruct, wo
         assert found.value == pytest.approx(1000 * away.mean(), rel=1e-3)
     assert find_value(rows, "posed", "scans", GARMENT, "inside_share") is not None
     pictures = {"steps": tmp_path / "steps.png", "moving": tmp_path / "moving.png"}
-    run_rule("plot_reconstructed", input=[made["shown"]], output=pictures, params={"rays": 0.1})
+    run_rule("plot_reconstructed", input=[made["shown"]], output=pictures, params={"rays": 0.02})
     with Image.open(pictures["moving"]) as image:
         assert image.n_frames == len(cloth)
         assert image.info["duration"] == pytest.approx(1000 / 30, abs=1)

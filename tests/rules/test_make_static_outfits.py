@@ -98,7 +98,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
         "plot_registration",
         input={"outfits": [stages / "000.npz"], "topology": stages / "topology.npz", **supers},
         output=[stages / "registration.png"],
-        params={"rays": 0.1},
+        params={"rays": 0.02},
     )
     with Image.open(stages / "registration.png") as image:
         assert image.height > 340 * len(garments)

@@ -56,6 +56,6 @@ def test_samples_are_drawn(run_rule, sampled, tmp_path):
         "plot_gcvae_samples",
         input={"samples": folder, **bodies},
         output=[tmp_path / "samples.png"],
-        params={"shown": 3, "rays": 0.1},
+        params={"shown": 3, "rays": 0.02},
     )
     assert (tmp_path / "samples.png").stat().st_size > 1000

@@ -35,6 +35,12 @@ class Camera:
         """(3, 3) rows: the camera's right, down and forward directions in the world."""
         return self.world_to_camera[:3, :3]
 
+    def reduced(self, factor: int) -> "Camera":
+        """The camera of a picture with pixels so many times as wide and high, none cut off."""
+        scale = np.diag([1 / factor, 1 / factor, 1.0])
+        width, height = (-(-side // factor) for side in (self.width, self.height))
+        return replace(self, intrinsics=scale @ self.intrinsics, width=width, height=height)
+
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where world points (..., 3) appear.
 

@@ -94,7 +94,7 @@ def save_grid(
     if heat_mm:
         _draw_heat_bar(sheet, draw, left, size[1] + gap, font, heat_mm)
     with atomic_file(path) as scratch:
-        sheet.save(scratch, format="PNG", optimize=True)
+        sheet.save(scratch, format="PNG")
 
 
 def save_contact_sheet(
@@ -131,7 +131,7 @@ def save_contact_sheet(
         sheet.paste(Image.fromarray(picture), (x, y))
         draw.text((x + 2, y + height + 0.2 * letter), caption, _INK, font=font)
     with atomic_file(path) as scratch:
-        sheet.save(scratch, format="PNG", optimize=True)
+        sheet.save(scratch, format="PNG")
 
 
 def join_pictures(pictures: Sequence[np.ndarray], titles: Sequence[str]) -> np.ndarray:

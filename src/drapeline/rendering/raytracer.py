@@ -429,7 +429,7 @@ _RAY_SHARE: ContextVar[float] = ContextVar("ray share", default=1.0)
 
 @contextmanager
 def ray_share(share: float) -> Iterator[None]:
-    """Multiply the rays per pixel of all pictures: below 1 they are faster and grainier."""
+    """Multiply the rays per pixel of all pictures: below 1 they are faster and coarser."""
     token = _RAY_SHARE.set(share)
     try:
         yield
@@ -455,7 +455,8 @@ def raytrace(
             towards the picture's borders.
         floor_reach_m: from where on there are no shadows.
         samples: at edges, per pixel, before `ray_share`; an eighth as many for the light, which
-            neighbouring pixels share.
+            neighbouring pixels share. A block of pixels is one colour where its pixels have less
+            than a sample each.
         backdrop: sRGB grey of background and unshaded floor.
 
     Returns:
@@ -476,7 +477,10 @@ def raytrace(
     surfaces.normals = _array(normals, wp.vec3)
     surfaces.colours = _array(np.repeat(linear, counts, axis=0), wp.vec3)
     surfaces.gloss = _array(np.repeat([p.gloss for p in parts], counts), float)
-    view = _view(camera, vertices, (*floor_centre, floor_reach_m), _RAY_SHARE.get() * samples)
+    rays = _RAY_SHARE.get() * samples
+    block = max(1, round(rays**-0.5))
+    size, camera = (camera.height, camera.width), camera.reduced(block)
+    view = _view(camera, vertices, (*floor_centre, floor_reach_m), rays)
     count = camera.width * camera.height
     pixels = _Pixels()
     pixels.kind, pixels.face = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
@@ -491,7 +495,8 @@ def raytrace(
         (_develop, [surfaces, view, pixels, light, wall, image]),
     ):
         wp.launch(kernel, dim=count, inputs=inputs, device=_DEVICE)
-    return _to_srgb(image.numpy().reshape(camera.height, camera.width, 3))
+    picture = _to_srgb(image.numpy().reshape(camera.height, camera.width, 3))
+    return picture.repeat(block, axis=0).repeat(block, axis=1)[: size[0], : size[1]]
 
 
 def _array(values: np.ndarray, dtype: type) -> wp.array:

@@ -122,4 +122,4 @@ def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
 
 def _save_still(path: str | Path, picture: np.ndarray) -> None:
     with atomic_file(path) as scratch:
-        Image.fromarray(picture).save(scratch, format="PNG", optimize=True)
+        Image.fromarray(picture).save(scratch, format="PNG")
