@@ -49,6 +49,7 @@ def opened(browser, pytestconfig) -> tuple[Page, Complaints]:
     path = pytestconfig.getoption("report_page").resolve()
     assert path.is_file(), f"{path}: no such file, expected a report as 'make report' writes it"
     page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(300_000)  # drawing in 3D without a GPU takes a slow machine long
     complaints = Complaints(page)
     page.goto(path.as_uri())
     return page, complaints

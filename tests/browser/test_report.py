@@ -97,7 +97,7 @@ def check_table(frame: Frame, table: Locator) -> None:
     if heading.count():
         values = heading.evaluate(
             """heading => new Promise((done, failed) => {
-              setTimeout(() => failed(new Error("the table was not sorted")), 5000);
+              setTimeout(() => failed(new Error("the table was not sorted")), 300000);
               const table = heading.closest("table");
               table.addEventListener("sort-end", () => done(
                 [...table.tBodies[0].rows].map(row => row.cells[heading.cellIndex].dataset.sort)
