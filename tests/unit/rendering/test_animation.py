@@ -9,7 +9,7 @@ from drapeline.rendering.animation import save_animation
 SHADES = [0, 80, 160, 240]
 
 
-@pytest.mark.parametrize(("name", "most"), [("m.png", 0), ("m.webp", 4)])
+@pytest.mark.parametrize(("name", "most"), [("m.png", 5), ("m.webp", 4)])
 def test_a_moving_picture_shows_its_pictures_in_turn_and_loops(tmp_path, name, most):
     ramps = np.meshgrid(*[np.linspace(50, 200, 64, dtype=np.uint8)] * 2)  # 4096 colours
     pictures = [np.dstack([np.full_like(ramps[0], shade), *ramps]) for shade in SHADES]
@@ -23,3 +23,23 @@ def test_a_moving_picture_shows_its_pictures_in_turn_and_loops(tmp_path, name, m
             assert image.info["duration"] == 67
             seen = np.asarray(image.convert("RGB"), dtype=int)
             assert np.abs(seen - picture).mean() <= most
+
+
+def test_shadows_fade_out_into_white_without_dithering(tmp_path):
+    rng = np.random.default_rng(0)
+    grey = np.broadcast_to(np.linspace(225, 255, 300).astype(np.uint8)[None, :, None], (40, 300, 3))
+    cloth = rng.integers(225, size=(40, 300, 3)).astype(np.uint8)
+    picture = np.concatenate([grey, cloth])
+    save_animation(tmp_path / "m.png", [picture, picture[::-1]], 40)
+    with Image.open(tmp_path / "m.png") as image:
+        seen = np.asarray(image.convert("RGB"), dtype=int)
+    assert np.abs(seen[:40] - grey).max() <= 1
+    assert (seen[:40][grey == 255] == 255).all()
+    # Pixels of one colour stay of one colour.
+    assert (seen[:40] == seen[:1]).all()
+
+
+def test_an_empty_picture_is_white(tmp_path):
+    save_animation(tmp_path / "m.png", [np.full((4, 4, 3), 255, dtype=np.uint8)] * 2, 40)
+    with Image.open(tmp_path / "m.png") as image:
+        assert (np.asarray(image.convert("RGB")) == 255).all()
