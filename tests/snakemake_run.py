@@ -45,9 +45,10 @@ SERVER.set_forkserver_preload(
         *("pandas", "scipy.spatial", "scipy.ndimage"),
     ]
 )
-JOBS_NEED = [
-    *("snakemake.script", "scipy.optimize", "scipy.sparse.linalg", "trimesh", "warp"),
-    *("matplotlib.pyplot", "pytorch_lightning"),
+JOBS_NEED = ["snakemake.script", "scipy.optimize"]
+# Worth its seconds only where many jobs run.
+MANY_JOBS_NEED = [
+    *("scipy.sparse.linalg", "trimesh", "warp", "matplotlib.pyplot", "pytorch_lightning"),
 ]
 
 
@@ -128,7 +129,7 @@ def _run(
     from snakemake.cli import main
     from snakemake.script import PythonScript
 
-    SERVER.set_forkserver_preload(JOBS_NEED if many_jobs else JOBS_NEED[:2])
+    SERVER.set_forkserver_preload([*JOBS_NEED, *(MANY_JOBS_NEED if many_jobs else [])])
     # As Snakemake sets them for jobs, but read when NumPy and torch are imported.
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 

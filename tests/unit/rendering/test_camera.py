@@ -29,6 +29,13 @@ def test_the_camera_is_where_it_was_put_and_stands_upright(camera):
     np.testing.assert_allclose(camera.axes, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-12)
 
 
+def test_a_smaller_picture_shows_the_same_with_none_cut_off(camera):
+    points = np.array([[0, 0, 1.0], [1, 0, 1], [0, -2, 1.5]])
+    small = camera.reduced(7)
+    assert (small.width, small.height) == (9, 6)  # of 60 and 40 pixels
+    np.testing.assert_allclose(small.project(points)[0], camera.project(points)[0] / 7)
+
+
 @pytest.mark.parametrize("turn_deg", [0, 90, 200])
 def test_a_body_that_turns_about_the_vertical_faces_elsewhere(turn_deg):
     spin = Rotation.from_euler("z", turn_deg, degrees=True)
