@@ -7,10 +7,10 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import rest_basis, rest_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.networks import GcvaeNetwork
 from drapeline.models.gcvae.sampling.draw import draw_requests
 from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings

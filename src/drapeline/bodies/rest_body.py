@@ -1,16 +1,33 @@
 """The body that garments are made on: a shape in the rest pose, and how it moves to other poses."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
-from drapeline.frames import REST_POSE
+from drapeline.frames import GENDERS, REST_POSE
+
+SHAPES = 10
 
 
 def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:
     """Vertices (V, 3) float64 of a shape (10,) in `REST_POSE`, root-relative, Z up."""
     vertices, _ = posed_vertices(body, shape, REST_POSE[None].copy())
     return vertices[0].astype(np.float64)
+
+
+def rest_basis(bodies: Mapping[str, BodyModel]) -> np.ndarray:
+    """(2 * 11, V, 3) metres: per gender the rest body and its change per unit of each shape value.
+
+    In a fixed pose, joints and vertices are affine in shape, so this is exact.
+    """
+    basis = []
+    for gender in GENDERS:
+        shapes = np.vstack([np.zeros(SHAPES), np.eye(SHAPES)])
+        posed = [posed_vertices(bodies[gender], s, REST_POSE[None])[0][0] for s in shapes]
+        basis += [posed[0], *(p - posed[0] for p in posed[1:])]
+    return np.stack(basis)
 
 
 def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:

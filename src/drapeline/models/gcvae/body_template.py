@@ -7,12 +7,12 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.rest_body import SHAPES
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.layers.precision import full_precision
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 
-SHAPES = 10
 # cvar_s: shape, gender (0 female, 1 male), signed tightness.
 STATIC_CVAR = SHAPES + 1 + 2
 
@@ -28,7 +28,7 @@ class BodyTemplate:
         offset_mean, offset_std: (V, 3) metres.
         base_mean, base_std: (V, 3) metres, of what offsets are added to.
         body_mean, body_std: (V, 3) metres, of the rest body.
-        body_basis: (2 * 11, V, 3), see `rest_basis`.
+        body_basis: (2 * 11, V, 3), see `drapeline.bodies.rest_body.rest_basis`.
         cvar_mean, cvar_std: (C,).
     """
 
@@ -83,19 +83,6 @@ class BodyTemplate:
 
 
 _BY_TOPOLOGY = ("edges", "parents", "faces")
-
-
-def rest_basis(bodies: Mapping[str, BodyModel]) -> np.ndarray:
-    """(2 * 11, V, 3) metres: per gender the rest body and its change per unit of each shape value.
-
-    In a fixed pose, joints and vertices are affine in shape, so this is exact.
-    """
-    basis = []
-    for gender in GENDERS:
-        shapes = np.vstack([np.zeros(SHAPES), np.eye(SHAPES)])
-        posed = [posed_vertices(bodies[gender], s, REST_POSE[None])[0][0] for s in shapes]
-        basis += [posed[0], *(p - posed[0] for p in posed[1:])]
-    return np.stack(basis)
 
 
 @full_precision

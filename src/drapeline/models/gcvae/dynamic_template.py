@@ -6,8 +6,9 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_basis
 from drapeline.learning_data.vertex_moments import body_statistics, offset_statistics
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis, rest_bodies
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.registration.to_body.hierarchy import Hierarchy

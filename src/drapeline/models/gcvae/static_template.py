@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_basis
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis
+from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.registration.to_body.hierarchy import Hierarchy
 from drapeline.registration.to_body.topology import Topology

@@ -20,7 +20,14 @@ from pytorch_lightning.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from drapeline.models.training.batches import Batch, TrainingBatches
-from drapeline.models.training.module import BEST, LAST, SETTINGS, Position, TrainableModule
+from drapeline.models.training.module import (
+    BEST,
+    LAST,
+    RATE_SHARE,
+    SETTINGS,
+    Position,
+    TrainableModule,
+)
 from drapeline.rule_log import LOGGER
 from drapeline.storage import atomic_file, atomic_folder, write_json
 
@@ -117,7 +124,7 @@ class _Loop(lightning.LightningModule):
         share = self.global_step / self.trainer.estimated_stepping_batches
         rate = learning_rate(training.learning_rate, training.schedule, share)
         for group in self.optimizers().param_groups:
-            group["lr"] = rate
+            group["lr"] = rate * group.get(RATE_SHARE, 1.0)
 
     def training_step(self, batch: Batch, _: int) -> torch.Tensor:
         """Loss of one batch."""

@@ -16,6 +16,8 @@ from drapeline.models.training.batches import Batch
 
 # Files in the folder of a training.
 LAST, BEST, SETTINGS = "last.ckpt", "best.ckpt", "settings.json"
+# Key of a group of parameters whose learning rate is a share of the training's.
+RATE_SHARE = "rate_share"
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.rest_body import rest_basis
 from drapeline.frames import REST_POSE
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_basis, rest_bodies, wearer_mesh
+from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies, wearer_mesh
 from gcvae_toys import toy_template
 
 

@@ -1,0 +1,288 @@
+"""Samples of the unsigned distance fields of garments at rest (SMPLicit 3.2 and 3.3)."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_body
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.learning_data.occlusion import TexturePixels, covered_vertices
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.static import StaticOutfit
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+from drapeline.storage import atomic_folder, create_array, load_npz, open_array, save_npz
+
+# Points near the surface are moved off it by a normal deviate in each coordinate: half of them by
+# about a wall's thickness, half as far as clipped distances reach.
+NEAR_DEVIATIONS_M = (0.006, 0.025)
+
+Box = tuple[Sequence[float], Sequence[float]]
+_ROWS = ("shape", "gender", "garment", "outfit", "split", "occlusion")
+_POINTS = ("near", "near_distance", "uniform", "uniform_distance")
+
+
+def unsigned_distances(points: np.ndarray, garment: Mesh) -> np.ndarray:
+    """(P,) float32 metres from points (P, 3) to the nearest point of an open surface, exact."""
+    place, _ = closest_points(points, garment.vertices, garment.faces)
+    return np.linalg.norm(points - place, axis=1).astype(np.float32)
+
+
+def sample_field(
+    rng: np.random.Generator, garment: Mesh, box: Box, *, near: int, uniform: int
+) -> dict[str, np.ndarray]:
+    """Points with their distances: near the surface, and uniform in the model's box.
+
+    Args:
+        rng: draws the points.
+        garment: triangles, root-relative metres, rest pose.
+        box: lowest and highest corner, metres.
+        near, uniform: how many points.
+
+    Returns:
+        `near` (near, 3) and `uniform` (uniform, 3) float32 points, and `near_distance` and
+        `uniform_distance` with their distances, metres.
+    """
+    surface = trimesh.Trimesh(garment.vertices, garment.faces, process=False)
+    on_surface, _ = trimesh.sample.sample_surface(surface, near, seed=rng)
+    deviation = np.resize(NEAR_DEVIATIONS_M, near)[:, None]
+    close = (on_surface + deviation * rng.normal(size=(near, 3))).astype(np.float32)
+    spread = rng.uniform(*np.asarray(box), size=(uniform, 3)).astype(np.float32)
+    return {
+        "near": close,
+        "near_distance": unsigned_distances(close, garment),
+        "uniform": spread,
+        "uniform_distance": unsigned_distances(spread, garment),
+    }
+
+
+def sample_fields(
+    outfits: Sequence[StaticOutfit],
+    bodies: Mapping[str, BodyModel],
+    pixels: TexturePixels,
+    boxes: Mapping[str, Box],
+    *,
+    seed: int,
+    near: int,
+    uniform: int,
+) -> dict[str, np.ndarray]:
+    """Fields and occlusion images of the garments of a shard.
+
+    Args:
+        outfits: as `load_static` reads them.
+        bodies: by gender.
+        pixels: of the bodies' texture.
+        boxes: garment type -> box of the model that learns it.
+        seed: the experiment's.
+        near, uniform: points per garment.
+
+    Returns:
+        Arrays with a row per garment: `shape` (n, 10), `gender`, `garment`, `outfit`, `split` (n,),
+        `occlusion` (n, R, R) bool, and what `sample_field` gives.
+    """
+    rows: list[dict[str, Any]] = []
+    for name, split, outfit in progress(outfits, total=len(outfits), label="outfits"):
+        body = bodies[outfit.gender]
+        vertices = rest_body(body, outfit.shape)
+        for garment in outfit.garments:
+            _refuse_outside(garment.vertices, boxes[garment.name], f"{name}/{garment.name}")
+            mesh = Mesh(garment.vertices, triangulate(garment.faces))
+            covered = covered_vertices(vertices, body.faces, mesh)
+            rng = rng_for(seed, "field", name, garment.name)
+            rows.append(
+                {
+                    "shape": outfit.shape.astype(np.float32),
+                    "gender": np.int8(GENDERS.index(outfit.gender)),
+                    "garment": np.int8(GARMENTS.index(garment.name)),
+                    "outfit": name,
+                    "split": split,
+                    "occlusion": pixels.image(covered),
+                    **sample_field(rng, mesh, boxes[garment.name], near=near, uniform=uniform),
+                }
+            )
+    return {key: np.array([row[key] for row in rows]) for key in (*_ROWS, *_POINTS)}
+
+
+def _refuse_outside(vertices: np.ndarray, box: Box, name: str) -> None:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    if (low < box[0]).any() or (high > box[1]).any():
+        raise InputError(
+            f"{name}: extends from {low.round(2).tolist()} to {high.round(2).tolist()} m, expected"
+            f" it within the box of its model, {list(box[0])} to {list(box[1])}; choose a smaller"
+            " body.shape_range"
+        )
+
+
+def collect_fields(
+    output: str | Path,
+    shards: Sequence[str | Path],
+    garments: Sequence[str],
+    bodies: Mapping[str, BodyModel],
+    pixels: TexturePixels,
+    *,
+    clusters: int,
+) -> int:
+    """Join the garments of some types from all shards into one folder, with the body's clusters.
+
+    Args:
+        output: folder, replaced as a whole.
+        shards: `.npz` files of `sample_fields`.
+        garments: types to collect.
+        bodies: by gender.
+        pixels: of the bodies' texture.
+        clusters: K, see `body_clusters`.
+
+    Returns:
+        Number of garments.
+
+    Raises:
+        InputError: a shard lacks arrays, or no garment of these types is for training.
+    """
+    codes = [GARMENTS.index(name) for name in garments]
+    about = [load_npz(path, *_ROWS, only=True) for path in shards]
+    chosen = [np.flatnonzero(np.isin(part["garment"], codes)) for part in about]
+    rows = {
+        key: np.concatenate([part[key][some] for part, some in zip(about, chosen, strict=True)])
+        for key in _ROWS
+    }
+    training = rows["split"] == "train"
+    if not training.any():
+        raise InputError(
+            f"{output}: no garment of the types {', '.join(garments)} is for training, expected one"
+            " or more; ask for more static outfits"
+        )
+    covered = covered_often(rows["occlusion"][training], pixels)
+    mean = np.mean([rest_body(body, np.zeros(10)) for body in bodies.values()], axis=0)
+    with atomic_folder(output) as scratch:
+        _copy_points(scratch, shards, chosen, len(training))
+        save_npz(scratch / "rows.npz", **rows)
+        save_npz(scratch / "clusters.npz", vertices=body_clusters(mean, covered, clusters))
+    return len(training)
+
+
+def _copy_points(
+    folder: Path, shards: Sequence[str | Path], chosen: Sequence[np.ndarray], count: int
+) -> None:
+    arrays: dict[str, np.memmap] = {}
+    start = 0
+    for path, some in progress(zip(shards, chosen, strict=True), total=len(shards), label="shards"):
+        part = load_npz(path, *_POINTS, only=True)
+        end = start + len(some)
+        for name in _POINTS:
+            if name not in arrays:
+                shape = (count, *part[name].shape[1:])
+                arrays[name] = create_array(folder / f"{name}.npy", np.float32, shape)
+            if part[name].shape[1:] != arrays[name].shape[1:]:
+                raise InputError(
+                    f"{path}: has {part[name].shape[1]} points '{name}' per garment, expected"
+                    f" {arrays[name].shape[1]}; sample it anew"
+                )
+            arrays[name][start:end] = part[name][some]
+        start = end
+    for array in arrays.values():
+        array.flush()
+
+
+def covered_often(occlusion: np.ndarray, pixels: TexturePixels) -> np.ndarray:
+    """Ids of the body's vertices that at least a tenth of some garments cover.
+
+    Args:
+        occlusion: (n, R, R) bool.
+        pixels: of these images.
+    """
+    rate = occlusion.mean(axis=0).ravel()
+    often = (rate >= 0.1) & (pixels.weights.sum(axis=1) > 0)
+    nearest = pixels.corners[np.arange(len(rate)), pixels.weights.argmax(axis=1)]
+    return np.unique(nearest[often])
+
+
+def body_clusters(body: np.ndarray, allowed: np.ndarray, count: int) -> np.ndarray:
+    """Vertices from which points are measured, spread evenly by farthest-point sampling.
+
+    The first is the one nearest to the mean of all allowed ones; each next one is the farthest from
+    those chosen so far, the first of equals. Fewer are allowed than asked for: all of them, in the
+    same order, and again from the start.
+
+    Args:
+        body: (V, 3) the mean body at rest.
+        allowed: (A,) ids to choose from.
+        count: K.
+
+    Returns:
+        (K,) ids.
+    """
+    places = body[allowed]
+    first = np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()
+    order = [int(first)]
+    away = np.linalg.norm(places - places[first], axis=1)
+    while len(order) < min(count, len(allowed)):
+        order.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(places - places[order[-1]], axis=1))
+    return np.resize(allowed[order], count)
+
+
+class FieldData:
+    """Fields of garments at rest, as `collect_fields` wrote them.
+
+    Attributes:
+        near, uniform: (N, P, 3) float32 points, memory-mapped.
+        near_distance, uniform_distance: (N, P) float32 metres, memory-mapped.
+        occlusion: (N, R, R) bool.
+        shape: (N, 10) float32.
+        gender: (N,) int8, 0 female, 1 male.
+        garment: (N,) int8, index into `GARMENTS`.
+        outfit, split: (N,) str.
+        clusters: (K,) ids of the body's vertices.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        """Open a folder of the rule `collect_fields`.
+
+        Raises:
+            InputError: a file is missing or the files count different rows.
+        """
+        self.folder = Path(folder)
+        rows = load_npz(self.folder / "rows.npz", *_ROWS)
+        self.shape, self.gender, self.garment = rows["shape"], rows["gender"], rows["garment"]
+        self.outfit, self.split = rows["outfit"], rows["split"]
+        self.occlusion = rows["occlusion"]
+        self.clusters = load_npz(self.folder / "clusters.npz", "vertices")["vertices"]
+        self.near, self.uniform = self._open("near"), self._open("uniform")
+        self.near_distance = self._open("near_distance")
+        self.uniform_distance = self._open("uniform_distance")
+
+    def __len__(self) -> int:
+        return len(self.garment)
+
+    def _open(self, name: str) -> np.ndarray:
+        path = self.folder / f"{name}.npy"
+        array = open_array(path)
+        if len(array) != len(self):
+            raise InputError(f"{path}: has {len(array)} rows, expected {len(self)}")
+        return array
+
+    def rows(self, split: str) -> np.ndarray:
+        """Indices of the rows of "train", "val" or "test"."""
+        return np.flatnonzero(self.split == split)
+
+    def names(self, rows: np.ndarray) -> list[str]:
+        """Outfit and garment of rows, for messages."""
+        return [f"{self.outfit[row]}/{GARMENTS[self.garment[row]]}" for row in rows]
+
+    def batch(self, rows: np.ndarray) -> dict[str, Any]:
+        """Arrays of rows: points, distances, `occlusion`, `shape`, `gender`, `row`, `names`."""
+        return {
+            **{name: np.asarray(getattr(self, name)[rows]) for name in _POINTS},
+            "occlusion": self.occlusion[rows],
+            "shape": self.shape[rows],
+            "gender": self.gender[rows],
+            "row": rows,
+            "names": self.names(rows),
+        }

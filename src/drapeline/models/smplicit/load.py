@@ -1,0 +1,36 @@
+"""Trained models from the folders that their trainings left."""
+
+from pathlib import Path
+
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.smplicit.network import GarmentField
+from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
+from drapeline.bodies.rest_body import SHAPES
+from drapeline.frames import GENDERS
+
+
+def load_field(folder: str | Path) -> GarmentField:
+    """A trained model, ready to predict.
+
+    Args:
+        folder: of the training.
+
+    Raises:
+        InputError: the checkpoint is missing, damaged, or of another model.
+    """
+    path = Path(folder) / BEST
+    checkpoint = read_checkpoint(path)
+    about = checkpoint["drapeline"]
+    if about["checkpoint_type"] != GarmentField.checkpoint_type:
+        raise InputError(
+            f"{path}: holds a '{about['checkpoint_type']}' network, expected"
+            f" {GarmentField.checkpoint_type}"
+        )
+    settings = GarmentField.parse(about["settings"])
+    basis = torch.zeros(len(GENDERS) * (1 + SHAPES), about["clusters"], 3)
+    model = GarmentField(about["name"], settings, basis, about["rows"], start=False)
+    model.load_state_dict(checkpoint["state_dict"])
+    return model.eval().requires_grad_(False)

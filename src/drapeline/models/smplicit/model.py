@@ -1,0 +1,156 @@
+"""A trained model as users of the library take it: codes in, meshes out.
+
+    from drapeline.models.smplicit.model import SmplicitModel
+
+    upper = SmplicitModel("results/smplicit/upper")
+    garment = upper.decode(upper.codes.z[0], gender="female", shape=[0.0] * 10)
+
+Everything comes from the folder that the training left, see `files`. Meshes are in metres, in the
+rest pose, with the root joint at the origin, Z up, facing -Y. The numbers of a code are z_cut
+followed by z_style.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, load_body
+from drapeline.bodies.rest_body import SHAPES, rest_body
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import Mesh, face_normals
+from drapeline.models.smplicit.files import body_file, load_training_codes
+from drapeline.models.smplicit.load import load_field
+from drapeline.models.smplicit.network_field import NetworkField
+from drapeline.models.smplicit.sheet import extract_sheet
+from drapeline.models.smplicit.variants import FIELD_MODELS
+from drapeline.models.smplicit.walls import Grid, extract_walls
+
+
+@dataclass(frozen=True)
+class Meshing:
+    """How surfaces are extracted from a field.
+
+    Attributes:
+        cell_m: side of the finest cells.
+        threshold_m: t_d, the distance at which the walls of the paper lie.
+    """
+
+    cell_m: float = 0.008
+    threshold_m: float = 0.006
+
+
+class FieldGarment(NamedTuple):
+    """A garment of a code on a body at rest.
+
+    Attributes:
+        sheet: one layer, open at the garment's openings; no faces if nothing is left of it.
+        walls: the closed surface of the paper, on both sides of the cloth.
+    """
+
+    sheet: Mesh
+    walls: Mesh
+
+
+class SmplicitModel:
+    """Garments of some types as codes of a distance field.
+
+    Args:
+        folder: of the training, such as `results/smplicit/upper`.
+
+    Attributes:
+        name: of `FIELD_MODELS`.
+        garments: the types that it was trained on.
+        network: in torch, see `GarmentField`.
+        codes: of the training garments.
+
+    Raises:
+        InputError: a file is missing or damaged, or holds another model.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self.network = load_field(folder)
+        self.codes = load_training_codes(folder)
+        self.name = self.network.name
+        self.garments, self.box = FIELD_MODELS[self.name]
+
+    @property
+    def latent(self) -> int:
+        """Numbers of a code."""
+        return self.codes.z.shape[1]
+
+    @property
+    def mean_code(self) -> np.ndarray:
+        """(cut + style,) mean of the training garments' codes."""
+        return self.codes.z.mean(axis=0)
+
+    @cached_property
+    def bodies(self) -> dict[str, BodyModel]:
+        """The bodies that it was trained on, by gender."""
+        return {gender: load_body(body_file(self.folder, gender)) for gender in GENDERS}
+
+    def field(self, z: np.ndarray, *, gender: str, shape: Sequence[float]) -> NetworkField:
+        """The distance field of a code on a body.
+
+        Args:
+            z: (cut + style,) code.
+            gender: of the wearer, "female" or "male".
+            shape: (10,) of the wearer.
+
+        Raises:
+            InputError: the code or the shape has another length or is not finite, or there is no
+                such gender.
+        """
+        z = _finite("code", z, self.latent)
+        if gender not in GENDERS:
+            raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
+        return NetworkField(self.network, z, _finite("shape", shape, SHAPES), GENDERS.index(gender))
+
+    def decode(
+        self,
+        z: np.ndarray,
+        *,
+        gender: str,
+        shape: Sequence[float],
+        meshing: Meshing | None = None,
+    ) -> FieldGarment:
+        """The garment of a code on a body; see `field` for arguments and errors."""
+        field = self.field(z, gender=gender, shape=shape)
+        body = Mesh(
+            rest_body(self.bodies[gender], np.asarray(shape)), self.bodies[gender].faces
+        )
+        return garment_of_field(field, self.box, body, meshing or Meshing())
+
+
+def garment_of_field(field, box, body: Mesh, meshing: Meshing) -> FieldGarment:
+    """Walls and sheet of a field.
+
+    Args:
+        field: see `fields.Field`.
+        box: lowest and highest corner, metres.
+        body: the wearer at rest, triangles.
+        meshing: cell and threshold.
+    """
+    low, high = np.asarray(box)
+    walls = extract_walls(field, Grid(low, high, meshing.cell_m), meshing.threshold_m)
+    outward = away_from_body(walls.vertices, body)
+    return FieldGarment(extract_sheet(field, walls, meshing.threshold_m, outward), walls)
+
+
+def away_from_body(points: np.ndarray, body: Mesh) -> np.ndarray:
+    """(P, 3) normals of the body's nearest faces."""
+    _, face = closest_points(points, body.vertices, body.faces)
+    return face_normals(body.vertices, body.faces[face])
+
+
+def _finite(name: str, values: Sequence[float] | np.ndarray, size: int) -> np.ndarray:
+    array = np.asarray(values, dtype=np.float32)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise InputError(f"{name}: shape {array.shape}, expected {size} finite numbers")
+    return array

@@ -1,0 +1,237 @@
+"""SMPLicit's decoder, image encoder and styles as they are trained together (3.3).
+
+B garments, P points, K clusters of the body. The network's distances are in units of d_max.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.models.smplicit.decoder import Decoder
+from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
+from drapeline.models.smplicit.optimizer import JointOptimizer
+from drapeline.models.smplicit.settings import FieldSettings
+from drapeline.models.training.batches import Batch
+from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
+from drapeline.seeding import rng_for
+
+_VALIDATION_STEPS = 15
+
+
+class Points(NamedTuple):
+    """Points (B, P, 3) with their clipped distances (B, P), in units of d_max."""
+
+    places: torch.Tensor
+    distance: torch.Tensor
+
+
+class GarmentField(TrainableModule):
+    """A model of SMPLicit for the garments of some types.
+
+    Args:
+        name: of `FIELD_MODELS`.
+        settings: sizes, losses and training.
+        place_basis: (22, K, 3) float32 of the clusters, rows of
+            `drapeline.bodies.rest_body.rest_basis`.
+        rows: of the data, each of which has a style.
+        start: whether the image encoder begins with the file that the settings name.
+
+    Raises:
+        InputError: that file is no ResNet-18 of this size.
+    """
+
+    checkpoint_type = "smplicit"
+
+    def __init__(
+        self,
+        name: str,
+        settings: FieldSettings,
+        place_basis: torch.Tensor,
+        rows: int,
+        *,
+        start: bool = True,
+    ) -> None:
+        super().__init__()
+        self.name, self.settings = name, settings
+        sizes, seed = settings.network, settings.training.seed
+        rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
+        self.decoder = Decoder(
+            place_basis.shape[1], sizes.cut, sizes.style, width=sizes.width, rng=rng
+        )
+        self.encoder = ImageEncoder(
+            sizes.cut, sizes.encoder_width, int(rng_for(seed, "encoder").integers(2**62))
+        )
+        if sizes.encoder_weights and start:
+            load_encoder_weights(self.encoder, sizes.encoder_weights)
+        self.styles = torch.nn.Parameter(torch.zeros(rows, sizes.style))
+        self.register_buffer("place_basis", place_basis)
+
+    @classmethod
+    def parse(cls, values: Mapping[str, Any]) -> FieldSettings:
+        """Settings from nested mappings, as in a config or a checkpoint."""
+        return FieldSettings.of(values)
+
+    @property
+    def d_max_m(self) -> float:
+        """Where distances are clipped, metres."""
+        return self.settings.loss.d_max_m
+
+    def about(self) -> dict[str, Any]:
+        """Settings and sizes for the checkpoint."""
+        return {
+            "checkpoint_type": self.checkpoint_type,
+            "name": self.name,
+            "settings": plain(asdict(self.settings)),
+            "clusters": self.decoder.clusters,
+            "rows": len(self.styles),
+        }
+
+    def places(self, shape: torch.Tensor, gender: torch.Tensor) -> torch.Tensor:
+        """(B, K, 3) clusters of bodies at rest, metres.
+
+        Args:
+            shape: (B, 10).
+            gender: (B,) 0 female, 1 male.
+        """
+        male = gender.to(shape)[:, None]
+        one = torch.cat([torch.ones_like(male), shape], 1)
+        factors = torch.cat([one * (1 - male), one * male], 1)
+        return (factors @ self.place_basis.flatten(1)).unflatten(1, (-1, 3))
+
+    def training_step(self, batch: Batch) -> torch.Tensor:
+        """L_d + lambda_z L_z at some of the garments' points (equation 4 and below)."""
+        points = self._draw(batch)
+        z_cut = self.encoder(batch["occlusion"])
+        z = torch.cat([z_cut, self.styles[batch["row"]]], 1)
+        places = self.places(batch["shape"], batch["gender"])
+        noise = self.settings.loss.noise * self._normal(z)
+        distance = self._loss(points, places, z + noise)
+        latent = z.abs().mean()
+        loss = distance + self.settings.loss.latent * latent
+        terms = {"distance_mm": 1000 * self.d_max_m * distance, "latent": latent}
+        self.stop_if_unfinite(loss, terms, batch["names"])
+        self.log_means("train", terms, len(z))
+        return loss
+
+    def validation_step(self, batch: Batch) -> None:
+        """Distances at points that a style was not fitted to, for the encoder's z_cut."""
+        training = self.settings.training
+        known, asked = (
+            self._points(
+                batch,
+                slice(part * training.near, (part + 1) * training.near),
+                slice(part * training.uniform, (part + 1) * training.uniform),
+            )
+            for part in range(2)
+        )
+        places = self.places(batch["shape"], batch["gender"])
+        z_cut = self.encoder(batch["occlusion"])
+        z_style = torch.zeros(len(z_cut), self.decoder.style, device=z_cut.device)
+        z = fit_codes(self, known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS)
+        with torch.no_grad():
+            distance = 1000 * self.d_max_m * self._loss(asked, places, z)
+        self.log_means("val", {"distance_mm": distance}, len(z))
+
+    def predict(self, points: torch.Tensor, places: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
+        """(B, P) distances of points (B, P, 3) in units of d_max, for codes z (B, cut + style)."""
+        z_cut, z_style = z.split([self.decoder.cut, self.decoder.style], 1)
+        return self.decoder(points, places, z_cut, z_style)
+
+    def _loss(self, points: Points, places: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
+        return (self.predict(points.places, places, z) - points.distance).abs().mean()
+
+    def _normal(self, like: torch.Tensor) -> torch.Tensor:
+        rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
+        return torch.from_numpy(rng.normal(size=like.shape)).to(like)
+
+    def _draw(self, batch: Batch) -> Points:
+        """As many points of each kind as a step takes, drawn for each step anew."""
+        training = self.settings.training
+        rng = rng_for(training.seed, "points", self.at.step, self.at.rank)
+        count, near = batch["near_distance"].shape
+        uniform = batch["uniform_distance"].shape[1]
+        chosen = [
+            np.sort(rng.integers(size, size=(count, wanted)), axis=1)
+            for size, wanted in ((near, training.near), (uniform, training.uniform))
+        ]
+        return self._points(batch, *chosen)
+
+    def _points(self, batch: Batch, near: Any, uniform: Any) -> Points:
+        places, distances = [], []
+        for name, some in (("near", near), ("uniform", uniform)):
+            index = (slice(None), some)
+            if not isinstance(some, slice):
+                index = (torch.arange(len(some))[:, None], torch.from_numpy(some))
+            places.append(batch[name][index])
+            distances.append(batch[f"{name}_distance"][index])
+        distance = torch.cat(distances, 1).clamp(max=self.d_max_m) / self.d_max_m
+        return Points(torch.cat(places, 1), distance)
+
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Muon with Adam, or the paper's Adam; see `FieldTraining`."""
+        training = self.settings.training
+        matrices, query, others = [], [], []
+        for name, parameter in self.named_parameters():
+            if name == "styles":
+                continue
+            if name.startswith("decoder.fc0_query"):
+                query.append(parameter)
+            elif name.endswith("weight_v") and training.optimizer == "muon":
+                matrices.append(parameter)
+            else:
+                others.append(parameter)
+        adam = [
+            {"params": others, RATE_SHARE: 1.0},
+            {"params": query, RATE_SHARE: training.query_rate},
+            {"params": [self.styles], RATE_SHARE: training.style_rate},
+        ]
+        parts = [torch.optim.Adam(adam, lr=training.learning_rate, fused=True)]
+        if matrices:
+            group = [{"params": matrices, RATE_SHARE: training.muon_rate}]
+            parts.append(
+                torch.optim.Muon(
+                    group,
+                    lr=training.learning_rate,
+                    weight_decay=0.0,
+                    adjust_lr_fn="match_rms_adamw",
+                )
+            )
+        return JointOptimizer(parts)
+
+
+def fit_codes(
+    model: GarmentField,
+    points: Points,
+    places: torch.Tensor,
+    z: torch.Tensor,
+    steps: int,
+    *,
+    rate: float = 0.02,
+) -> torch.Tensor:
+    """Codes (B, cut + style) that give the distances at some points, by Adam from z.
+
+    The networks are left as they are.
+
+    Args:
+        points: of B garments.
+        places: (B, K, 3) clusters of the wearers.
+        z: (B, cut + style) to start from.
+        steps: of Adam, whose rate falls to zero like a cosine.
+        rate: the first.
+    """
+    z = z.detach().clone().requires_grad_(True)
+    optimizer = torch.optim.Adam([z], lr=rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    weight = model.settings.loss.latent
+    with torch.enable_grad():
+        for _ in range(steps):
+            predicted = model.predict(points.places, places, z)
+            loss = (predicted - points.distance).abs().mean(1).sum()
+            loss = loss + weight * z.abs().mean(1).sum()
+            (z.grad,) = torch.autograd.grad(loss, z)
+            optimizer.step()
+            schedule.step()
+    return z.detach()

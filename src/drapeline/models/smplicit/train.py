@@ -1,0 +1,104 @@
+"""Train a model of SMPLicit: from data and settings to a finished folder."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import rest_basis
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.models.smplicit.network import GarmentField
+from drapeline.models.smplicit.settings import FieldSettings
+from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
+from drapeline.models.training.digests import arrays_digest
+from drapeline.models.training.lightning import fit
+from drapeline.models.training.module import plain
+
+
+class _Visits:
+    """Rows as `TrainingBatches` takes them, each training row several times per epoch."""
+
+    def __init__(self, data: FieldData, visits: int) -> None:
+        self._data, self._visits = data, visits
+
+    def rows(self, split: str) -> np.ndarray:
+        rows = self._data.rows(split)
+        return np.tile(rows, self._visits) if split == "train" else rows
+
+    def batch(self, rows: np.ndarray) -> Batch:
+        return self._data.batch(rows)
+
+
+def new_field(
+    name: str, data: FieldData, bodies: Mapping[str, BodyModel], settings: FieldSettings
+) -> GarmentField:
+    """An untrained model.
+
+    Args:
+        name: of `FIELD_MODELS`.
+        data: of its garments.
+        bodies: by gender.
+        settings: sizes, losses and training.
+    """
+    basis = rest_basis(bodies)[:, data.clusters].astype(np.float32)
+    return GarmentField(name, settings, torch.from_numpy(basis), len(data))
+
+
+def train_field(
+    folder: str | Path,
+    model: GarmentField,
+    data: FieldData,
+    *,
+    code: str,
+    progress: str | Path,
+    trainer: dict[str, Any],
+    threads: int,
+    complete: Callable[[Path], None] | None = None,
+) -> None:
+    """Train a model and leave a folder as `fit` does.
+
+    Args:
+        folder, progress, trainer, threads, complete: see `fit`.
+        model: untrained.
+        data: of training and validation rows.
+        code: digest of the code; only the same code resumes a training.
+
+    Raises:
+        InputError: a point, a distance or the loss is not finite.
+    """
+    rows = data.rows("train")
+    for name in ("near_distance", "uniform_distance"):
+        refuse_unfinite(getattr(data, name)[rows], data.names(rows), "distances")
+    training = model.settings.training
+    about = {
+        "checkpoint_type": model.checkpoint_type,
+        "name": model.name,
+        **plain(asdict(model.settings)),
+        "data": arrays_digest(
+            {
+                "near": data.near_distance,
+                "uniform": data.uniform_distance,
+                "clusters": data.clusters,
+                "shape": data.shape,
+            }
+        ),
+        "code": code,
+    }
+    fit(
+        model,
+        TrainingBatches(
+            _Visits(data, training.visits), batch=training.batch, seed=training.seed
+        ),
+        folder,
+        progress=progress,
+        epochs=training.epochs,
+        monitor="val_distance_mm",
+        settings=about,
+        trainer=trainer,
+        threads=threads,
+        complete=complete,
+    )
