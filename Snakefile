@@ -23,6 +23,7 @@ include: "workflow/rules/learning_data.smk"
 # One line for each model, which adds itself to the tables of metrics, the report and `all`.
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/garment4d.smk"
+include: "workflow/rules/smplicit.smk"
 include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/report.smk"
 

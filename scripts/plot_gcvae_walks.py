@@ -16,7 +16,8 @@ from drapeline.models.gcvae.sampling.types import load_types
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import animate_views, plot_views, walk_view
+from drapeline.report.models.gcvae.views import animate_views, walk_view
+from drapeline.report.models.views import plot_views
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -47,3 +47,25 @@ class WornGarment(NamedTuple):
     garment: Mesh
     wearer: Mesh
     root_rotation: np.ndarray
+
+
+@dataclass(frozen=True)
+class RebuiltGarment:
+    """A held-out garment with its surfaces, all at rest.
+
+    Attributes:
+        label: names it.
+        garment: its type.
+        original: as it was made.
+        sheet, walls: of the field of its code.
+        mean: the open surface of the mean code on the same body.
+        wearer: the body.
+    """
+
+    label: str
+    garment: str
+    original: Mesh
+    sheet: Mesh
+    walls: Mesh
+    mean: Mesh
+    wearer: Mesh

@@ -3,7 +3,7 @@
 B garments, P points, K clusters of the body. The network's distances are in units of d_max.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
@@ -130,7 +130,7 @@ class GarmentField(TrainableModule):
         places = self.places(batch["shape"], batch["gender"])
         z_cut = self.encoder(batch["occlusion"])
         z_style = torch.zeros(len(z_cut), self.decoder.style, device=z_cut.device)
-        z = fit_codes(self, known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS)
+        z = fit_codes(self, lambda _: known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS)
         with torch.no_grad():
             distance = 1000 * self.d_max_m * self._loss(asked, places, z)
         self.log_means("val", {"distance_mm": distance}, len(z))
@@ -204,7 +204,7 @@ class GarmentField(TrainableModule):
 
 def fit_codes(
     model: GarmentField,
-    points: Points,
+    points: Callable[[int], Points],
     places: torch.Tensor,
     z: torch.Tensor,
     steps: int,
@@ -216,7 +216,7 @@ def fit_codes(
     The networks are left as they are.
 
     Args:
-        points: of B garments.
+        points: step -> points of B garments.
         places: (B, K, 3) clusters of the wearers.
         z: (B, cut + style) to start from.
         steps: of Adam, whose rate falls to zero like a cosine.
@@ -227,9 +227,9 @@ def fit_codes(
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     weight = model.settings.loss.latent
     with torch.enable_grad():
-        for _ in range(steps):
-            predicted = model.predict(points.places, places, z)
-            loss = (predicted - points.distance).abs().mean(1).sum()
+        for step in range(steps):
+            at, distance = points(step)
+            loss = (model.predict(at, places, z) - distance).abs().mean(1).sum()
             loss = loss + weight * z.abs().mean(1).sum()
             (z.grad,) = torch.autograd.grad(loss, z)
             optimizer.step()

@@ -13,6 +13,7 @@ _CODES = {
     "static_ppca": "Masked PPCA",
     "body_pca": "PCA of offsets from the body",
     "garment4d_pca": "PCA of Garment4D's templates",
+    "smplicit": "SMPLicit's cut and style",
 }
 _WITHOUT_CODE = {
     "body_registered": "registered to the body",

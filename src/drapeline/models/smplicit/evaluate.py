@@ -1,0 +1,367 @@
+"""How well held-out garments are held by the codes of a trained model.
+
+A garment's code starts at the encoder's z_cut and a style of zero and is fitted to samples of its
+distance field. The surfaces of the fitted field are then compared with the garment itself.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from drapeline.bodies.rest_body import rest_body
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import (
+    Mesh,
+    boundary_loops,
+    face_normals,
+    mean_edge_length,
+    triangulate,
+)
+from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.metrics.garment import area_distances_mm, shape_measures
+from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.models.smplicit.model import Meshing, SmplicitModel, garment_of_field
+from drapeline.models.smplicit.network import GarmentField, Points, fit_codes
+from drapeline.models.smplicit.network_field import NetworkField
+from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, resize
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.static import StaticOutfit
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+from drapeline.storage import load_npz, save_npz
+
+MODEL = "smplicit"
+Measures = dict[str, float]
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How codes are fitted to samples of fields.
+
+    Attributes:
+        steps: of Adam.
+        near, uniform: points per garment and step, drawn anew for each.
+        rate: the first learning rate.
+    """
+
+    steps: int = 60
+    near: int = 256
+    uniform: int = 64
+    rate: float = 0.03
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Garments that a model has not seen, with their codes and surfaces.
+
+    Attributes:
+        rows: (n,) of the data.
+        z: (n, cut + style) fitted codes.
+        sheets: n open surfaces of the fitted fields.
+    """
+
+    rows: np.ndarray
+    z: np.ndarray
+    sheets: list[Mesh]
+
+
+def true_meshes(data: FieldData, outfits: Sequence[StaticOutfit]) -> dict[int, Mesh]:
+    """Row of the data -> its garment as triangles.
+
+    Args:
+        data: of one model.
+        outfits: all static outfits, as `load_static` reads them.
+    """
+    wanted = {
+        (str(outfit), GARMENTS[garment]): row
+        for row, (outfit, garment) in enumerate(zip(data.outfit, data.garment, strict=True))
+    }
+    return {
+        wanted[name, garment.name]: Mesh(garment.vertices, triangulate(garment.faces))
+        for name, _, outfit in outfits
+        for garment in outfit.garments
+        if (name, garment.name) in wanted
+    }
+
+
+def fit_held_out(
+    network: GarmentField, data: FieldData, rows: np.ndarray, settings: FitSettings, seed: int
+) -> np.ndarray:
+    """(n, cut + style) codes of garments, fitted to the first half of their samples.
+
+    Args:
+        network: trained.
+        data: of the garments.
+        rows: n of them.
+        settings: of the fit.
+        seed: of the points of each step.
+    """
+    batch = data.batch(rows)
+    places = network.places(torch.from_numpy(batch["shape"]), torch.from_numpy(batch["gender"]))
+    with torch.no_grad():
+        z_cut = network.encoder(torch.from_numpy(batch["occlusion"]))
+    start = torch.cat([z_cut, torch.zeros(len(rows), network.decoder.style)], 1)
+    rng = rng_for(seed, "fitted points")
+
+    def draw(_: int) -> Points:
+        chosen = [
+            rng.integers(batch[name].shape[1] // 2, size=count)
+            for name, count in (("near", settings.near), ("uniform", settings.uniform))
+        ]
+        return some_points(network, batch, *chosen)
+
+    return fit_codes(network, draw, places, start, settings.steps, rate=settings.rate).numpy()
+
+
+def some_points(
+    network: GarmentField, batch: Mapping[str, np.ndarray], near: Any, uniform: Any
+) -> Points:
+    """Points of a batch of `FieldData`, the same indices for all garments."""
+    places = np.concatenate([batch["near"][:, near], batch["uniform"][:, uniform]], axis=1)
+    distances = [batch["near_distance"][:, near], batch["uniform_distance"][:, uniform]]
+    clipped = np.minimum(np.concatenate(distances, axis=1) / network.d_max_m, 1.0)
+    return Points(torch.from_numpy(places), torch.from_numpy(clipped))
+
+
+def field_errors(
+    network: GarmentField, data: FieldData, rows: np.ndarray, z: np.ndarray
+) -> list[Measures]:
+    """Errors of clipped distances at points that no code was fitted to, near and in the whole box.
+
+    Args:
+        network: trained or not.
+        data: of the garments.
+        rows, z: (n,) garments and (n, cut + style) their codes.
+    """
+    batch = data.batch(rows)
+    found = []
+    for index, code in enumerate(z):
+        field = NetworkField(network, code, batch["shape"][index], int(batch["gender"][index]))
+        measured = {}
+        for name in ("near", "uniform"):
+            half = batch[name].shape[1] // 2
+            predicted = field.distances(batch[name][index, half:])
+            true = batch[f"{name}_distance"][index, half:]
+            measured[f"field_{name}_mm"] = _clipped_error_mm(predicted, true, network.d_max_m)
+        found.append(measured)
+    return found
+
+
+def constant_errors(data: FieldData, rows: np.ndarray, d_max_m: float) -> list[Measures]:
+    """The same for the trivial answer, the median distance of all training points of a kind."""
+    train = data.rows("train")
+    found: list[Measures] = [{} for _ in rows]
+    for name in ("near", "uniform"):
+        distances = getattr(data, f"{name}_distance")
+        middle = np.median(np.minimum(distances[train], d_max_m))
+        half = distances.shape[1] // 2
+        for measured, row in zip(found, rows, strict=True):
+            error = _clipped_error_mm(middle, distances[row, half:], d_max_m)
+            measured[f"field_{name}_mm"] = error
+    return found
+
+
+def _clipped_error_mm(predicted: np.ndarray, true: np.ndarray, d_max_m: float) -> float:
+    difference = np.clip(predicted, 0, d_max_m) - np.minimum(true, d_max_m)
+    return float(1000 * np.abs(difference).mean())
+
+
+def surface_measures(sheet: Mesh, true: Mesh, body: Mesh) -> Measures:
+    """Measures of an open surface against the garment it stands for.
+
+    Distances in both directions over the area; the angle between normals at the sheet's faces and
+    at the nearest true ones; whether it has as many openings as the garment; pieces, and how much
+    is inside the body. NaN where nothing is left of the garment.
+    """
+    to_true, to_sheet = area_distances_mm(sheet, true)
+    same = bool(len(sheet.faces)) and loop_count(sheet.faces) == loop_count(true.faces)
+    return {
+        "surface_to_true_mm": to_true,
+        "true_to_surface_mm": to_sheet,
+        "normal_error_deg": _normal_error_deg(sheet, true) if len(sheet.faces) else float("nan"),
+        "openings_right": float(same),
+        **shape_measures(sheet, body.vertices, body.faces),
+    }
+
+
+def loop_count(faces: np.ndarray) -> int:
+    """Number of boundary loops; -1 if the surface is no manifold there."""
+    try:
+        return len(boundary_loops(faces))
+    except ValueError:
+        return -1
+
+
+def _normal_error_deg(sheet: Mesh, true: Mesh) -> float:
+    centres = sheet.vertices[sheet.faces].mean(axis=1)
+    _, face = closest_points(centres, true.vertices, true.faces)
+    cosine = np.einsum(
+        "fi,fi->f",
+        face_normals(sheet.vertices, sheet.faces),
+        face_normals(true.vertices, true.faces[face]),
+    )
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+
+
+class FieldEvaluation:
+    """Measures of held-out garments through a trained model, and of what they are compared with.
+
+    Args:
+        model: trained.
+        data: of its garments.
+        meshes: row -> garment, see `true_meshes`.
+        meshing: how surfaces are extracted.
+        fit: how codes are fitted.
+        seed: of the experiment.
+    """
+
+    def __init__(
+        self,
+        model: SmplicitModel,
+        data: FieldData,
+        meshes: Mapping[int, Mesh],
+        *,
+        meshing: Meshing,
+        fit: FitSettings,
+        seed: int,
+    ) -> None:
+        self._model, self._data, self._meshes = model, data, meshes
+        self._meshing, self._fit, self._seed = meshing, fit, seed
+
+    def run(self, split: str, untrained: GarmentField) -> tuple[list[MetricRow], HeldOut]:
+        """All rows of a split, and what was rebuilt.
+
+        Args:
+            split: "val" or "test".
+            untrained: a model of the same settings before its first step.
+
+        Raises:
+            InputError: the split has no garment of the model's types.
+        """
+        network, rows = self._model.network, self._data.rows(split)
+        if not len(rows):
+            raise InputError(
+                f"the {split} split holds no {' or '.join(self._model.garments)}, expected one or"
+                " more; ask for more static outfits"
+            )
+        z = fit_held_out(network, self._data, rows, self._fit, self._seed)
+        measures, sheets = self._decoded(rows, z, "fitted")
+        errors = field_errors(network, self._data, rows, z)
+        found = {"fitted": [a | b for a, b in zip(errors, measures, strict=True)]}
+        mean = np.repeat(self._model.mean_code[None], len(rows), axis=0)
+        errors = field_errors(network, self._data, rows, mean)
+        measures, _ = self._decoded(rows, mean, "mean code")
+        found["mean_code"] = [a | b for a, b in zip(errors, measures, strict=True)]
+        cut = network.decoder.cut
+        for name, part in (("cut", slice(0, cut)), ("style", slice(cut, None))):
+            found[f"nearest_{name}"] = list(self._nearest(rows, z[:, part], part))
+        random = fit_held_out(untrained, self._data, rows, self._fit, self._seed)
+        found["untrained"] = field_errors(untrained, self._data, rows, random)
+        found["constant"] = constant_errors(self._data, rows, network.d_max_m)
+        table = [row for name, part in found.items() for row in self._rows(name, part, rows, split)]
+        return table, HeldOut(rows, z, sheets)
+
+    def _body(self, row: int) -> Mesh:
+        body = self._model.bodies[GENDERS[self._data.gender[row]]]
+        return Mesh(rest_body(body, self._data.shape[row]), body.faces)
+
+    def _decoded(
+        self, rows: np.ndarray, z: np.ndarray, label: str
+    ) -> tuple[list[Measures], list[Mesh]]:
+        measures, sheets = [], []
+        pairs = zip(rows, z, strict=True)
+        for row, code in progress(pairs, total=len(rows), label=label):
+            shape, gender = self._data.shape[row], int(self._data.gender[row])
+            field, body = NetworkField(self._model.network, code, shape, gender), self._body(row)
+            sheet, walls = garment_of_field(field, self._model.box, body, self._meshing)
+            true = self._meshes[int(row)]
+            to_true, to_walls = area_distances_mm(walls, true)
+            measures.append(
+                {
+                    **surface_measures(sheet, true, body),
+                    "walls_to_true_mm": to_true,
+                    "true_to_walls_mm": to_walls,
+                }
+            )
+            sheets.append(sheet)
+        return measures, sheets
+
+    def _nearest(self, rows: np.ndarray, z: np.ndarray, part: slice) -> Iterator[Measures]:
+        """The training garment with the nearest code, carried to the wearer's body."""
+        codes = self._model.codes
+        known = self._data.rows("train")
+        for row, code in zip(rows, z, strict=True):
+            near = int(np.linalg.norm(codes.z[:, part] - code, axis=1).argmin())
+            body, other = self._body(row), self._body(known[near])
+            garment = carry(self._meshes[int(known[near])], other.vertices, body.vertices)
+            yield surface_measures(garment, self._meshes[int(row)], body)
+
+    def _rows(
+        self, name: str, measures: Sequence[Measures], rows: np.ndarray, split: str
+    ) -> list[MetricRow]:
+        variant = f"{MODEL}_{self._model.name}_{name}"
+        return summary_rows(
+            rng_for(self._seed, "intervals", variant, split),
+            measures,
+            [GARMENTS[garment] for garment in self._data.garment[rows]],
+            self._data.outfit[rows].tolist(),
+            model=MODEL,
+            variant=variant,
+            split=split,
+            seed=self._seed,
+        )
+
+
+def carry(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:
+    """A garment moved from one body to another, as the body under it moves (6.1).
+
+    Args:
+        garment: on `body`.
+        body, other: (V, 3) of the first and the second wearer.
+    """
+    average = averaging_matrix(garment.faces, len(garment.vertices))
+    edge_m = mean_edge_length(garment.vertices, garment.faces)
+    passes = round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
+    return Mesh(resize(garment.vertices, average, body, other, passes), garment.faces)
+
+
+def save_held_out(path: str | Path, held_out: HeldOut, data: FieldData) -> None:
+    """Write codes and rebuilt surfaces, which `load_held_out` reads."""
+    arrays = {}
+    for index, sheet in enumerate(held_out.sheets):
+        arrays[f"{index}/vertices"] = sheet.vertices.astype(np.float32)
+        arrays[f"{index}/faces"] = sheet.faces.astype(np.int32)
+    save_npz(
+        path,
+        z=held_out.z,
+        outfit=data.outfit[held_out.rows],
+        garment=data.garment[held_out.rows],
+        **arrays,
+    )
+
+
+def load_held_out(path: str | Path) -> dict[tuple[str, str], tuple[np.ndarray, Mesh]]:
+    """(outfit, garment type) -> its code (cut + style,) and its rebuilt open surface.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    names = load_npz(path, "z", "outfit", "garment", only=True)
+    keys = [f"{index}/{part}" for index in range(len(names["z"])) for part in ("vertices", "faces")]
+    arrays = load_npz(path, *keys, only=True)
+    return {
+        (str(outfit), GARMENTS[garment]): (
+            names["z"][index],
+            Mesh(arrays[f"{index}/vertices"], arrays[f"{index}/faces"]),
+        )
+        for index, (outfit, garment) in enumerate(
+            zip(names["outfit"], names["garment"], strict=True)
+        )
+    }

@@ -1,0 +1,96 @@
+"""How well SMPLicit holds held-out garments, beside trivial answers."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, read_metrics
+from drapeline.report.html import Cell, html_table, write_page
+
+_MODELS = {
+    "upper": "Upper body: t-shirts and tops",
+    "trousers": "Trousers",
+    "skirt": "Skirts",
+    "whole": "Whole body: dresses and jumpsuits (not in the paper)",
+}
+_VARIANTS = {
+    "fitted": "Fitted code",
+    "mean_code": "Mean code",
+    "nearest_cut": "Nearest training garment in z_cut",
+    "nearest_style": "Nearest training garment in z_style",
+    "untrained": "Untrained network, fitted code",
+    "constant": "Median distance",
+}
+_SURFACE = {
+    "surface_to_true_mm": ("To the garment (mm)", 1),
+    "true_to_surface_mm": ("From the garment (mm)", 1),
+    "normal_error_deg": ("Normals (deg)", 1),
+    "openings_right": ("Right openings (%)", 0),
+    "pieces": ("Pieces", 2),
+    "inside_share": ("Inside the body (%)", 2),
+    "inside_1cm_share": ("Deeper than 1 cm (%)", 2),
+}
+_WALLS = {
+    "walls_to_true_mm": ("To the garment (mm)", 1),
+    "true_to_walls_mm": ("From the garment (mm)", 1),
+}
+_FIELD = {
+    "field_near_mm": ("Near the surface (mm)", 2),
+    "field_uniform_mm": ("In the whole box (mm)", 2),
+}
+
+
+def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
+    """Write the page of tables.
+
+    Args:
+        path: the HTML page.
+        metrics: table of metrics; models that it does not hold have no row.
+
+    Raises:
+        InputError: the table is missing or unusable.
+    """
+    rows = [row for row in read_metrics(metrics) if row.model == "smplicit"]
+    write_page(
+        path,
+        "SMPLicit: distance fields of garments at rest",
+        "<p>Test split of static outfits, which no training has seen. Means over garments with"
+        " 95 % intervals from resampling outfits; distances are means over the area of the"
+        " surface. Codes start at what the image encoder makes of the occlusion image and a style"
+        " of zero, and are fitted to samples of the garment's distance field.</p>",
+        "<h2>The open surface</h2>",
+        html_table(_table(rows, _SURFACE)),
+        "<p>The nearest training garment is the true one, carried to the wearer's body: it needs no"
+        " network to be drawn, and its openings are right wherever it is of the same type.</p>",
+        "<h2>The walls on both sides of the cloth, as in the paper</h2>",
+        html_table(_table(rows, _WALLS)),
+        "<h2>The field at points that no code was fitted to</h2>",
+        html_table(_table(rows, _FIELD)),
+        "<p>Distances are clipped; the errors are those of clipped distances.</p>",
+    )
+
+
+def _table(
+    rows: Sequence[MetricRow], metrics: dict[str, tuple[str, int]]
+) -> list[dict[str, object]]:
+    table = []
+    for model, title in _MODELS.items():
+        for variant, name in _VARIANTS.items():
+            wanted = f"smplicit_{model}_{variant}"
+            own = [row for row in rows if row.variant == wanted and row.garment == ALL]
+            values = {row.metric: row.value for row in own}
+            if any(metric in values for metric in metrics):
+                cells = {text: _cell(values, key, text, k) for key, (text, k) in metrics.items()}
+                count = max(row.n for row in own)
+                table.append({"Garments": title, "Held as": name, "Number": count, **cells})
+    return table
+
+
+def _cell(values: dict[str, float], metric: str, title: str, digits: int) -> Cell:
+    if metric not in values:
+        return Cell("-", "number")
+    scale = 100 if title.endswith("(%)") else 1
+    text = f"{scale * values[metric]:.{digits}f}"
+    if metric + LOW in values:
+        low, high = (scale * values[metric + end] for end in (LOW, HIGH))
+        text += f" [{low:.{digits}f}, {high:.{digits}f}]"
+    return Cell(text, "number")

@@ -1,0 +1,111 @@
+from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
+
+SMPLICIT = f"{RESULTS}/smplicit"
+SMPLICIT_MODELS = config["smplicit"]["models"]
+METRIC_TABLES["metrics"] += [f"smplicit_{model}" for model in SMPLICIT_MODELS]
+# Types on which all models are compared, as far as a model here has learned them.
+SMPLICIT_COMPARED = [
+    garment
+    for garment in COMPARED_GARMENTS
+    if MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS
+]
+if SMPLICIT_COMPARED:
+    METRIC_TABLES["representations"] += ["representations_smplicit"]
+
+
+def field_settings(wildcards):
+    """Params function: settings of a training, by group."""
+    chosen = {key: config["smplicit"][key] for key in ("network", "loss", "training")}
+    chosen["training"] = {**chosen["training"], "seed": config["seed"]}
+    return chosen
+
+
+def encoder_weights(wildcards):
+    """Input function: the file that the image encoder starts from, if there is one."""
+    return config["smplicit"]["network"]["encoder_weights"] or []
+
+
+rule train_smplicit:
+    input:
+        **WHOLE_BODIES,
+        data=f"{SMPLICIT}/data/{{field}}",
+        weights=encoder_weights,
+    output:
+        directory(f"{SMPLICIT}/{{field}}"),
+    log:
+        f"{LOGS}/train_smplicit/{{field}}.log",
+    benchmark:
+        f"{BENCHMARKS}/train_smplicit/{{field}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: NETWORK_THREADS
+    resources:
+        mem_mb=4000,
+        runtime=1440,
+    params:
+        settings=field_settings,
+        trainer=lookup(dpath="smplicit/trainer", within=config),
+        progress=in_progress("smplicit"),
+        code=source_hash("train_smplicit"),
+    script:
+        "../../scripts/train_smplicit.py"
+
+
+rule evaluate_smplicit:
+    input:
+        model=f"{SMPLICIT}/{{field}}",
+        data=f"{SMPLICIT}/data/{{field}}",
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+    output:
+        metrics=f"{RESULTS}/metrics/smplicit_{{field}}.tsv",
+        held_out=f"{SMPLICIT}/held_out/{{field}}.npz",
+    log:
+        f"{LOGS}/evaluate_smplicit/{{field}}.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_smplicit/{{field}}.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: NETWORK_THREADS
+    resources:
+        mem_mb=4000,
+        runtime=240,
+    params:
+        split=EVALUATED_SPLITS[0],
+        meshing=lookup(dpath="smplicit/meshing", within=config),
+        fit=lookup(dpath="smplicit/evaluation", within=config),
+        seed=config["seed"],
+        code=source_hash("evaluate_smplicit"),
+    script:
+        "../../scripts/evaluate_smplicit.py"
+
+
+rule compare_smplicit:
+    input:
+        held_out=expand(
+            f"{SMPLICIT}/held_out/{{field}}.npz",
+            field=sorted({MODEL_OF_GARMENT[garment] for garment in SMPLICIT_COMPARED}),
+        ),
+        data=static_data(*EVALUATED_SPLITS),
+        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+    output:
+        f"{RESULTS}/metrics/representations_smplicit.tsv",
+    log:
+        f"{LOGS}/compare_smplicit.log",
+    benchmark:
+        f"{BENCHMARKS}/compare_smplicit.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        garments=SMPLICIT_COMPARED,
+        split=EVALUATED_SPLITS[0],
+        seed=config["seed"],
+        code=source_hash("compare_smplicit"),
+    script:
+        "../../scripts/compare_smplicit.py"
+
+
+include: "smplicit_figures.smk"
