@@ -81,9 +81,9 @@ def extract_sheet(field,walls,t,outward,fill=True):
             return np.concatenate([x,(1-s)*x[a]+s*x[b]])[used]
         p,m,th=lift(v),lift(n),lift(through.astype(float))
         m/=np.linalg.norm(m,axis=1,keepdims=True)
-        mesh=Mesh(p,faces)
+        
     with tick('pieces'):
-        piece=piece_indices(mesh)
+        piece=piece_indices(Mesh(p,faces))
         T['pieces']=piece.max()+1
         keep=piece[faces[:,0]]==0
         used,faces=compact(faces[keep]); p,m,th=p[used],m[used],th[used]
@@ -109,6 +109,23 @@ def extract_sheet(field,walls,t,outward,fill=True):
             num=(num+A@num)/2; den=(den+A@den)/2
         off=num/np.maximum(den,1e-3)
         s=f0-off
+    edge=np.zeros(len(p),bool)
+    for l in boundary_loops(faces): edge[l]=True
+    with tick('grad'):
+        rim=edge|(th<RIMZONE*t)
+        T['grads']=rim.sum()
+        d,g=field.gradients(p[rim].astype(np.float32))
+        g/=np.maximum(np.linalg.norm(g,axis=1,keepdims=True),1e-9)
+        m[rim]=g
         x=p-s[:,None]*m
-    T['res']=None
-    return dict(x=x,faces=faces,p=p,m=m,off=off,th=th,loops=boundary_loops(faces))
+    raw=x.copy()
+    with tick('smooth'):
+        A=averaging_matrix(faces,len(p),along_boundaries=True)
+        x=smooth(x,A,np.where(edge,.5,0),BPASS)
+        zone=edge|rim
+        for _ in range(DIL): zone=zone|(A@zone>0)
+        x=smooth(x,A,np.where(zone&~edge,.9,0),RIMPASS)
+        x=smooth(x,A,np.full(len(x),.5),PASS)
+    return dict(x=x,faces=faces,p=p,m=m,off=off,th=th,rim=rim,edge=edge,raw=raw,loops=boundary_loops(faces))
+from drapeline.geometry.smoothing import smooth
+RIMZONE,RIMPASS,PASS,BPASS,DIL=.8,10,3,10,2

@@ -82,7 +82,7 @@ def extract_walls(
     values = _values(field, grid, threshold_m, clip_m, lipschitz)
     if not values.min() < threshold_m < values.max():
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
-    places, faces, _, _ = marching_cubes(values, threshold_m, gradient_direction="ascent")
+    places, faces, _, _ = marching_cubes(values, threshold_m, gradient_direction="descent")
     return Mesh(grid.places(places).astype(np.float32), faces.astype(np.int32))
 
 
