@@ -23,7 +23,7 @@ with rule_log(snakemake.log[0]) as log:
         params.boxes,
         seed=params.seed,
         near=params.near,
-        uniform=params.uniform,
+        space=params.space,
     )
     save_npz(snakemake.output[0], **fields)
     log.info("%d garments", len(fields["garment"]))

@@ -87,7 +87,7 @@ rule sample_fields:
     params:
         seed=config["seed"],
         near=lookup(dpath="smplicit/data/near", within=config),
-        uniform=lookup(dpath="smplicit/data/uniform", within=config),
+        space=lookup(dpath="smplicit/data/space", within=config),
         resolution=lookup(dpath="smplicit/data/resolution", within=config),
         boxes=FIELD_BOXES,
         code=source_hash("sample_fields"),

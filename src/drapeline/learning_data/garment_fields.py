@@ -23,10 +23,11 @@ from drapeline.storage import atomic_folder, create_array, load_npz, open_array,
 # Points near the surface are moved off it by a normal deviate in each coordinate: half of them by
 # about a wall's thickness, half as far as clipped distances reach.
 NEAR_DEVIATIONS_M = (0.006, 0.025)
+SKIN_DEVIATION_M = 0.03
 
 Box = tuple[Sequence[float], Sequence[float]]
 _ROWS = ("shape", "gender", "garment", "outfit", "split", "occlusion")
-_POINTS = ("near", "near_distance", "uniform", "uniform_distance")
+_POINTS = ("near", "near_distance", "space", "space_distance")
 
 
 def unsigned_distances(points: np.ndarray, garment: Mesh) -> np.ndarray:
@@ -36,31 +37,44 @@ def unsigned_distances(points: np.ndarray, garment: Mesh) -> np.ndarray:
 
 
 def sample_field(
-    rng: np.random.Generator, garment: Mesh, box: Box, *, near: int, uniform: int
+    rng: np.random.Generator, garment: Mesh, body: Mesh, box: Box, *, near: int, space: int
 ) -> dict[str, np.ndarray]:
-    """Points with their distances: near the surface, and uniform in the model's box.
+    """Points with their distances: near the garment, and in the space around it.
+
+    Of the latter one half is uniform in the model's box, as in the paper, and one half is near the
+    skin, which tells where the garment ends: few uniform points come close to the body below a hem.
 
     Args:
         rng: draws the points.
         garment: triangles, root-relative metres, rest pose.
+        body: of the wearer, likewise.
         box: lowest and highest corner, metres.
-        near, uniform: how many points.
+        near, space: how many points.
 
     Returns:
-        `near` (near, 3) and `uniform` (uniform, 3) float32 points, and `near_distance` and
-        `uniform_distance` with their distances, metres.
+        `near` (near, 3) and `space` (space, 3) float32 points, and `near_distance` and
+        `space_distance` with their distances, metres.
     """
-    surface = trimesh.Trimesh(garment.vertices, garment.faces, process=False)
-    on_surface, _ = trimesh.sample.sample_surface(surface, near, seed=rng)
     deviation = np.resize(NEAR_DEVIATIONS_M, near)[:, None]
-    close = (on_surface + deviation * rng.normal(size=(near, 3))).astype(np.float32)
-    spread = rng.uniform(*np.asarray(box), size=(uniform, 3)).astype(np.float32)
-    return {
-        "near": close,
-        "near_distance": unsigned_distances(close, garment),
-        "uniform": spread,
-        "uniform_distance": unsigned_distances(spread, garment),
+    close = _on_surface(rng, garment, near) + deviation * rng.normal(size=(near, 3))
+    spread = rng.uniform(*np.asarray(box), size=(space, 3))
+    skin = spread[1::2]
+    inside = Mesh(body.vertices, body.faces[_within(body.vertices, box)[body.faces].all(axis=1)])
+    skin[:] = _on_surface(rng, inside, len(skin)) + SKIN_DEVIATION_M * rng.normal(size=skin.shape)
+    points = {"near": close.astype(np.float32), "space": spread.astype(np.float32)}
+    distances = {
+        f"{name}_distance": unsigned_distances(places, garment) for name, places in points.items()
     }
+    return points | distances
+
+
+def _on_surface(rng: np.random.Generator, mesh: Mesh, count: int) -> np.ndarray:
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    return trimesh.sample.sample_surface(surface, count, seed=rng)[0]
+
+
+def _within(points: np.ndarray, box: Box) -> np.ndarray:
+    return ((points >= box[0]) & (points <= box[1])).all(axis=1)
 
 
 def sample_fields(
@@ -71,7 +85,7 @@ def sample_fields(
     *,
     seed: int,
     near: int,
-    uniform: int,
+    space: int,
 ) -> dict[str, np.ndarray]:
     """Fields and occlusion images of the garments of a shard.
 
@@ -81,7 +95,7 @@ def sample_fields(
         pixels: of the bodies' texture.
         boxes: garment type -> box of the model that learns it.
         seed: the experiment's.
-        near, uniform: points per garment.
+        near, space: points per garment.
 
     Returns:
         Arrays with a row per garment: `shape` (n, 10), `gender`, `garment`, `outfit`, `split` (n,),
@@ -104,15 +118,22 @@ def sample_fields(
                     "outfit": name,
                     "split": split,
                     "occlusion": pixels.image(covered),
-                    **sample_field(rng, mesh, boxes[garment.name], near=near, uniform=uniform),
+                    **sample_field(
+                        rng,
+                        mesh,
+                        Mesh(vertices, body.faces),
+                        boxes[garment.name],
+                        near=near,
+                        space=space,
+                    ),
                 }
             )
     return {key: np.array([row[key] for row in rows]) for key in (*_ROWS, *_POINTS)}
 
 
 def _refuse_outside(vertices: np.ndarray, box: Box, name: str) -> None:
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    if (low < box[0]).any() or (high > box[1]).any():
+    if not _within(vertices, box).all():
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
         raise InputError(
             f"{name}: extends from {low.round(2).tolist()} to {high.round(2).tolist()} m, expected"
             f" it within the box of its model, {list(box[0])} to {list(box[1])}; choose a smaller"
@@ -232,8 +253,8 @@ class FieldData:
     """Fields of garments at rest, as `collect_fields` wrote them.
 
     Attributes:
-        near, uniform: (N, P, 3) float32 points, memory-mapped.
-        near_distance, uniform_distance: (N, P) float32 metres, memory-mapped.
+        near, space: (N, P, 3) float32 points, memory-mapped.
+        near_distance, space_distance: (N, P) float32 metres, memory-mapped.
         occlusion: (N, R, R) bool.
         shape: (N, 10) float32.
         gender: (N,) int8, 0 female, 1 male.
@@ -254,9 +275,9 @@ class FieldData:
         self.outfit, self.split = rows["outfit"], rows["split"]
         self.occlusion = rows["occlusion"]
         self.clusters = load_npz(self.folder / "clusters.npz", "vertices")["vertices"]
-        self.near, self.uniform = self._open("near"), self._open("uniform")
+        self.near, self.space = self._open("near"), self._open("space")
         self.near_distance = self._open("near_distance")
-        self.uniform_distance = self._open("uniform_distance")
+        self.space_distance = self._open("space_distance")
 
     def __len__(self) -> int:
         return len(self.garment)

@@ -32,7 +32,7 @@ UNITS = {
     "true_to_surface_mm": "mm",
     "code_numbers": "1",
     "field_near_mm": "mm",
-    "field_uniform_mm": "mm",
+    "field_space_mm": "mm",
     "walls_to_true_mm": "mm",
     "true_to_walls_mm": "mm",
     "openings_right": "1",

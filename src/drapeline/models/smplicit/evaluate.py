@@ -47,13 +47,13 @@ class FitSettings:
 
     Attributes:
         steps: of Adam.
-        near, uniform: points per garment and step, drawn anew for each.
+        near, space: points per garment and step, drawn anew for each.
         rate: the first learning rate.
     """
 
     steps: int = 60
     near: int = 256
-    uniform: int = 64
+    space: int = 64
     rate: float = 0.03
 
 
@@ -113,7 +113,7 @@ def fit_held_out(
     def draw(_: int) -> Points:
         chosen = [
             rng.integers(batch[name].shape[1] // 2, size=count)
-            for name, count in (("near", settings.near), ("uniform", settings.uniform))
+            for name, count in (("near", settings.near), ("space", settings.space))
         ]
         return some_points(network, batch, *chosen)
 
@@ -121,11 +121,11 @@ def fit_held_out(
 
 
 def some_points(
-    network: GarmentField, batch: Mapping[str, np.ndarray], near: Any, uniform: Any
+    network: GarmentField, batch: Mapping[str, np.ndarray], near: Any, space: Any
 ) -> Points:
     """Points of a batch of `FieldData`, the same indices for all garments."""
-    places = np.concatenate([batch["near"][:, near], batch["uniform"][:, uniform]], axis=1)
-    distances = [batch["near_distance"][:, near], batch["uniform_distance"][:, uniform]]
+    places = np.concatenate([batch["near"][:, near], batch["space"][:, space]], axis=1)
+    distances = [batch["near_distance"][:, near], batch["space_distance"][:, space]]
     clipped = np.minimum(np.concatenate(distances, axis=1) / network.d_max_m, 1.0)
     return Points(torch.from_numpy(places), torch.from_numpy(clipped))
 
@@ -145,7 +145,7 @@ def field_errors(
     for index, code in enumerate(z):
         field = NetworkField(network, code, batch["shape"][index], int(batch["gender"][index]))
         measured = {}
-        for name in ("near", "uniform"):
+        for name in ("near", "space"):
             half = batch[name].shape[1] // 2
             predicted = field.distances(batch[name][index, half:])
             true = batch[f"{name}_distance"][index, half:]
@@ -158,7 +158,7 @@ def constant_errors(data: FieldData, rows: np.ndarray, d_max_m: float) -> list[M
     """The same for the trivial answer, the median distance of all training points of a kind."""
     train = data.rows("train")
     found: list[Measures] = [{} for _ in rows]
-    for name in ("near", "uniform"):
+    for name in ("near", "space"):
         distances = getattr(data, f"{name}_distance")
         middle = np.median(np.minimum(distances[train], d_max_m))
         half = distances.shape[1] // 2

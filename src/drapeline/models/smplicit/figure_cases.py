@@ -29,9 +29,7 @@ def rebuilt_garments(
         held_out: as `evaluate.load_held_out` reads them.
         meshing: how surfaces are extracted.
     """
-    rows = {
-        (str(data.outfit[row]), GARMENTS[data.garment[row]]): row for row in range(len(data))
-    }
+    rows = {(str(data.outfit[row]), GARMENTS[data.garment[row]]): row for row in range(len(data))}
     return [
         _rebuilt(model, data, rows[key], meshes, *held_out[key], meshing)
         for key in first_of_each((key[1], key) for key in held_out)

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import torch
 
+from drapeline.bodies.rest_body import SHAPES
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
-from drapeline.bodies.rest_body import SHAPES
-from drapeline.frames import GENDERS
 
 
 def load_field(folder: str | Path) -> GarmentField:

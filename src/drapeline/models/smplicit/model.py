@@ -122,9 +122,7 @@ class SmplicitModel:
     ) -> FieldGarment:
         """The garment of a code on a body; see `field` for arguments and errors."""
         field = self.field(z, gender=gender, shape=shape)
-        body = Mesh(
-            rest_body(self.bodies[gender], np.asarray(shape)), self.bodies[gender].faces
-        )
+        body = Mesh(rest_body(self.bodies[gender], np.asarray(shape)), self.bodies[gender].faces)
         return garment_of_field(field, self.box, body, meshing or Meshing())
 
 

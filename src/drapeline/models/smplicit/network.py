@@ -123,14 +123,16 @@ class GarmentField(TrainableModule):
             self._points(
                 batch,
                 slice(part * training.near, (part + 1) * training.near),
-                slice(part * training.uniform, (part + 1) * training.uniform),
+                slice(part * training.space, (part + 1) * training.space),
             )
             for part in range(2)
         )
         places = self.places(batch["shape"], batch["gender"])
         z_cut = self.encoder(batch["occlusion"])
         z_style = torch.zeros(len(z_cut), self.decoder.style, device=z_cut.device)
-        z = fit_codes(self, lambda _: known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS)
+        z = fit_codes(
+            self, lambda _: known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS
+        )
         with torch.no_grad():
             distance = 1000 * self.d_max_m * self._loss(asked, places, z)
         self.log_means("val", {"distance_mm": distance}, len(z))
@@ -152,16 +154,16 @@ class GarmentField(TrainableModule):
         training = self.settings.training
         rng = rng_for(training.seed, "points", self.at.step, self.at.rank)
         count, near = batch["near_distance"].shape
-        uniform = batch["uniform_distance"].shape[1]
+        space = batch["space_distance"].shape[1]
         chosen = [
             np.sort(rng.integers(size, size=(count, wanted)), axis=1)
-            for size, wanted in ((near, training.near), (uniform, training.uniform))
+            for size, wanted in ((near, training.near), (space, training.space))
         ]
         return self._points(batch, *chosen)
 
-    def _points(self, batch: Batch, near: Any, uniform: Any) -> Points:
+    def _points(self, batch: Batch, near: Any, space: Any) -> Points:
         places, distances = [], []
-        for name, some in (("near", near), ("uniform", uniform)):
+        for name, some in (("near", near), ("space", space)):
             index = (slice(None), some)
             if not isinstance(some, slice):
                 index = (torch.arange(len(some))[:, None], torch.from_numpy(some))

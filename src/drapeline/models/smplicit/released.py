@@ -29,7 +29,9 @@ def load_released(path: str | Path) -> Decoder:
     if not isinstance(state, dict):
         raise InputError(f"{path}: holds no weights by name, expected a checkpoint of SMPLicit")
     state = {
-        name: value.squeeze(-1) if name.endswith(("weight_g", "weight_v")) and value.ndim == 3 else value
+        name: value.squeeze(-1)
+        if name.endswith(("weight_g", "weight_v")) and value.ndim == 3
+        else value
         for name, value in state.items()
         if isinstance(value, torch.Tensor)
     }
@@ -47,9 +49,7 @@ def load_released(path: str | Path) -> Decoder:
     expected = {name: tuple(value.shape) for name, value in decoder.state_dict().items()}
     for name, shape in expected.items():
         if shapes.get(name) != shape:
-            raise InputError(
-                f"{path}: '{name}' has shape {shapes.get(name)}, expected {shape}"
-            )
+            raise InputError(f"{path}: '{name}' has shape {shapes.get(name)}, expected {shape}")
     decoder.load_state_dict({name: state[name] for name in expected})
     return decoder.eval()
 

@@ -47,7 +47,7 @@ class FieldTraining(Training):
 
     Attributes:
         visits: how often an epoch visits each garment.
-        near, uniform: points per garment and step.
+        near, space: points per garment and step; see `drapeline.learning_data.garment_fields`.
         optimizer: "muon" for the matrices of the decoder, with Adam for the rest, or "adam".
         query_rate: learning rate of the first query layer, as a share of the others'. Its weights
             for all clusters move alike, so that its steps are larger than they look.
@@ -56,12 +56,12 @@ class FieldTraining(Training):
     """
 
     visits: int = 1
-    near: int = 160
-    uniform: int = 96
+    near: int = 128
+    space: int = 128
     optimizer: str = "muon"
     query_rate: float = 0.05
     style_rate: float = 5.0
-    muon_rate: float = 10.0
+    muon_rate: float = 20.0
 
 
 @dataclass(frozen=True)

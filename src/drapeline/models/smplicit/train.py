@@ -71,7 +71,7 @@ def train_field(
         InputError: a point, a distance or the loss is not finite.
     """
     rows = data.rows("train")
-    for name in ("near_distance", "uniform_distance"):
+    for name in ("near_distance", "space_distance"):
         refuse_unfinite(getattr(data, name)[rows], data.names(rows), "distances")
     training = model.settings.training
     about = {
@@ -81,7 +81,7 @@ def train_field(
         "data": arrays_digest(
             {
                 "near": data.near_distance,
-                "uniform": data.uniform_distance,
+                "space": data.space_distance,
                 "clusters": data.clusters,
                 "shape": data.shape,
             }
@@ -90,9 +90,7 @@ def train_field(
     }
     fit(
         model,
-        TrainingBatches(
-            _Visits(data, training.visits), batch=training.batch, seed=training.seed
-        ),
+        TrainingBatches(_Visits(data, training.visits), batch=training.batch, seed=training.seed),
         folder,
         progress=progress,
         epochs=training.epochs,

@@ -20,10 +20,6 @@ class FieldModel(NamedTuple):
     box: Box
 
 
-_ARMS, _LEGS, _DEPTH = 0.95, 0.7, 0.6
-_TOP, _WAIST, _HIP, _FLOOR = 0.85, 0.35, -0.35, -1.25
-
-
 def _types(region: str, *skirts: bool) -> tuple[str, ...]:
     return tuple(
         name
@@ -34,16 +30,10 @@ def _types(region: str, *skirts: bool) -> tuple[str, ...]:
 
 # The paper has the first three (3.3); it leaves garments for the whole body out.
 FIELD_MODELS = {
-    "upper": FieldModel(_types("upper", False), ((-_ARMS, -_DEPTH, _HIP), (_ARMS, _DEPTH, _TOP))),
-    "trousers": FieldModel(
-        _types("lower", False), ((-_LEGS, -_DEPTH, _FLOOR), (_LEGS, _DEPTH, _WAIST))
-    ),
-    "skirt": FieldModel(
-        _types("lower", True), ((-_LEGS, -_DEPTH, _FLOOR), (_LEGS, _DEPTH, _WAIST))
-    ),
-    "whole": FieldModel(
-        _types("whole", False, True), ((-_ARMS, -_DEPTH, _FLOOR), (_ARMS, _DEPTH, _TOP))
-    ),
+    "upper": FieldModel(_types("upper", False), ((-0.85, -0.32, -0.2), (0.85, 0.3, 0.75))),
+    "trousers": FieldModel(_types("lower", False), ((-0.52, -0.3, -1.12), (0.52, 0.3, 0.3))),
+    "skirt": FieldModel(_types("lower", True), ((-0.65, -0.55, -0.95), (0.65, 0.55, 0.3))),
+    "whole": FieldModel(_types("whole", False, True), ((-0.9, -0.52, -1.05), (0.9, 0.5, 0.8))),
 }
 MODEL_OF_GARMENT = {
     garment: name for name, model in FIELD_MODELS.items() for garment in model.garments

@@ -35,7 +35,7 @@ _WALLS = {
 }
 _FIELD = {
     "field_near_mm": ("Near the surface (mm)", 2),
-    "field_uniform_mm": ("In the whole box (mm)", 2),
+    "field_space_mm": ("In the whole box (mm)", 2),
 }
 
 
