@@ -1,4 +1,4 @@
-"""Rule `collect_fields`: the fields of a model's garments as mapped arrays, with the body's clusters."""
+"""Rule `collect_fields`: fields of a model's garments as mapped arrays, and the body's clusters."""
 
 from typing import TYPE_CHECKING
 

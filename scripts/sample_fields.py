@@ -1,4 +1,4 @@
-"""Rule `sample_fields`: distances around the garments of a shard, and what they cover of the body."""
+"""Rule `sample_fields`: distances around the garments of a shard, and the skin they cover."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Rule `train_smplicit`: SMPLicit's decoder, image encoder and styles for garments of some types."""
+"""Rule `train_smplicit`: SMPLicit's decoder, image encoder and styles for some garment types."""
 
 from typing import TYPE_CHECKING
 

@@ -49,8 +49,7 @@ class WornGarment(NamedTuple):
     root_rotation: np.ndarray
 
 
-@dataclass(frozen=True)
-class RebuiltGarment:
+class RebuiltGarment(NamedTuple):
     """A held-out garment with its surfaces, all at rest.
 
     Attributes:

@@ -131,7 +131,7 @@ class Decoder(torch.nn.Module):
         return getattr(self, f"fc{self._joint}")(hidden).squeeze(-1)
 
     def layers(self, given: Conditioned) -> list[tuple[torch.Tensor, torch.Tensor]]:
-        """Weights (inputs, outputs) and biases (outputs,) that the points of a garment pass through.
+        """Weights (inputs, outputs) and biases (outputs,) that points of a garment pass through.
 
         There is a ReLU between one layer and the next.
 
