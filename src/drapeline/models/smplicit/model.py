@@ -33,7 +33,6 @@ from drapeline.models.smplicit.sheet import extract_sheet
 from drapeline.models.smplicit.variants import FIELD_MODELS, Box
 from drapeline.models.smplicit.walls import Grid, extract_walls
 
-
 # No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
 REACH_M = 0.35
 _BLOCK_M = 0.06
