@@ -60,7 +60,7 @@ class FieldTraining(Training):
     space: int = 128
     optimizer: str = "muon"
     query_rate: float = 0.05
-    style_rate: float = 1.0
+    style_rate: float = 5.0
     muon_rate: float = 20.0
 
 
