@@ -1,9 +1,15 @@
 """Codes of garments from the silhouettes that a picture shows (SMPLicit 4.3, equation 6).
 
-Points around the body that fall on pixels of the garment have some point on their ray on the
-garment, C = 0; all others are off it. The paper asks for C = d_max of these; a point closer to the
-silhouette than d_max cannot be that far off, so here each has to be as far off as its pixel is from
-the garment's, and d_max at most, unless `FitImage.clearance` is switched off.
+Of the points around the body that fall on a pixel of the garment, one at least lies on it: C = 0.
+All others are off it, for which the paper asks C = d_max. A point closer to the silhouette than
+d_max cannot be that far off, so here it has to be as far off as its pixel is from the garment's,
+and d_max at most; `FitImage.clearance` switches back to the paper's form.
+
+The paper's prior is |z|. Codes of garments are not spread alike in all directions, and a code that
+leaves them gives a field of no garment. The prior here is the mean square of w in
+z = mean + F w, with F F^T the covariance of the training garments' codes; steps are taken in w.
+
+B garments.
 """
 
 from collections.abc import Sequence
@@ -16,6 +22,11 @@ import torch
 from drapeline.models.smplicit.image_points import SeenPoints
 from drapeline.models.smplicit.network import GarmentField
 
+_START_RAYS, _START_OFF = 150, 600  # points that starts are compared at
+_BATCH = 8  # starts that are looked at together
+_EASE = 1e-3  # of the codes' mean variance, added to all: there may be few of them
+_BEST = 4  # points off the garment of which one counts in a step
+
 
 @dataclass(frozen=True)
 class FitImage:
@@ -24,15 +35,19 @@ class FitImage:
     Attributes:
         points: drawn in the model's box around the body.
         neighbours: vertices of the body that a point follows; 1 in the paper.
-        ray_m: side of the squares of pixels that count as one ray, on the body.
-        rays, off: rays of the garment, and points off it, that count in a step.
-        starts: training codes that are tried as a start.
-        rounds: how often these are drawn anew.
+        ray_m: side of the squares of pixels that count as one ray, on the body, in metres.
+        rays: of the garment that count in a step.
+        off: points off the garment, of which the quarter that violates the loss most counts.
+        near: points of a ray, the nearest to the garment, that count in a step.
+        starts: training codes that are tried as a start, beside their mean.
+        rounds: how often points are chosen anew.
         steps: of Adam in each round.
-        rate: the first learning rate; it falls to zero like a cosine.
+        rate: the first learning rate, of w; it falls to zero like a cosine.
         off_weight: of points off the garment.
-        latent: weight of the code's mean absolute value.
+        prior: weight of the mean square of w.
         clearance: whether points near the silhouette may be closer to the garment than d_max.
+        least_px: garments with fewer pixels are left out.
+        smoothing: passes that smooth the motions of a sheet into the pose.
     """
 
     points: int = 150_000
@@ -40,17 +55,61 @@ class FitImage:
     ray_m: float = 0.01
     rays: int = 400
     off: int = 3000
+    near: int = 3
     starts: int = 32
     rounds: int = 6
-    steps: int = 12
-    rate: float = 0.05
+    steps: int = 10
+    rate: float = 0.2
     off_weight: float = 1.0
-    latent: float = 0.02
+    prior: float = 0.1
     clearance: bool = True
+    least_px: int = 50
+    smoothing: int = 20
+
+
+class CodePrior(NamedTuple):
+    """How the codes of a model's garments are spread: z = mean + factor w.
+
+    Attributes:
+        mean: (D,).
+        factor: (D, D) lower triangle.
+    """
+
+    mean: torch.Tensor
+    factor: torch.Tensor
+
+    def codes(self, w: torch.Tensor) -> torch.Tensor:
+        """(B, D) codes of w (B, D)."""
+        return self.mean + w @ self.factor.T
+
+    def whiten(self, z: torch.Tensor) -> torch.Tensor:
+        """(B, D) w of codes (B, D)."""
+        return torch.linalg.solve_triangular(self.factor, (z - self.mean).T, upper=False).T
+
+
+def code_prior(codes: np.ndarray) -> CodePrior:
+    """The prior of training codes (n, D)."""
+    z = np.asarray(codes, dtype=np.float64)
+    covariance = np.cov(z.T, bias=True)
+    covariance += _EASE * max(np.trace(covariance) / len(covariance), 1e-6) * np.eye(len(covariance))
+    factor = np.linalg.cholesky(covariance)
+    return CodePrior(
+        *(torch.from_numpy(part.astype(np.float32)) for part in (z.mean(axis=0), factor))
+    )
+
+
+def spread_codes(codes: np.ndarray, count: int) -> np.ndarray:
+    """(m, D) the mean of codes (n, D) and `count` of them that are far from one another."""
+    mean = codes.mean(axis=0)
+    chosen, away = [mean], np.linalg.norm(codes - mean, axis=1)
+    for _ in range(min(count, len(codes))):
+        chosen.append(codes[int(away.argmax())])
+        away = np.minimum(away, np.linalg.norm(codes - chosen[-1], axis=1))
+    return np.stack(chosen).astype(np.float32)
 
 
 class Evidence(NamedTuple):
-    """What counts in a step, of B garments.
+    """What counts in a step.
 
     Attributes:
         on: (B, R, S, 3) points on rays of the garment.
@@ -72,26 +131,66 @@ def image_loss(
     z: torch.Tensor,
     settings: FitImage,
 ) -> torch.Tensor:
-    """(B,) equation 6, as means over rays and over points off the garment, plus the prior.
+    """(B,) equation 6, as means over rays and over points off the garment.
 
     Args:
         model: trained.
         evidence: of B garments.
         places: (B, K, 3) clusters of the wearers.
-        z: (B, cut + style).
+        z: (B, D) codes.
         settings: weights.
     """
-    rays, depth = evidence.on.shape[1:3]
+    rays, near = evidence.on.shape[1:3]
     points = torch.cat([evidence.on.flatten(1, 2), evidence.off], 1)
     distance = model.predict(points, places, z)
-    on, off = distance.split([rays * depth, evidence.off.shape[1]], 1)
-    covered = on.abs().unflatten(1, (rays, depth)).amin(2).mean(1)
-    short = evidence.least - off
-    free = (short.relu() if settings.clearance else short.abs()).sum(1) / evidence.drawn
-    return covered + settings.off_weight * free + settings.latent * z.abs().mean(1)
+    on, off = distance.split([rays * near, evidence.off.shape[1]], 1)
+    covered = on.abs().unflatten(1, (rays, near)).amin(2).mean(1)
+    short = _short(evidence.least, off, settings).sum(1) / evidence.drawn
+    return covered + settings.off_weight * short
+
+
+def _short(least: torch.Tensor, distance: torch.Tensor, settings: FitImage) -> torch.Tensor:
+    """By how much points off the garment are too close to it."""
+    return (least - distance).relu() if settings.clearance else (least - distance).abs()
 
 
 def fit_garments(
+    model: GarmentField,
+    codes: np.ndarray,
+    seen: Sequence[SeenPoints],
+    places: torch.Tensor,
+    settings: FitImage,
+    rng: np.random.Generator,
+) -> torch.Tensor:
+    """(B, D) codes of B garments that a picture shows.
+
+    Args:
+        model: trained.
+        codes: (n, D) of the training garments.
+        seen: what the picture tells of each garment; each has points on it and off it.
+        places: (B, K, 3) clusters of the wearers.
+        settings: of the fit.
+        rng: draws the points.
+    """
+    prior = code_prior(codes)
+    starts = torch.from_numpy(spread_codes(codes, settings.starts))
+    w = prior.whiten(best_start(model, seen, places, starts, settings, rng)).clone()
+    w.requires_grad_(True)
+    optimizer = torch.optim.Adam([w], lr=settings.rate)
+    steps = settings.rounds * settings.steps
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    for _ in range(settings.rounds):
+        evidence = draw_evidence(model, seen, places, prior.codes(w.detach()), settings, rng)
+        for _ in range(settings.steps):
+            loss = image_loss(model, evidence, places, prior.codes(w), settings)
+            loss = loss + settings.prior * w.square().mean(1)
+            (w.grad,) = torch.autograd.grad(loss.sum(), w)
+            optimizer.step()
+            schedule.step()
+    return prior.codes(w.detach())
+
+
+def best_start(
     model: GarmentField,
     seen: Sequence[SeenPoints],
     places: torch.Tensor,
@@ -99,87 +198,95 @@ def fit_garments(
     settings: FitImage,
     rng: np.random.Generator,
 ) -> torch.Tensor:
-    """(B, cut + style) codes of B garments that a picture shows.
-
-    Args:
-        model: trained.
-        seen: what is known of each garment; each has points on and off it.
-        places: (B, K, 3) clusters of the wearers.
-        starts: (n, cut + style) codes, the best of which the fit starts from.
-        settings: of the fit.
-        rng: draws the points.
-    """
-    z = _best_start(model, seen, places, starts, settings, rng).requires_grad_(True)
-    optimizer = torch.optim.Adam([z], lr=settings.rate)
-    steps = settings.rounds * settings.steps
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
-    for _ in range(settings.rounds):
-        evidence = draw_evidence(model, seen, places, z.detach(), settings, rng)
-        for _ in range(settings.steps):
-            loss = image_loss(model, evidence, places, z, settings)
-            (z.grad,) = torch.autograd.grad(loss.sum(), z)
-            optimizer.step()
-            schedule.step()
-    return z.detach()
-
-
-def _best_start(model, seen, places, starts, settings, rng):
+    """(B, D) the code of `starts` (n, D) with the least loss, for each garment."""
     chosen = []
-    for one, place in zip(seen, places, strict=True):
-        rays = _ray_points(one, rng.choice(_rays(one), min(_rays(one), 150), replace=False))
-        index = np.concatenate([rays, np.repeat(rays[:, :1], max(0, 8 - rays.shape[1]), 1)], 1)
-        off = rng.integers(len(one.off), size=600)
+    for points, place in zip(seen, places, strict=True):
+        rays = rng.choice(points.rays, min(points.rays, _START_RAYS), replace=False)
+        index, _ = _points_of_rays(points, rays)
+        off = rng.integers(len(points.off), size=_START_OFF)
         evidence = Evidence(
-            torch.from_numpy(one.on[index[:, :8]])[None],
-            torch.from_numpy(one.off[off])[None],
-            _least(model, one, off)[None],
-            600,
+            torch.from_numpy(points.on[index])[None],
+            torch.from_numpy(points.off[off])[None],
+            _least(model, points, off, settings)[None],
+            _START_OFF,
         )
         with torch.no_grad():
-            scores = [image_loss(model, evidence, place[None], z[None], settings) for z in starts]
+            scores = [
+                image_loss(model, _of_all(evidence, len(z)), place.expand(len(z), -1, -1), z, settings)
+                for z in starts.split(_BATCH)
+            ]
         chosen.append(starts[int(torch.cat(scores).argmin())])
     return torch.stack(chosen)
 
 
-def _rays(seen):
-    return int(seen.ray.max()) + 1
+def _of_all(evidence: Evidence, count: int) -> Evidence:
+    on, off, least = (
+        part.expand(count, *part.shape[1:]) for part in (evidence.on, evidence.off, evidence.least)
+    )
+    return Evidence(on, off, least, evidence.drawn)
 
 
-def _least(model, seen, off):
-    d = np.minimum(seen.clearance_m[off] / model.d_max_m, 1).astype(np.float32)
-    return torch.from_numpy(d)
+def _points_of_rays(points: SeenPoints, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(R, M) indices of all points of some rays, the first repeated; and which are not repeats."""
+    count = np.diff(points.first)[rays]
+    column = np.arange(count.max())
+    own = column < count[:, None]
+    return points.first[rays][:, None] + np.where(own, column, 0), own
 
 
-def _ray_points(seen, rays, key=None):
-    """(R, S) indices, by key then random; padded by the first."""
-    order = np.argsort(seen.ray, kind="stable") if key is None else np.lexsort((key, seen.ray))
-    starts = np.searchsorted(seen.ray[order], np.arange(_rays(seen) + 1))
-    count = np.diff(starts)[rays]
-    col = np.arange(count.max())
-    col = np.where(col < count[:, None], col, 0)
-    return order[starts[:-1][rays][:, None] + col]
+def _least(
+    model: GarmentField, points: SeenPoints, off: np.ndarray, settings: FitImage
+) -> torch.Tensor:
+    """Distances, in units of d_max, that points off the garment have at least."""
+    if not settings.clearance:
+        return torch.ones(len(off))
+    return torch.from_numpy(points.clearance_m[off] / model.d_max_m).clamp(max=1)
 
 
-def draw_evidence(model, seen, places, z, settings, rng):
-    on, off, least = [], [], []
-    keep = 3
-    for one, place, code in zip(seen, places, z, strict=True):
-        rays = rng.choice(_rays(one), settings.rays, replace=_rays(one) < settings.rays)
-        used = np.flatnonzero(np.isin(one.ray, rays))
-        candidates = rng.choice(len(one.off), settings.off, replace=len(one.off) < settings.off)
-        points = np.concatenate([one.on[used], one.off[candidates]])
-        with torch.no_grad():
-            d = model.predict(torch.from_numpy(points)[None], place[None], code[None])[0]
-        key = np.full(len(one.on), np.inf, np.float32)
-        key[used] = d[: len(used)].abs().numpy()
-        index = _ray_points(one, rays, key)
-        if index.shape[1] < keep:
-            index = np.concatenate([index, np.repeat(index[:, :1], keep - index.shape[1], 1)], 1)
-        on.append(torch.from_numpy(one.on[index[:, :keep]]))
-        need = _least(model, one, candidates)
-        short = need - d[len(used):]
-        if not settings.clearance: short = short.abs()
-        order = short.argsort(descending=True)[: settings.off // 4]
-        off.append(torch.from_numpy(one.off[candidates[order.numpy()]]))
-        least.append(need[order])
-    return Evidence(torch.stack(on), torch.stack(off), torch.stack(least), settings.off)
+def draw_evidence(
+    model: GarmentField,
+    seen: Sequence[SeenPoints],
+    places: torch.Tensor,
+    z: torch.Tensor,
+    settings: FitImage,
+    rng: np.random.Generator,
+) -> Evidence:
+    """Rays and points that count in the next steps, given the codes z (B, D) so far.
+
+    The other points of these rays are further from the garment, and the other points off it are
+    far enough from it, so that their gradient is zero for now.
+    """
+    parts = [
+        _evidence_of_one(model, points, place[None], code[None], settings, rng)
+        for points, place, code in zip(seen, places, z, strict=True)
+    ]
+    return Evidence(*(torch.stack(part) for part in zip(*parts, strict=True)), settings.off)
+
+
+def _evidence_of_one(
+    model: GarmentField,
+    points: SeenPoints,
+    place: torch.Tensor,
+    z: torch.Tensor,
+    settings: FitImage,
+    rng: np.random.Generator,
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    rays = rng.choice(points.rays, settings.rays, replace=points.rays < settings.rays)
+    off = rng.choice(len(points.off), settings.off, replace=len(points.off) < settings.off)
+    index, own = _points_of_rays(points, rays)
+    looked = torch.from_numpy(np.concatenate([points.on[index[own]], points.off[off]]))
+    with torch.no_grad():
+        distance = model.predict(looked[None], place, z)[0]
+    on = np.full(own.shape, np.inf, dtype=np.float32)
+    on[own] = distance[: own.sum()].abs()
+    # A ray with fewer points than wanted repeats its nearest.
+    order = np.argsort(on, axis=1)[:, np.minimum(np.arange(settings.near), own.shape[1] - 1)]
+    order = np.where(np.isfinite(np.take_along_axis(on, order, 1)), order, order[:, :1])
+    least = _least(model, points, off, settings)
+    short = _short(least, distance[own.sum() :], settings)
+    worst = short.topk(settings.off // _BEST).indices
+    return (
+        torch.from_numpy(points.on[np.take_along_axis(index, order, 1)]),
+        torch.from_numpy(points.off[off[worst.numpy()]]),
+        least[worst],
+    )

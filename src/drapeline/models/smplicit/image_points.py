@@ -123,20 +123,26 @@ def hidden_by_body(points: np.ndarray, body: PosedBody, camera: Camera) -> np.nd
 
 @dataclass(frozen=True)
 class SeenPoints:
-    """Points that a picture tells something about.
+    """Points that a picture tells something about, all of them in sight.
 
     Attributes:
-        on: (P, 3) float32 at rest, unhidden points whose pixels show the garment.
-        ray: (P,) rays that they are on, 0 to R - 1: small squares of pixels.
-        off: (Q, 3) float32 at rest, unhidden points whose pixels show something else.
-        clearance_m: (Q,) distance of their pixels from the nearest one of the garment, at the depth
-            of the point; what is seen of the garment is no closer to them.
+        on: (P, 3) float32 at rest, points whose pixels show the garment, ray by ray. A ray is a
+            small square of pixels.
+        first: (R + 1,) the first point of each ray, and P.
+        off: (Q, 3) float32 at rest, points whose pixels show something else.
+        clearance_m: (Q,) float32, distance of their pixels from the nearest one of the garment, at
+            the depth of the point: what is seen of the garment is no closer to them.
     """
 
     on: np.ndarray
-    ray: np.ndarray
+    first: np.ndarray
     off: np.ndarray
     clearance_m: np.ndarray
+
+    @property
+    def rays(self) -> int:
+        """R, the number of rays."""
+        return len(self.first) - 1
 
 
 def seen_points(
@@ -171,7 +177,14 @@ def seen_points(
     is_on = garment[pixel[:, 1], pixel[:, 0]]
     focal = camera.intrinsics[0, 0]
     side = max(1, round(ray_m * focal / float(np.median(depth)))) if len(depth) else 1
-    square = pixel[is_on] // side
-    _, ray = np.unique(square[:, 1] * camera.width + square[:, 0], return_inverse=True)
+    column, row = pixel[is_on].T // side
+    square = row * camera.width + column
+    order = np.argsort(square, kind="stable")
+    first = np.flatnonzero(np.diff(square[order], prepend=-1))
     away_px = distance_transform_edt(~garment)[pixel[~is_on, 1], pixel[~is_on, 0]]
-    return SeenPoints(points[is_on], ray, points[~is_on], away_px * depth[~is_on] / focal)
+    return SeenPoints(
+        points[is_on][order],
+        np.append(first, len(order)),
+        points[~is_on],
+        (away_px * depth[~is_on] / focal).astype(np.float32),
+    )
