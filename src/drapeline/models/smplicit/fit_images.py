@@ -91,7 +91,9 @@ def code_prior(codes: np.ndarray) -> CodePrior:
     """The prior of training codes (n, D)."""
     z = np.asarray(codes, dtype=np.float64)
     covariance = np.cov(z.T, bias=True)
-    covariance += _EASE * max(np.trace(covariance) / len(covariance), 1e-6) * np.eye(len(covariance))
+    covariance += (
+        _EASE * max(np.trace(covariance) / len(covariance), 1e-6) * np.eye(len(covariance))
+    )
     factor = np.linalg.cholesky(covariance)
     return CodePrior(
         *(torch.from_numpy(part.astype(np.float32)) for part in (z.mean(axis=0), factor))
@@ -212,7 +214,9 @@ def best_start(
         )
         with torch.no_grad():
             scores = [
-                image_loss(model, _of_all(evidence, len(z)), place.expand(len(z), -1, -1), z, settings)
+                image_loss(
+                    model, _of_all(evidence, len(z)), place.expand(len(z), -1, -1), z, settings
+                )
                 for z in starts.split(_BATCH)
             ]
         chosen.append(starts[int(torch.cat(scores).argmin())])

@@ -15,8 +15,7 @@ import scipy.sparse as sp
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import KDTree
 
-from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
-from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
+from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import face_normals
@@ -44,9 +43,7 @@ class PosedBody(NamedTuple):
     faces: np.ndarray
 
 
-def pose_body(
-    body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.ndarray
-) -> PosedBody:
+def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.ndarray) -> PosedBody:
     """A body at rest and in a pose.
 
     Args:
@@ -72,9 +69,7 @@ def follow(points: np.ndarray, body: PosedBody, neighbours: int) -> np.ndarray:
     share = 1 / np.maximum(distance.reshape(shape), _SMALL_M) ** 2
     share /= share.sum(axis=1, keepdims=True)
     rows = np.arange(len(points) + 1) * neighbours
-    blend = sp.csr_matrix(
-        (share.ravel(), near.ravel(), rows), shape=(len(points), len(body.rest))
-    )
+    blend = sp.csr_matrix((share.ravel(), near.ravel(), rows), shape=(len(points), len(body.rest)))
     shift = body.posed - np.einsum("vab,vb->va", body.turns, body.rest)
     motion = np.concatenate([shift, body.turns.reshape(-1, 9)], axis=1)
     return (blend @ motion).reshape(-1, 4, 3)

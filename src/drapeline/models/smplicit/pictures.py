@@ -278,7 +278,9 @@ def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> n
         if file.suffix == ".npy":
             return np.load(file, allow_pickle=False)
         with Image.open(file) as image:
-            return np.asarray(image if image.mode in ("L", "P", "I;16", "I") else image.convert("RGB"))
+            return np.asarray(
+                image if image.mode in ("L", "P", "I;16", "I") else image.convert("RGB")
+            )
     except FileNotFoundError as error:
         raise InputError(f"{file}: no such file, expected the {key} of {path}") from error
     except (UnidentifiedImageError, OSError, ValueError) as error:
