@@ -3,7 +3,8 @@
 Of the points around the body that fall on a pixel of the garment, one at least lies on it: C = 0.
 All others are off it, for which the paper asks C = d_max. A point closer to the silhouette than
 d_max cannot be that far off, so here it has to be as far off as its pixel is from the garment's,
-and d_max at most; `FitImage.clearance` switches back to the paper's form.
+and d_max at most; `FitImage.clearance` switches back to the paper's form. Of a pixel off the
+garment the worst point counts, so that both kinds of pixels weigh alike.
 
 The paper's prior is |z|. Codes of garments are not spread alike in all directions, and a code that
 leaves them gives a field of no garment. The prior here is the mean square of w in
@@ -19,13 +20,12 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from drapeline.models.smplicit.image_points import SeenPoints
+from drapeline.models.smplicit.image_points import RayPoints, SeenPoints
 from drapeline.models.smplicit.network import GarmentField
 
-_START_RAYS, _START_OFF = 150, 600  # points that starts are compared at
+_START_RAYS, _START_POINTS = 150, 8  # of either kind, and on each, that starts are compared at
 _BATCH = 8  # starts that are looked at together
 _EASE = 1e-3  # of the codes' mean variance, added to all: there may be few of them
-_BEST = 4  # points off the garment of which one counts in a step
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,13 @@ class FitImage:
         points: drawn in the model's box around the body.
         neighbours: vertices of the body that a point follows; 1 in the paper.
         ray_m: side of the squares of pixels that count as one ray, on the body, in metres.
-        rays: of the garment that count in a step.
-        off: points off the garment, of which the quarter that violates the loss most counts.
-        near: points of a ray, the nearest to the garment, that count in a step.
+        rays: on the garment, and as many off it, that count in a step.
+        near: points of a ray, those that decide its loss, that count in a step.
         starts: training codes that are tried as a start, beside their mean.
         rounds: how often points are chosen anew.
         steps: of Adam in each round.
         rate: the first learning rate, of w; it falls to zero like a cosine.
-        off_weight: of points off the garment.
+        off_weight: of rays off the garment.
         prior: weight of the mean square of w.
         clearance: whether points near the silhouette may be closer to the garment than d_max.
         least_px: garments with fewer pixels are left out.
@@ -54,8 +53,7 @@ class FitImage:
     neighbours: int = 8
     ray_m: float = 0.01
     rays: int = 400
-    off: int = 3000
-    near: int = 3
+    near: int = 2
     starts: int = 32
     rounds: int = 6
     steps: int = 10
@@ -115,15 +113,15 @@ class Evidence(NamedTuple):
 
     Attributes:
         on: (B, R, S, 3) points on rays of the garment.
-        off: (B, Q, 3) points off it.
-        least: (B, Q) least distances there, in units of d_max.
-        drawn: of how many points these Q are the ones that matter.
+        off: (B, Q, T, 3) points on rays off it.
+        least: (B, Q, T) least distances there, in units of d_max.
+        weight: (B, Q) of the rays off the garment: how many these stand for, per ray of it.
     """
 
     on: torch.Tensor
     off: torch.Tensor
     least: torch.Tensor
-    drawn: int
+    weight: torch.Tensor
 
 
 def image_loss(
@@ -133,7 +131,7 @@ def image_loss(
     z: torch.Tensor,
     settings: FitImage,
 ) -> torch.Tensor:
-    """(B,) equation 6, as means over rays and over points off the garment.
+    """(B,) equation 6, a mean over the garment's rays to which those off it are added.
 
     Args:
         model: trained.
@@ -142,13 +140,13 @@ def image_loss(
         z: (B, D) codes.
         settings: weights.
     """
-    rays, near = evidence.on.shape[1:3]
-    points = torch.cat([evidence.on.flatten(1, 2), evidence.off], 1)
+    on_rays, off_rays = evidence.on.shape[1:3], evidence.off.shape[1:3]
+    points = torch.cat([evidence.on.flatten(1, 2), evidence.off.flatten(1, 2)], 1)
     distance = model.predict(points, places, z)
-    on, off = distance.split([rays * near, evidence.off.shape[1]], 1)
-    covered = on.abs().unflatten(1, (rays, near)).amin(2).mean(1)
-    short = _short(evidence.least, off, settings).sum(1) / evidence.drawn
-    return covered + settings.off_weight * short
+    on, off = distance.split([on_rays.numel(), off_rays.numel()], 1)
+    uncovered = on.abs().unflatten(1, on_rays).amin(2).mean(1)
+    short = _short(evidence.least, off.unflatten(1, off_rays), settings).amax(2)
+    return uncovered + settings.off_weight * (evidence.weight * short).sum(1)
 
 
 def _short(least: torch.Tensor, distance: torch.Tensor, settings: FitImage) -> torch.Tensor:
@@ -175,7 +173,7 @@ def fit_garments(
         rng: draws the points.
     """
     prior = code_prior(codes)
-    starts = torch.from_numpy(spread_codes(codes, settings.starts))
+    starts = spread_codes(codes, settings.starts)
     w = prior.whiten(best_start(model, seen, places, starts, settings, rng)).clone()
     w.requires_grad_(True)
     optimizer = torch.optim.Adam([w], lr=settings.rate)
@@ -196,55 +194,67 @@ def best_start(
     model: GarmentField,
     seen: Sequence[SeenPoints],
     places: torch.Tensor,
-    starts: torch.Tensor,
+    starts: np.ndarray,
     settings: FitImage,
     rng: np.random.Generator,
 ) -> torch.Tensor:
     """(B, D) the code of `starts` (n, D) with the least loss, for each garment."""
-    chosen = []
-    for points, place in zip(seen, places, strict=True):
-        rays = rng.choice(points.rays, min(points.rays, _START_RAYS), replace=False)
-        index, _ = _points_of_rays(points, rays)
-        off = rng.integers(len(points.off), size=_START_OFF)
-        evidence = Evidence(
-            torch.from_numpy(points.on[index])[None],
-            torch.from_numpy(points.off[off])[None],
-            _least(model, points, off, settings)[None],
-            _START_OFF,
-        )
-        with torch.no_grad():
-            scores = [
-                image_loss(
-                    model, _of_all(evidence, len(z)), place.expand(len(z), -1, -1), z, settings
-                )
-                for z in starts.split(_BATCH)
-            ]
-        chosen.append(starts[int(torch.cat(scores).argmin())])
-    return torch.stack(chosen)
+    best = [
+        rank_codes(model, points, place, starts, settings, rng)[0]
+        for points, place in zip(seen, places, strict=True)
+    ]
+    return torch.from_numpy(starts[best])
+
+
+def rank_codes(
+    model: GarmentField,
+    points: SeenPoints,
+    place: torch.Tensor,
+    codes: np.ndarray,
+    settings: FitImage,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(n,) indices of codes (n, D), the one with the least loss for a garment first.
+
+    Args:
+        model: trained.
+        points: what the picture tells of the garment.
+        place: (K, 3) clusters of the wearer.
+        codes: to compare.
+        settings: weights.
+        rng: draws the points that they are compared at.
+    """
+    # The points of a ray are in random order.
+    on, off = (
+        part.members(rng.choice(len(part), min(len(part), _START_RAYS), replace=False))[0]
+        for part in points
+    )
+    on, off = on[:, :_START_POINTS], off[:, :_START_POINTS]
+    evidence = Evidence(
+        torch.from_numpy(points.on.points[on])[None],
+        torch.from_numpy(points.off.points[off])[None],
+        _least(model, points.off, off, settings)[None],
+        torch.full((1, len(off)), len(points.off) / (len(points.on) * len(off))),
+    )
+    with torch.no_grad():
+        losses = [
+            image_loss(model, _of_all(evidence, len(z)), place.expand(len(z), -1, -1), z, settings)
+            for z in torch.from_numpy(codes.astype(np.float32)).split(_BATCH)
+        ]
+    return torch.cat(losses).argsort(stable=True).numpy()
 
 
 def _of_all(evidence: Evidence, count: int) -> Evidence:
-    on, off, least = (
-        part.expand(count, *part.shape[1:]) for part in (evidence.on, evidence.off, evidence.least)
-    )
-    return Evidence(on, off, least, evidence.drawn)
-
-
-def _points_of_rays(points: SeenPoints, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(R, M) indices of all points of some rays, the first repeated; and which are not repeats."""
-    count = np.diff(points.first)[rays]
-    column = np.arange(count.max())
-    own = column < count[:, None]
-    return points.first[rays][:, None] + np.where(own, column, 0), own
+    return Evidence(*(part.expand(count, *part.shape[1:]) for part in evidence))
 
 
 def _least(
-    model: GarmentField, points: SeenPoints, off: np.ndarray, settings: FitImage
+    model: GarmentField, off: RayPoints, index: np.ndarray, settings: FitImage
 ) -> torch.Tensor:
     """Distances, in units of d_max, that points off the garment have at least."""
     if not settings.clearance:
-        return torch.ones(len(off))
-    return torch.from_numpy(points.clearance_m[off] / model.d_max_m).clamp(max=1)
+        return torch.ones(index.shape)
+    return torch.from_numpy(off.clearance_m[index] / model.d_max_m).clamp(max=1)
 
 
 def draw_evidence(
@@ -257,14 +267,14 @@ def draw_evidence(
 ) -> Evidence:
     """Rays and points that count in the next steps, given the codes z (B, D) so far.
 
-    The other points of these rays are further from the garment, and the other points off it are
-    far enough from it, so that their gradient is zero for now.
+    The other points of these rays decide nothing for now, and the other rays off the garment are
+    far enough from it.
     """
     parts = [
         _evidence_of_one(model, points, place[None], code[None], settings, rng)
         for points, place, code in zip(seen, places, z, strict=True)
     ]
-    return Evidence(*(torch.stack(part) for part in zip(*parts, strict=True)), settings.off)
+    return Evidence(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 
 def _evidence_of_one(
@@ -274,23 +284,44 @@ def _evidence_of_one(
     z: torch.Tensor,
     settings: FitImage,
     rng: np.random.Generator,
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    rays = rng.choice(points.rays, settings.rays, replace=points.rays < settings.rays)
-    off = rng.choice(len(points.off), settings.off, replace=len(points.off) < settings.off)
-    index, own = _points_of_rays(points, rays)
-    looked = torch.from_numpy(np.concatenate([points.on[index[own]], points.off[off]]))
-    with torch.no_grad():
-        distance = model.predict(looked[None], place, z)[0]
-    on = np.full(own.shape, np.inf, dtype=np.float32)
-    on[own] = distance[: own.sum()].abs()
-    # A ray with fewer points than wanted repeats its nearest.
-    order = np.argsort(on, axis=1)[:, np.minimum(np.arange(settings.near), own.shape[1] - 1)]
-    order = np.where(np.isfinite(np.take_along_axis(on, order, 1)), order, order[:, :1])
-    least = _least(model, points, off, settings)
-    short = _short(least, distance[own.sum() :], settings)
-    worst = short.topk(settings.off // _BEST).indices
-    return (
-        torch.from_numpy(points.on[np.take_along_axis(index, order, 1)]),
-        torch.from_numpy(points.off[off[worst.numpy()]]),
-        least[worst],
+) -> Evidence:
+    wanted = settings.rays
+    on, off = points
+    on_index, on_own = on.members(rng.choice(len(on), wanted, replace=len(on) < wanted))
+    off_index, off_own = off.members(
+        rng.choice(len(off), 3 * wanted, replace=len(off) < 3 * wanted)
     )
+    looked = [on.points[on_index[on_own]], off.points[off_index[off_own]]]
+    with torch.no_grad():
+        distance = model.predict(torch.from_numpy(np.concatenate(looked))[None], place, z)[0]
+    on_distance, off_distance = distance.split([*map(len, looked)])
+    on_index, _ = _first(on_index, on_own, on_distance.abs(), settings.near)
+    least = _least(model, off, off_index[off_own], settings)
+    short = _short(least, off_distance, settings)
+    off_index, worst = _first(off_index, off_own, -short, settings.near)
+    chosen = np.argsort(worst, kind="stable")[:wanted]
+    off_index = off_index[chosen]
+    return Evidence(
+        torch.from_numpy(on.points[on_index]),
+        torch.from_numpy(off.points[off_index]),
+        _least(model, off, off_index, settings),
+        torch.full((len(off_index),), len(off) / (len(on) * 3 * wanted)),
+    )
+
+
+def _first(
+    index: np.ndarray, own: np.ndarray, value: torch.Tensor, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of each ray the points (R, count) with the least values, and the least value (R,).
+
+    Args:
+        index, own: (R, M) points, see `RayPoints.members`.
+        value: of the points that are no repeats.
+        count: of points; a ray with fewer repeats the first.
+    """
+    table = np.full(own.shape, np.inf, dtype=np.float32)
+    table[own] = value
+    order = np.argsort(table, axis=1)[:, np.minimum(np.arange(count), own.shape[1] - 1)]
+    sorted_ = np.take_along_axis(table, order, 1)
+    order = np.where(np.isfinite(sorted_), order, order[:, :1])
+    return np.take_along_axis(index, order, 1), sorted_[:, 0]

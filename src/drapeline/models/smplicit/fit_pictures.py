@@ -103,10 +103,11 @@ def look_at_points(
         neighbours=settings.neighbours,
         ray_m=settings.ray_m,
     )
-    if not seen.rays or not len(seen.off):
+    if not len(seen.on) or not len(seen.off):
         raise InputError(
-            f"{name}: {len(seen.on)} points around the body are on its pixels and {len(seen.off)}"
-            " beside them, expected some of both; do body and camera belong to the picture?"
+            f"{name}: {len(seen.on.points)} points around the body are on its pixels and"
+            f" {len(seen.off.points)} beside them, expected some of both; do body and camera belong"
+            " to the picture?"
         )
     return seen
 

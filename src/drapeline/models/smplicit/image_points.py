@@ -117,27 +117,41 @@ def hidden_by_body(points: np.ndarray, body: PosedBody, camera: Camera) -> np.nd
 
 
 @dataclass(frozen=True)
-class SeenPoints:
+class RayPoints:
+    """Points by the rays that they are on; a ray is a small square of pixels.
+
+    Attributes:
+        points: (P, 3) float32 at rest, ray by ray.
+        first: (R + 1,) the first point of each ray, and P.
+        clearance_m: (P,) float32, distance of the points' pixels from the nearest one of the
+            garment, at the depth of the points: what is seen of the garment is no closer to them.
+    """
+
+    points: np.ndarray
+    first: np.ndarray
+    clearance_m: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    def members(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(R, M) indices of the points of some rays, the first repeated; which are no repeats."""
+        count = np.diff(self.first)[rays]
+        column = np.arange(count.max(initial=1))
+        own = column < count[:, None]
+        return self.first[rays][:, None] + np.where(own, column, 0), own
+
+
+class SeenPoints(NamedTuple):
     """Points that a picture tells something about, all of them in sight.
 
     Attributes:
-        on: (P, 3) float32 at rest, points whose pixels show the garment, ray by ray. A ray is a
-            small square of pixels.
-        first: (R + 1,) the first point of each ray, and P.
-        off: (Q, 3) float32 at rest, points whose pixels show something else.
-        clearance_m: (Q,) float32, distance of their pixels from the nearest one of the garment, at
-            the depth of the point: what is seen of the garment is no closer to them.
+        on: whose pixels show the garment.
+        off: whose pixels show something else.
     """
 
-    on: np.ndarray
-    first: np.ndarray
-    off: np.ndarray
-    clearance_m: np.ndarray
-
-    @property
-    def rays(self) -> int:
-        """R, the number of rays."""
-        return len(self.first) - 1
+    on: RayPoints
+    off: RayPoints
 
 
 def seen_points(
@@ -169,17 +183,21 @@ def seen_points(
     kept[kept] = ~unknown[pixel[kept, 1], pixel[kept, 0]]
     kept[kept] = ~hidden_by_body(posed[kept], body, camera)
     points, pixel, depth = points[kept], pixel[kept], depth[kept]
-    is_on = garment[pixel[:, 1], pixel[:, 0]]
     focal = camera.intrinsics[0, 0]
     side = max(1, round(ray_m * focal / float(np.median(depth)))) if len(depth) else 1
-    column, row = pixel[is_on].T // side
-    square = row * camera.width + column
+    column, row = pixel.T // side
+    away_px = distance_transform_edt(~garment)[pixel[:, 1], pixel[:, 0]]
+    clearance = (away_px * depth / focal).astype(np.float32)
+    is_on = garment[pixel[:, 1], pixel[:, 0]]
+    return SeenPoints(
+        *(
+            _by_rays(points[part], (row * camera.width + column)[part], clearance[part])
+            for part in (is_on, ~is_on)
+        )
+    )
+
+
+def _by_rays(points: np.ndarray, square: np.ndarray, clearance: np.ndarray) -> RayPoints:
     order = np.argsort(square, kind="stable")
     first = np.flatnonzero(np.diff(square[order], prepend=-1))
-    away_px = distance_transform_edt(~garment)[pixel[~is_on, 1], pixel[~is_on, 0]]
-    return SeenPoints(
-        points[is_on][order],
-        np.append(first, len(order)),
-        points[~is_on],
-        (away_px * depth[~is_on] / focal).astype(np.float32),
-    )
+    return RayPoints(points[order], np.append(first, len(order)), clearance[order])

@@ -29,7 +29,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import BodyModel, shape_body
+from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -365,10 +365,10 @@ class _Reader:
         pose = self._pose()
         camera = self._camera(classes.shape)
         trans = self._trans(gender, shape)
-        self._check_seen(camera, trans)
-        return Person(
-            gender, shape, pose, trans, camera, own, others, self._garments(classes, own, least_px)
-        )
+        garments = self._garments(classes, own, least_px)
+        person = Person(gender, shape, pose, trans, camera, own, others, garments)
+        self._check_seen(person)
+        return person
 
     def _fail(self, text: str) -> InputError:
         return InputError(f"{self.path}: {self.where}: {text}")
@@ -436,15 +436,19 @@ class _Reader:
             return root
         raise self._fail("there is neither 'trans' nor 'transl', expected the person's place")
 
-    def _check_seen(self, camera: Camera, trans: np.ndarray) -> None:
-        image, depth = camera.project(trans)
-        size = np.array([camera.width, camera.height])
-        if depth <= 0:
+    def _check_seen(self, person: Person) -> None:
+        body = self.bodies[person.gender]
+        posed, _ = posed_vertices(body, person.shape, person.pose[None], person.trans[None])
+        image, depth = person.camera.project(posed[0].astype(np.float64))
+        if (depth <= 0).all():
             raise self._fail("the body is behind the camera, expected it in the picture")
-        if (image < -size / 2).any() or (image > 1.5 * size).any():
+        size = np.array([person.camera.width, person.camera.height])
+        inside = (depth > 0) & (image >= 0).all(axis=1) & (image < size).all(axis=1)
+        if not inside.any():
+            x, y = np.median(image[depth > 0], axis=0)
             raise self._fail(
-                f"the body's root joint is at pixel ({image[0]:.0f}, {image[1]:.0f}), far outside"
-                f" the picture of {size[0]} x {size[1]} pixels"
+                f"the body is at pixel ({x:.0f}, {y:.0f}), outside the picture of"
+                f" {size[0]} x {size[1]} pixels"
             )
 
     def _garments(self, classes: np.ndarray, own: np.ndarray, least_px: int) -> tuple[str, ...]:
