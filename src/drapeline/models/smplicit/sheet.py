@@ -13,7 +13,7 @@ class tick:
     def __enter__(s): s.t=time.process_time()
     def __exit__(s,*a): T[s.n]=T.get(s.n,0)+time.process_time()-s.t
 
-REACH=20.0; RIM=0.02
+REACH=20.0; RIM=0.02; POWER=2
 SMALL_HOLE=.08
 
 def normals_of(v,f):
@@ -25,7 +25,7 @@ def normals_of(v,f):
 def sides(walls,normals,area,through,outward):
     pairs=edges(walls.faces)
     wall=np.clip(through,0,1)
-    w=np.maximum(np.minimum(wall[pairs[:,0]],wall[pairs[:,1]])**2,RIM)*REACH**2
+    w=np.maximum(np.minimum(wall[pairs[:,0]],wall[pairs[:,1]])**POWER,RIM)*REACH**2
     n=len(walls.vertices)
     dot=np.einsum('vi,vi->v',normals,outward)
     a=area/area.mean()
