@@ -1,131 +1,236 @@
-"""proto"""
+"""The open, single surface of a garment in the middle between the two walls around it.
+
+SMPLicit (Corona et al. 2021) ends with the walls of `drapeline.models.smplicit.walls`; this step is
+ours. Which wall is the outer one is a segmentation of the walls' closed surface: as in a minimum
+cut (Greig et al. 1989, Boykov et al. 2001) each place has an opinion of its own, and the border
+goes where it is cheap. We solve the relaxed problem, a random walker (Grady 2006), since its border
+passes through triangles, not along their zigzag edges. The outer wall is then brought onto the
+cloth, along the walls' normals and, at its hems, along the field's gradients as in NDF (Chibane et
+al. 2020). MeshUDF (Guillard et al. 2022) also extracts open surfaces from such fields; it needs
+gradients at all points of a grid, most of them next to the cloth, where they are least certain.
+"""
+
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import cg
 
-from drapeline.geometry.mesh import Mesh, edges, half_edges, boundary_loops, edge_counts
-from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.geometry.mesh import Mesh, boundary_edges, boundary_loops, edges
+from drapeline.geometry.smoothing import averaging_matrix, blur, smooth
 from drapeline.metrics.garment import piece_indices
-import time
-T={}
-class tick:
-    def __init__(s,n): s.n=n
-    def __enter__(s): s.t=time.process_time()
-    def __exit__(s,*a): T[s.n]=T.get(s.n,0)+time.process_time()-s.t
+from drapeline.models.smplicit.fields import Field
 
-REACH=20.0; RIM=0.02; POWER=2
-SMALL_HOLE=.08
+SMALLEST_OPENING_M = 0.12  # around, at the walls; sleeves have 0.3 m
+_SMALLEST_PIECE = 0.1  # of the largest one's number of vertices
+# How sides are told apart.
+_AGREEMENT_EDGES = 10.0  # how far vertices on the same wall help each other, in edges
+_RIM_POWER = 6  # of what the probe says, so that even slanting parts of a rim part the walls
+_RIM_TIE = 1e-3  # of two vertices on a rim, as a share of that on a wall
+_TOLERANCE = 1e-3
+# Around hems, in edges from them.
+_HEM_REACH, _BLUR_PASSES = 2, 8
+_WALL_SHARE = 0.8  # of the threshold, which the probe finds where a rim has become a wall
+_HEM_PASSES, _SPREAD_PASSES, _LAST_PASSES = 10, 10, 3
 
-def normals_of(v,f):
-    c=np.cross(v[f[:,1]]-v[f[:,0]],v[f[:,2]]-v[f[:,0]])
-    n=np.stack([np.bincount(f.ravel(),np.repeat(c[:,k],3),len(v)) for k in range(3)],1)
-    l=np.linalg.norm(n,axis=1,keepdims=True)
-    return n/np.maximum(l,1e-20), l[:,0]
 
-def sides(walls,normals,area,through,outward):
-    pairs=edges(walls.faces)
-    wall=np.clip(through,0,1)
-    w=np.maximum(np.minimum(wall[pairs[:,0]],wall[pairs[:,1]])**POWER,RIM)*REACH**2
-    n=len(walls.vertices)
-    dot=np.einsum('vi,vi->v',normals,outward)
-    a=area/area.mean()
-    i=np.concatenate([pairs[:,0],pairs[:,1]]); j=np.concatenate([pairs[:,1],pairs[:,0]])
-    W=sp.csr_matrix((np.tile(w,2),(i,j)),(n,n))
-    S=sp.diags(a+np.asarray(W.sum(1)).ravel())-W
-    S=S.tocsr()
-    d=S.diagonal()
-    it=[0]
-    def cb(x): it[0]+=1
-    u,info=cg(S,a*dot,x0=dot,rtol=1e-3,maxiter=1000,M=sp.diags(1/d),callback=cb)
-    T['it']=it[0]
-    return u
+def extract_sheet(field: Field, walls: Mesh, threshold_m: float, outward: np.ndarray) -> Mesh:
+    """The open surface that walls at a distance `threshold_m` surround.
 
-def cut(faces,u,count):
-    """faces of positive part; new vertices as (a,b,share of b)"""
-    pos=u>0
-    k=pos[faces].sum(1)
-    whole=faces[k==3]
-    one=faces[k==1]; two=faces[k==2]
-    def turn(f,want):
-        odd=(pos[f]==want).argmax(1)
-        return np.take_along_axis(f,(odd[:,None]+np.arange(3))%3,1)
-    one,two=turn(one,True),turn(two,False)
-    # crossing edges
-    cr=np.concatenate([one[:,[0,1]],one[:,[0,2]],two[:,[1,0]],two[:,[2,0]]])
-    key,idx=np.unique(cr[:,0].astype(np.int64)*count+cr[:,1],return_inverse=True)
-    a,b=key//count,key%count
-    share=np.clip(u[a]/(u[a]-u[b]),.05,.95)
-    idx=idx+count
-    n1,n2=len(one),len(two)
-    o1,o2,t1,t2=np.split(idx,np.cumsum([n1,n1,n2]))
-    new=np.concatenate([whole,np.stack([one[:,0],o1,o2],1),np.stack([two[:,1],two[:,2],t2],1),np.stack([two[:,1],t2,t1],1)])
-    return new,a,b,share
+    Most places take two or three distances and no gradient. Openings closer together than twice
+    the threshold have grown together in the walls, and stay so.
 
-def compact(faces):
-    used,c=np.unique(faces,return_inverse=True)
-    return used,c.reshape(faces.shape)
+    Args:
+        field: distances, which may be off by a little that changes slowly from place to place.
+        walls: of `extract_walls`.
+        threshold_m: the same.
+        outward: (V, 3) for each of the walls' vertices, roughly the way out: away from the body.
+            Where garments touch the body, its normal at the closest point errs less than the way
+            from there.
 
-def extract_sheet(field,walls,t,outward,fill=True):
-    with tick('normals'):
-        v=walls.vertices.astype(np.float64); f=walls.faces
-        n,area=normals_of(v,f)
-    with tick('field'):
-        through=field.distances((v-2*t*n).astype(np.float32))
-    with tick('sides'):
-        u=sides(walls,n,area,through/t,outward)
-    with tick('cut'):
-        faces,a,b,share=cut(f,u,len(v))
-        used,faces=compact(faces)
-        def lift(x):
-            s=share.reshape(-1,*[1]*(x.ndim-1))
-            return np.concatenate([x,(1-s)*x[a]+s*x[b]])[used]
-        p,m,th=lift(v),lift(n),lift(through.astype(float))
-        m/=np.linalg.norm(m,axis=1,keepdims=True)
-        
-    with tick('pieces'):
-        piece=piece_indices(Mesh(p,faces))
-        T['pieces']=piece.max()+1
-        keep=piece[faces[:,0]]==0
-        used,faces=compact(faces[keep]); p,m,th=p[used],m[used],th[used]
-    with tick('loops'):
-        loops=boundary_loops(faces)
-        small=[l for l in loops if np.linalg.norm(p[l]-p[np.roll(l,1)],axis=1).sum()<SMALL_HOLE]
-        T['small']=len(small)
-        if fill:
-          for l in small:
-            c=len(p)
-            p=np.concatenate([p,p[l].mean(0)[None]])
-            mm=m[l].mean(0); m=np.concatenate([m,mm[None]/max(np.linalg.norm(mm),1e-9)])
-            th=np.append(th,t)
-            faces=np.concatenate([faces,np.stack([np.roll(l,-1),l,np.full(len(l),c)],1)])
-    with tick('field'):
-        f0=field.distances(p.astype(np.float32)).astype(float)
-    with tick('place'):
-        A=averaging_matrix(faces,len(p))
-        wt=np.clip((th/t-.7)/.2,0,1)
-        off=np.clip((f0+th-2*t)/2,-t/2,t/2)
-        num,den=off*wt,wt
-        for _ in range(8):
-            num=(num+A@num)/2; den=(den+A@den)/2
-        off=num/np.maximum(den,1e-3)
-        s=f0-off
-    edge=np.zeros(len(p),bool)
-    for l in boundary_loops(faces): edge[l]=True
-    with tick('grad'):
-        rim=edge|(th<RIMZONE*t)
-        T['grads']=rim.sum()
-        d,g=field.gradients(p[rim].astype(np.float32))
-        g/=np.maximum(np.linalg.norm(g,axis=1,keepdims=True),1e-9)
-        m[rim]=g
-        x=p-s[:,None]*m
-    raw=x.copy()
-    with tick('smooth'):
-        A=averaging_matrix(faces,len(p),along_boundaries=True)
-        x=smooth(x,A,np.where(edge,.5,0),BPASS)
-        zone=edge|rim
-        for _ in range(DIL): zone=zone|(A@zone>0)
-        x=smooth(x,A,np.where(zone&~edge,.9,0),RIMPASS)
-        x=smooth(x,A,np.full(len(x),.5),PASS)
-    return dict(x=x,faces=faces,p=p,m=m,off=off,th=th,rim=rim,edge=edge,raw=raw,loops=boundary_loops(faces))
-from drapeline.geometry.smoothing import smooth
-RIMZONE,RIMPASS,PASS,BPASS,DIL=.8,10,3,10,2
+    Returns:
+        Triangles, counter-clockwise seen from outside; its loops are at least as long as
+        `SMALLEST_OPENING_M`, and small loose pieces are left out. No faces if no wall looks
+        outwards.
+    """
+    normals, areas = _normals(walls)
+    through = field.distances(_move(walls.vertices, normals, -2 * threshold_m))
+    side = _sides(walls, areas, through / threshold_m, (normals * outward).sum(axis=1))
+    faces, lift = _cut(walls.faces, side)
+    if not len(faces):
+        return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    faces, lift = _large_pieces(faces, lift)
+    faces, lift = _fill(faces, lift, walls.vertices)
+    outer = _Outer(
+        faces,
+        lift @ walls.vertices.astype(np.float64),
+        _unit(lift @ normals),
+        lift @ through.astype(np.float64),
+    )
+    return Mesh(_relax(outer, *_place(field, outer, threshold_m)), faces.astype(np.int32))
+
+
+class _Outer(NamedTuple):
+    """The outer wall: faces, vertices (V, 3), normals (V, 3), distances behind (V,)."""
+
+    faces: np.ndarray
+    vertices: np.ndarray
+    normals: np.ndarray
+    through: np.ndarray
+
+
+def _normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (V, 3) and areas (V,), up to a factor, of the faces around vertices."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
+    cross = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    corner = mesh.faces.ravel()
+    count = len(mesh.vertices)
+    sums = np.stack([np.bincount(corner, cross[:, k], count) for k in range(3)], axis=1)
+    return _unit(sums), np.linalg.norm(sums, axis=1)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-20)
+
+
+def _move(points: np.ndarray, ways: np.ndarray, length: np.ndarray | float) -> np.ndarray:
+    return (points + length * ways).astype(np.float32)
+
+
+def _sides(walls: Mesh, areas: np.ndarray, through: np.ndarray, facing: np.ndarray) -> np.ndarray:
+    """(V,) positive on the outer wall, negative on the inner.
+
+    Minimises, over vertices i and edges ij, sum a_i (u_i - facing_i)^2 + sum w_ij (u_i - u_j)^2.
+    From a wall, one threshold leads to the cloth and another to the wall behind it: the probe
+    `through`, a distance in thresholds, is 1. On a rim the same way leads into the cloth, where the
+    distance is the sine of the angle that one has gone around the rim: 0 halfway, where the border
+    is to be.
+    """
+    pairs = edges(walls.faces)
+    count = len(walls.vertices)
+    wall = np.clip(through, 0, 1)[pairs].min(axis=1)
+    tie = _AGREEMENT_EDGES**2 * np.maximum(wall**_RIM_POWER, _RIM_TIE)
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    ties = sp.csr_matrix((np.tile(tie, 2), ends.T), (count, count))
+    weight = areas / max(areas.mean(), 1e-20)
+    diagonal = weight + np.asarray(ties.sum(axis=1)).ravel()
+    system = sp.diags(diagonal, format="csr") - ties
+    jacobi = sp.diags(1 / np.maximum(diagonal, 1e-20))
+    side, _ = cg(system, weight * facing, x0=facing, rtol=_TOLERANCE, M=jacobi)
+    return side
+
+
+def _cut(faces: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, sp.csr_matrix]:
+    """The part of a mesh on the positive side, cut off through the triangles.
+
+    Returns:
+        Faces (F', 3), and the matrix (V', V) that takes values at the mesh's vertices to the
+        part's.
+    """
+    count = len(side)
+    inside = side > 0
+    corners = inside[faces].sum(axis=1)
+    one, two = (
+        np.take_along_axis(f, ((inside[f] == k).argmax(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+        for f, k in ((faces[corners == 1], True), (faces[corners == 2], False))
+    )
+    # Edges that are cut, from inside to outside.
+    cut = np.concatenate([one[:, [0, 1]], one[:, [0, 2]], two[:, [1, 0]], two[:, [2, 0]]])
+    key, new = np.unique(cut[:, 0].astype(np.int64) * count + cut[:, 1], return_inverse=True)
+    first, second, third, fourth = np.split(count + new, np.cumsum([len(one), len(one), len(two)]))
+    parts = [
+        faces[corners == 3],
+        np.stack([one[:, 0], first, second], axis=1),
+        np.stack([two[:, 1], two[:, 2], fourth], axis=1),
+        np.stack([two[:, 1], fourth, third], axis=1),
+    ]
+    start, end = np.divmod(key, count)
+    # New vertices keep off the old ones, for triangles with some area.
+    share = np.clip(side[start] / (side[start] - side[end]), 0.05, 0.95)
+    row = count + np.tile(np.arange(len(key)), 2)
+    lift = sp.csr_matrix(
+        (
+            np.concatenate([np.ones(count), 1 - share, share]),
+            (
+                np.concatenate([np.arange(count), row]),
+                np.concatenate([np.arange(count), start, end]),
+            ),
+        ),
+        (count + len(key), count),
+    )
+    return _compact(np.concatenate(parts), lift)
+
+
+def _compact(faces: np.ndarray, lift: sp.csr_matrix) -> tuple[np.ndarray, sp.csr_matrix]:
+    """Without rows for vertices in no face."""
+    used, corners = np.unique(faces, return_inverse=True)
+    return corners.reshape(faces.shape), lift[used]
+
+
+def _large_pieces(faces: np.ndarray, lift: sp.csr_matrix) -> tuple[np.ndarray, sp.csr_matrix]:
+    piece = piece_indices(Mesh(np.zeros((lift.shape[0], 3)), faces))
+    sizes = np.bincount(piece)
+    return _compact(faces[(sizes >= _SMALLEST_PIECE * sizes[0])[piece[faces[:, 0]]]], lift)
+
+
+def _fill(
+    faces: np.ndarray, lift: sp.csr_matrix, vertices: np.ndarray
+) -> tuple[np.ndarray, sp.csr_matrix]:
+    """Close loops that are shorter than any opening, with a vertex in the middle of each."""
+    places = lift @ vertices
+    for loop in boundary_loops(faces):
+        if (
+            np.linalg.norm(places[loop] - places[np.roll(loop, 1)], axis=1).sum()
+            < SMALLEST_OPENING_M
+        ):
+            middle = np.full(len(loop), lift.shape[0])
+            faces = np.concatenate([faces, np.stack([np.roll(loop, -1), loop, middle], axis=1)])
+            lift = sp.vstack([lift, sp.csr_matrix(lift[loop].mean(axis=0))], format="csr")
+    return faces, lift
+
+
+def _place(
+    field: Field, outer: _Outer, threshold_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the outer wall's vertices lie on the cloth.
+
+    A field that is off by e has its walls at distances threshold - e. Along the normal of a wall
+    with distance d before and b behind, two thresholds further, both lie on flanks of the same
+    valley, which gives e = (d + b) / 2 - threshold. Unlike the field at the bottom of the valley,
+    where networks round it off, that tells its place.
+
+    Returns:
+        Places (V, 3), which vertices lie on hems (V,), and which around them the way to the cloth
+        leads to the hem as well (V,).
+    """
+    count = len(outer.vertices)
+    average = averaging_matrix(outer.faces, count)
+    hem = np.zeros(count, dtype=bool)
+    hem[boundary_edges(outer.faces)] = True
+    near = _widen(hem, average, _HEM_REACH)
+    rim = hem | (near & (outer.through < _WALL_SHARE * threshold_m))
+    distance = field.distances(outer.vertices.astype(np.float32)).astype(np.float64)
+    half = threshold_m / 2
+    error = np.clip((distance + outer.through) / 2 - threshold_m, -half, half)
+    known = np.where(near, 0.0, 1.0)
+    sums, shares = blur(np.stack([known * error, known], axis=1), average, _BLUR_PASSES).T
+    error = sums / np.maximum(shares, 1e-3)
+    ways = outer.normals.copy()
+    ways[rim] = _unit(field.gradients(outer.vertices[rim].astype(np.float32))[1])
+    return outer.vertices - (distance - error)[:, None] * ways, hem, rim
+
+
+def _widen(mask: np.ndarray, average: sp.csr_matrix, edges_wide: int) -> np.ndarray:
+    """A mask of vertices and all that are at most so many edges away."""
+    for _ in range(edges_wide):
+        mask = mask | (average @ mask > 0)
+    return mask
+
+
+def _relax(outer: _Outer, places: np.ndarray, hem: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """Smooth hems along themselves, spread what fell onto them, and smooth everything a little."""
+    average = averaging_matrix(outer.faces, len(places), along_boundaries=True)
+    around = _widen(rim, average, _HEM_REACH) & ~hem
+    places = smooth(places, average, 0.5 * hem, _HEM_PASSES)
+    places = smooth(places, average, 0.9 * around, _SPREAD_PASSES)
+    return smooth(places, average, np.full(len(places), 0.5), _LAST_PASSES).astype(np.float32)
