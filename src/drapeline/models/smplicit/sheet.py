@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import cg
 
-from drapeline.geometry.mesh import Mesh, boundary_edges, boundary_loops, edges
+from drapeline.geometry.mesh import Mesh, boundary_edges, boundary_loops, edges, face_normals
 from drapeline.geometry.smoothing import averaging_matrix, blur, smooth
 from drapeline.metrics.garment import piece_indices
 from drapeline.models.smplicit.fields import Field
@@ -32,6 +32,7 @@ _TOLERANCE = 1e-3
 _HEM_REACH, _BLUR_PASSES = 2, 8
 _WALL_SHARE = 0.8  # of the threshold, which the probe finds where a rim has become a wall
 _HEM_PASSES, _SPREAD_PASSES, _LAST_PASSES = 10, 10, 3
+_REPAIRS = 5
 
 
 def extract_sheet(field: Field, walls: Mesh, threshold_m: float, outward: np.ndarray) -> Mesh:
@@ -179,10 +180,8 @@ def _fill(
     """Close loops that are shorter than any opening, with a vertex in the middle of each."""
     places = lift @ vertices
     for loop in boundary_loops(faces):
-        if (
-            np.linalg.norm(places[loop] - places[np.roll(loop, 1)], axis=1).sum()
-            < SMALLEST_OPENING_M
-        ):
+        sides = places[loop] - places[np.roll(loop, 1)]
+        if np.linalg.norm(sides, axis=1).sum() < SMALLEST_OPENING_M:
             middle = np.full(len(loop), lift.shape[0])
             faces = np.concatenate([faces, np.stack([np.roll(loop, -1), loop, middle], axis=1)])
             lift = sp.vstack([lift, sp.csr_matrix(lift[loop].mean(axis=0))], format="csr")
@@ -228,9 +227,27 @@ def _widen(mask: np.ndarray, average: sp.csr_matrix, edges_wide: int) -> np.ndar
 
 
 def _relax(outer: _Outer, places: np.ndarray, hem: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """Smooth hems along themselves, spread what fell onto them, and smooth everything a little."""
+    """Smooth hems along themselves, spread what fell onto them, and smooth everything a little.
+
+    Returns:
+        Vertices (V, 3) float32.
+    """
     average = averaging_matrix(outer.faces, len(places), along_boundaries=True)
     around = _widen(rim, average, _HEM_REACH) & ~hem
     places = smooth(places, average, 0.5 * hem, _HEM_PASSES)
     places = smooth(places, average, 0.9 * around, _SPREAD_PASSES)
-    return smooth(places, average, np.full(len(places), 0.5), _LAST_PASSES).astype(np.float32)
+    places = smooth(places, average, np.full(len(places), 0.5), _LAST_PASSES)
+    for _ in range(_REPAIRS):
+        turned = _turned(places, outer.faces)
+        if not turned.any():
+            break
+        moved = np.zeros(len(places), dtype=bool)
+        moved[outer.faces[turned]] = True
+        places = smooth(places, average, 0.5 * _widen(moved, average, 1), _SPREAD_PASSES)
+    return places.astype(np.float32)
+
+
+def _turned(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F,) faces that look away from the surface around them."""
+    around = _normals(Mesh(vertices, faces))[0][faces].sum(axis=1)
+    return (face_normals(vertices, faces) * around).sum(axis=1) < 0
