@@ -54,12 +54,15 @@ def extract_sheet(field: Field, walls: Mesh, threshold_m: float, outward: np.nda
         `SMALLEST_OPENING_M`, and small loose pieces are left out. No faces if no wall looks
         outwards.
     """
+    none = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    if not len(walls.faces):
+        return none
     normals, areas = _normals(walls)
     through = field.distances(_move(walls.vertices, normals, -2 * threshold_m))
     side = _sides(walls, areas, through / threshold_m, (normals * outward).sum(axis=1))
     faces, lift = _cut(walls.faces, side)
     if not len(faces):
-        return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+        return none
     faces, lift = _large_pieces(faces, lift)
     faces, lift = _fill(faces, lift, walls.vertices)
     outer = _Outer(
@@ -113,7 +116,7 @@ def _sides(walls: Mesh, areas: np.ndarray, through: np.ndarray, facing: np.ndarr
     tie = _AGREEMENT_EDGES**2 * np.maximum(wall**_RIM_POWER, _RIM_TIE)
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     ties = sp.csr_matrix((np.tile(tie, 2), ends.T), (count, count))
-    weight = areas / max(areas.mean(), 1e-20)
+    weight = areas / areas.mean()
     diagonal = weight + np.asarray(ties.sum(axis=1)).ravel()
     system = sp.diags(diagonal, format="csr") - ties
     jacobi = sp.diags(1 / np.maximum(diagonal, 1e-20))
