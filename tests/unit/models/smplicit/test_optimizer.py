@@ -62,4 +62,4 @@ def test_a_closure_is_evaluated_once():
     before = float(sum((p**2).sum() for p in pair).detach())
     assert float(optimizer.step(closure).detach()) == before
     assert len(calls) == 1
-    assert float(sum((p**2).sum() for p in pair)) < before
+    assert float(sum((p**2).sum() for p in pair).detach()) < before
