@@ -69,7 +69,7 @@ def test_points_lie_near_the_garment_in_the_box_and_near_the_skin():
         expected = unsigned_distances(sampled[name], SHELL)
         np.testing.assert_array_equal(sampled[f"{name}_distance"], expected)
     assert np.median(near[::2]) < 0.006 < np.median(near[1::2]) < 0.03
-    uniform, skin = sampled["space"][::2], sampled["space"][1::2]
+    uniform, skin, beyond = (sampled["space"][k::n] for k, n in ((0, 2), (1, 4), (3, 4)))
     assert (np.abs(uniform) <= 1).all()
     np.testing.assert_allclose(uniform.mean(axis=0), 0, atol=0.08)
     np.testing.assert_allclose(uniform.std(axis=0), 3**-0.5, atol=0.04)
@@ -78,6 +78,12 @@ def test_points_lie_near_the_garment_in_the_box_and_near_the_skin():
     # Skin outside the box is left out.
     assert skin[:, 2].min() > -1.2
     assert space.max() > 0.3
+    # The shell would go on as a tube, above and below, on a polygon of twelve sides.
+    height = np.abs(beyond[:, 2])
+    assert np.percentile(height, [1, 99]) == pytest.approx([0.4, 0.6], abs=0.02)
+    radius = np.linalg.norm(beyond[:, :2], axis=1)
+    np.testing.assert_allclose(radius, 0.49, atol=0.04)
+    assert 0.4 < (beyond[:, 2] > 0).mean() < 0.6
 
 
 def test_a_seed_gives_the_same_points_for_a_garment_whatever_else_is_in_the_shard(toy_body):
