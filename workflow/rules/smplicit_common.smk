@@ -1,4 +1,4 @@
-from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
+from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 
 SMPLICIT = f"{RESULTS}/smplicit"
 SMPLICIT_MODELS = config["smplicit"]["models"]
@@ -11,6 +11,27 @@ SMPLICIT_COMPARED = [
 ]
 if SMPLICIT_COMPARED:
     METRIC_TABLES["representations"] += ["representations_smplicit"]
+
+
+# Where the fields of each garment type are defined.
+FIELD_BOXES = {
+    garment: FIELD_MODELS[model].box for garment, model in MODEL_OF_GARMENT.items()
+}
+
+
+wildcard_constraints:
+    field="|".join(FIELD_MODELS),
+
+
+def field_garments(wildcards):
+    """Params function: the garment types of a model."""
+    return FIELD_MODELS[wildcards.field].garments
+
+
+def field_shards(wildcards):
+    """Input function: fields of all outfits, once the plan is known to fill the splits."""
+    static_data("train", "val")(wildcards)
+    return expand(f"{RESULTS}/static/fields/{{shard}}.npz", shard=STATIC)
 
 
 def field_settings(wildcards):
