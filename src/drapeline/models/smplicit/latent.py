@@ -87,7 +87,8 @@ def principal_gaussian(codes: np.ndarray, count: int | None = None) -> CodeGauss
     codes = _checked(codes)
     mean = codes.mean(axis=0)
     away = codes - mean
-    away[:, count:] = 0
+    if count is not None:
+        away[:, count:] = 0
     _, lengths, axes = np.linalg.svd(away, full_matrices=False)
     kept = lengths > _NEGLIGIBLE * max(lengths[0], np.abs(codes).max())
     lengths, axes = lengths[kept], axes[kept]
@@ -170,9 +171,12 @@ class PropertyEdits:
         fits = [_regression(name, codes, value) for name, value in values.items()]
         self._at_zero = np.array([fit[0] for fit in fits])
         self.slopes = np.stack([fit[1] for fit in fits])
-        spread = principal_gaussian(codes).covariance
-        towards = spread @ self.slopes.T  # (Z, P)
-        self._steps = towards @ np.linalg.pinv(self.slopes @ towards, rcond=_NEGLIGIBLE)
+        towards = principal_gaussian(codes).covariance @ self.slopes.T  # (Z, P)
+        shared = self.slopes @ towards  # covariance of the regressions
+        # Properties have units of their own, so it is the correlations that are inverted.
+        size = np.sqrt(np.maximum(np.diag(shared), np.finfo(float).tiny))
+        inverse = np.linalg.pinv(shared / np.outer(size, size), rcond=_NEGLIGIBLE)
+        self._steps = towards @ (inverse / np.outer(size, size))
 
     def predict(self, codes: np.ndarray) -> np.ndarray:
         """(..., P) properties of codes (..., Z) by the regressions."""
