@@ -68,3 +68,24 @@ class RebuiltGarment(NamedTuple):
     walls: Mesh
     mean: Mesh
     wearer: Mesh
+
+
+class GalleryGarment(NamedTuple):
+    """A garment of a gallery of SMPLicit.
+
+    Attributes:
+        sheet: the picture that it is part of.
+        row, column: its place there, by their titles, which may have several lines.
+        caption: below it.
+        garment: its type, one of `GARMENTS`.
+        mesh: triangles at rest, root-relative metres; no faces if nothing was made.
+        wearer: the whole body at rest.
+    """
+
+    sheet: str
+    row: str
+    column: str
+    caption: str
+    garment: str
+    mesh: Mesh
+    wearer: Mesh
