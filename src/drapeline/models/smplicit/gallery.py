@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.bodies.rest_body import SHAPES
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
@@ -36,8 +37,8 @@ from drapeline.seeding import rng_for
 SHEETS = ("samples", "prototypes", "transitions", "axes", "bodies", "edits")
 _AXES = 3
 _STEPS = 5
-_AXIS_SCORES = (-2.0, -1.0, 0.0, 1.0, 2.0)
-_EDIT_DEVIATIONS = (-1.5, -0.75, 0.0, 0.75, 1.5)
+_FARTHEST = 2.0  # deviations off the mean, along an axis
+_USUAL = (0.05, 0.95)  # shares of the training garments with less of a property than edits ask for
 # A property that codes tell less of cannot be set by them, nor be told to stay.
 _EXPLAINED_LEAST = 0.5
 # The first two coefficients of a body's shape: height and, negative, corpulence.
@@ -61,6 +62,7 @@ class Shown:
         gender: of the wearer.
         shape: (10,) of the wearer.
         about: the property that is written below it; "" for none.
+        score: deviations off the mean along the axis that it is on; NaN for none.
         asked: the value that it was asked to have; NaN if nothing was asked.
     """
 
@@ -71,6 +73,7 @@ class Shown:
     gender: str = GENDERS[0]
     shape: np.ndarray | tuple[float, ...] = (0.0,) * SHAPES
     about: str = ""
+    score: float = np.nan
     asked: float = np.nan
 
 
@@ -82,7 +85,7 @@ class CodeSpace(NamedTuple):
         values: property -> (N,) of the training garments.
         correlation: (K, P) of axes with properties.
         explained: (P,) share of each property's variance that a code predicts.
-        prototypes: kind -> (Z,) code.
+        prototypes: kind -> (Z,) code; the mean garment's if there is no kind of which there are any.
         edits: of the properties that codes tell of; None if there is none.
     """
 
@@ -152,24 +155,31 @@ def code_space(
         for key, share in zip(values, explained, strict=True)
         if share >= _EXPLAINED_LEAST
     }
+    prototypes = group_means(z, kind_members(name, codes.garment, values))
     return CodeSpace(
         CodeGaussian(axes.mean, sign * axes.directions, axes.deviations),
         dict(values),
         sign * correlation,
         explained,
-        group_means(z, kind_members(name, codes.garment, values)),
+        prototypes or {"mean garment": z.mean(axis=0)},
         PropertyEdits(z, told) if told else None,
     )
 
 
 def plan_gallery(
-    codes: TrainingCodes, space: CodeSpace, *, seed: int, count: int
+    codes: TrainingCodes,
+    space: CodeSpace,
+    bodies: Mapping[str, BodyModel],
+    *,
+    seed: int,
+    count: int,
 ) -> list[Shown]:
     """Everything that the gallery of a model shows.
 
     Args:
         codes: of the training garments.
         space: of `code_space`.
+        bodies: by gender.
         seed: the experiment's.
         count: samples of each distribution.
     """
@@ -177,8 +187,8 @@ def plan_gallery(
         *_samples(codes, seed, count),
         *_prototypes(space),
         *_transitions(space),
-        *_axes(space),
-        *_bodies(space),
+        *_axes(codes, space),
+        *_bodies(space, bodies),
         *_edits(space),
     ]
 
@@ -189,24 +199,32 @@ def nearest_type(z: np.ndarray, codes: TrainingCodes) -> str:
 
 
 def _samples(codes: TrainingCodes, seed: int, count: int) -> list[Shown]:
-    """Codes of both distributions, on wearers of training garments."""
+    """Codes of three distributions, all on the same wearers, who are some of the training's."""
     wearers = rng_for(seed, "gallery", "wearers").integers(len(codes.z), size=count)
-    distributions = {
-        "as training\ncodes vary": principal_gaussian(codes.z),
-        "one mean and\none deviation\n(the paper's)": single_gaussian(codes.z),
+    every = principal_gaussian(codes.z)
+    rows = {
+        "one mean and\none deviation\n(the paper's)": [single_gaussian(codes.z)] * count,
+        "the codes'\nnormal distribution": [every] * count,
     }
-    shown = []
-    for row, (title, gaussian) in enumerate(distributions.items()):
-        drawn = gaussian.draw(rng_for(seed, "gallery", "samples", row), count)
-        shown += [
-            Shown(
-                *("samples", title, str(column + 1), z),
-                GENDERS[codes.gender[wearer]],
-                codes.shape[wearer],
-            )
-            for column, (z, wearer) in enumerate(zip(drawn, wearers, strict=True))
+    if len(np.unique(codes.garment)) > 1:
+        own = {
+            kind: principal_gaussian(codes.z[codes.garment == kind])
+            for kind, number in zip(*np.unique(codes.garment, return_counts=True), strict=True)
+            if number > 1
+        }
+        rows["a normal distribution\nof each type"] = [
+            own.get(codes.garment[wearer], every) for wearer in wearers
         ]
-    return shown
+    return [
+        Shown(
+            *("samples", title, str(column + 1)),
+            gaussian.draw(rng_for(seed, "gallery", "samples", row, column), 1)[0],
+            GENDERS[codes.gender[wearer]],
+            codes.shape[wearer],
+        )
+        for row, (title, gaussians) in enumerate(rows.items())
+        for column, (gaussian, wearer) in enumerate(zip(gaussians, wearers, strict=True))
+    ]
 
 
 def _prototypes(space: CodeSpace) -> list[Shown]:
@@ -228,25 +246,33 @@ def _transitions(space: CodeSpace) -> list[Shown]:
     ]
 
 
-def _axes(space: CodeSpace) -> list[Shown]:
-    """Walks along the principal axes of z_cut, as in figure 3 (A)."""
+def _axes(codes: TrainingCodes, space: CodeSpace) -> list[Shown]:
+    """Walks along the principal axes of z_cut, as in figure 3 (A), no farther than garments are."""
+    scores = space.cut.scores(codes.z)
     shown = []
     for axis, of_properties in enumerate(space.correlation[:_AXES]):
         most = int(np.abs(np.nan_to_num(of_properties)).argmax())
         about = list(space.values)[most]
         title = f"axis {axis + 1}\n{PROPERTIES[about].title}\nr = {of_properties[most]:.2f}"
-        for score, z in zip(_AXIS_SCORES, space.cut.walk(axis, _AXIS_SCORES), strict=True):
-            shown.append(Shown("axes", title, _signed(score, "dev."), z, about=about))
+        ends = np.clip([scores[:, axis].min(), scores[:, axis].max()], -_FARTHEST, _FARTHEST)
+        steps = np.linspace(*ends, _STEPS)
+        for column, (score, z) in enumerate(zip(steps, space.cut.walk(axis, steps), strict=True)):
+            place = ("axes", title, _between(column, "lowest", "highest"))
+            shown.append(Shown(*place, z, about=about, score=float(score)))
     return shown
 
 
-def _bodies(space: CodeSpace) -> list[Shown]:
-    """Prototypes on five bodies, as in figure 3 (C)."""
-    return [
-        Shown("bodies", name, f"{gender} {index + 1}", z, gender, (*start, *(0.0,) * (SHAPES - 2)))
-        for name, z in list(space.prototypes.items())[:2]
-        for index, (gender, start) in enumerate(_BODIES)
-    ]
+def _bodies(space: CodeSpace, bodies: Mapping[str, BodyModel]) -> list[Shown]:
+    """Two prototypes on five bodies, as in figure 3 (C)."""
+    shown = []
+    for gender, start in _BODIES:
+        shape = (*start, *(0.0,) * (SHAPES - len(start)))
+        height = np.ptp(rest_body(bodies[gender], np.array(shape))[:, 2])
+        shown += [
+            Shown("bodies", name, f"{gender}, {height:.2f} m", z, gender, shape)
+            for name, z in list(space.prototypes.items())[:2]
+        ]
+    return sorted(shown, key=lambda item: list(space.prototypes).index(item.row))
 
 
 def _edits(space: CodeSpace) -> list[Shown]:
@@ -255,21 +281,20 @@ def _edits(space: CodeSpace) -> list[Shown]:
         return []
     start = next(iter(space.prototypes.values()))
     predicted = dict(zip(space.edits.names, space.edits.predict(start), strict=True))
-    shown = []
-    for about in space.edits.names:
-        deviation = float(np.nanstd(space.values[about]))
-        for times in _EDIT_DEVIATIONS:
-            change = times * deviation
-            shown.append(
-                Shown(
-                    *("edits", PROPERTIES[about].title, _signed(times, "dev.")),
-                    space.edits.edit(start, {about: change}),
-                    about=about,
-                    asked=predicted[about] + change,
-                )
-            )
-    return shown
+    return [
+        Shown(
+            *("edits", PROPERTIES[about].title, _between(column, "low", "high")),
+            space.edits.edit(start, {about: asked - predicted[about]}),
+            about=about,
+            asked=float(asked),
+        )
+        for about in space.edits.names
+        for column, asked in enumerate(
+            np.linspace(*np.nanquantile(space.values[about], _USUAL), _STEPS)
+        )
+    ]
 
 
-def _signed(number: float, unit: str) -> str:
-    return f"{number:+g} {unit}" if number else f"0 {unit}"
+def _between(column: int, first: str, last: str) -> str:
+    """Title of a column, of which only the outer ones have one."""
+    return {0: first, _STEPS - 1: last}.get(column, "")

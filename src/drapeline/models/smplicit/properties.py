@@ -163,21 +163,19 @@ class Kind(NamedTuple):
     Attributes:
         garment: their type.
         bounds: property -> lowest and highest value of those that belong to it.
-        open_front: whether they are open in front; None for both.
     """
 
     garment: str
     bounds: Mapping[str, tuple[float, float]] = {}
-    open_front: bool | None = None
 
 
 _SHORT, _LONG = (-np.inf, 0.5), (0.65, np.inf)
 _STRAPS, _SLEEVES = (-np.inf, 0.18), (0.18, np.inf)
 KINDS = {
     "upper": {
-        "t-shirt": Kind("Tshirt", {"sleeve": _SHORT}, open_front=False),
-        "long-sleeved shirt": Kind("Tshirt", {"sleeve": _LONG}, open_front=False),
-        "jacket": Kind("Tshirt", open_front=True),
+        "t-shirt": Kind("Tshirt", {"sleeve": _SHORT}),
+        "long-sleeved shirt": Kind("Tshirt", {"sleeve": _LONG}),
+        "long shirt": Kind("Tshirt", {"hem": (1.0, np.inf)}),
         "top": Kind("Top"),
     },
     "trousers": {
@@ -215,7 +213,5 @@ def kind_members(
         chosen = np.asarray(garments) == GARMENTS.index(kind.garment)
         for key, (low, high) in kind.bounds.items():
             chosen &= (values[key] >= low) & (values[key] <= high)
-        if kind.open_front is not None:
-            chosen &= np.isnan(values["neckline"]) == kind.open_front
         members[name] = chosen
     return members

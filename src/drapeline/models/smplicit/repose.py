@@ -6,11 +6,13 @@ The paper's network of pose-dependent wrinkles is left out: this is the skinning
 import numpy as np
 from scipy.spatial import cKDTree
 
-from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
+from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
+from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
+from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.skinning import skin_points, unskin_points
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.errors import InputError
+from drapeline.frames import REST_POSE
 from drapeline.geometry.collision import Solid
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.smoothing import averaging_matrix
@@ -72,8 +74,7 @@ def repose(
     if poses.ndim != 2 or poses.shape[1] != 72:
         raise InputError(f"poses: shape {poses.shape}, expected (frames, 72)")
     weights = garment_weights(garment, body, shape, skinning)
-    motions = rest_to_pose(body, shape, poses)
-    moved = skin_points(garment.vertices, motions, weights).astype(np.float32)
+    moved = _skin(garment.vertices, weights, body, shape, poses).astype(np.float32)
     if not push_out or not len(poses):
         return moved
     average = averaging_matrix(garment.faces, len(garment.vertices))
@@ -83,3 +84,18 @@ def repose(
         solid.move(points)
         moved[frame] = solid.push_out(moved[frame], average)
     return moved
+
+
+def _skin(
+    points: np.ndarray, weights: np.ndarray, body: BodyModel, shape: np.ndarray, poses: np.ndarray
+) -> np.ndarray:
+    """(N, V, 3) points at rest by way of the T-pose, which takes a body's vertex along exactly.
+
+    Blending the joints' motions from the rest pose itself would be off by millimetres to a
+    centimetre where several joints have a part.
+    """
+    _, joints = shape_body(body, shape)
+    rotations = axis_angle_to_matrix(np.concatenate([REST_POSE[None], poses]).reshape(-1, 24, 3))
+    motions, _ = joint_transforms((joints - joints[0]).astype(np.float64), rotations)
+    straight = unskin_points(points[None], motions[:1], weights)[0]
+    return skin_points(straight, motions[1:], weights)
