@@ -24,6 +24,8 @@ STAGES = {
     "garment4d": "Garment4D",
     "garment4d_figures": "Figures of Garment4D",
     "garment4d_reconstruct": "Garments from your own scans",
+    "smplicit": "SMPLicit",
+    "smplicit_figures": "Figures of SMPLicit",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }

@@ -78,7 +78,7 @@ def test_imports_go_one_way(path):
 SHARED_BY_MODELS = {"training": {"training"}, "layers": {"layers", "training"}}
 SHARED_BY_MODELS["contract"] = {"contract"}
 SHARED_BY_MODELS["compare"] = {"contract", "compare"}
-SHARED_BY_MODELS["load"] = {"gcvae", "garment4d", "training"}
+SHARED_BY_MODELS["load"] = {"gcvae", "garment4d", "smplicit", "training"}
 MODEL_FILES = [path for path in MODULES if part_of(path) == "models"]
 
 

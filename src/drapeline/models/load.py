@@ -4,6 +4,8 @@
 
     skirts = load("results/gcvae/svae").sample(8, "Skirt")
     moving = load("results/garment4d/Skirt").reconstruct(points, poses, shape)
+    upper = load("results/smplicit/upper")
+    garment = upper.decode(upper.mean_code, gender="female", shape=[0.0] * 10)
 
 docs/reference/api.md shows more of it. Loading executes nothing that is in the files.
 """
@@ -16,27 +18,33 @@ from drapeline.models.garment4d.reconstruction_model import ReconstructionModel,
 from drapeline.models.gcvae.garment_ppca import StaticPpca
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import StaticVae
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 
-_MODELS: dict[str, type[StaticModel] | type[ReconstructionModel]] = {
+TrainedModel = StaticModel | ReconstructionModel | SmplicitModel
+
+_MODELS: dict[str, type[TrainedModel]] = {
     StaticVae.checkpoint_type: StaticModel,
     StaticPpca.checkpoint_type: StaticModel,
     PosedStage.checkpoint_type: ReconstructionModel,
+    GarmentField.checkpoint_type: SmplicitModel,
 }
 
 
-def load(folder: str | Path) -> StaticModel | ReconstructionModel:
+def load(folder: str | Path) -> TrainedModel:
     """A trained model from the folder that its rule left.
 
     Args:
         folder: of a model of garments at rest, such as `results/gcvae/svae` or
-            `results/gcvae/static_ppca`; or of a garment type of Garment4D, such as
-            `results/garment4d/Skirt`, or one of its posed stages.
+            `results/gcvae/static_ppca`; of a garment type of Garment4D, such as
+            `results/garment4d/Skirt`, or one of its posed stages; or of SMPLicit, such as
+            `results/smplicit/upper`.
 
     Returns:
-        A `StaticModel` with `sample`, `encode` and `decode`, or a `ReconstructionModel` with
-        `reconstruct`.
+        A `StaticModel` with `sample`, `encode` and `decode`, a `ReconstructionModel` with
+        `reconstruct`, or a `SmplicitModel` with `field` and `decode`.
 
     Raises:
         InputError: a file is missing or damaged, or the model is of another kind.

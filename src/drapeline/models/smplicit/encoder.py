@@ -41,23 +41,26 @@ class ImageEncoder(nn.Module):
     Args:
         outputs: numbers of a code.
         width: channels of the first stage, which doubles in each of the three that follow.
-        seed: of the weights.
+        rng: draws the weights.
     """
 
-    def __init__(self, outputs: int, width: int, seed: int) -> None:
+    def __init__(self, outputs: int, width: int, rng: torch.Generator) -> None:
         super().__init__()
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)
-            self.bn1 = nn.BatchNorm2d(width)
-            sizes = [width, width, 2 * width, 4 * width, 8 * width]
-            for stage, (before, after) in enumerate(pairwise(sizes), 1):
-                blocks = [_Block(before, after, 1 if stage == 1 else 2)]
-                blocks += [_Block(after, after, 1) for _ in range(_BLOCKS - 1)]
-                setattr(self, f"layer{stage}", nn.Sequential(*blocks))
-            self.fc = nn.Linear(sizes[-1], outputs)
+        self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)
+        self.bn1 = nn.BatchNorm2d(width)
+        sizes = [width, width, 2 * width, 4 * width, 8 * width]
+        for stage, (before, after) in enumerate(pairwise(sizes), 1):
+            blocks = [_Block(before, after, 1 if stage == 1 else 2)]
+            blocks += [_Block(after, after, 1) for _ in range(_BLOCKS - 1)]
+            setattr(self, f"layer{stage}", nn.Sequential(*blocks))
+        self.fc = nn.Linear(sizes[-1], outputs)
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(
+                    module.weight, mode="fan_out", nonlinearity="relu", generator=rng
+                )
         # Codes start near zero, where the decoder's noise and prior expect them.
-        nn.init.normal_(self.fc.weight, std=1e-2, generator=torch.Generator().manual_seed(seed))
+        nn.init.normal_(self.fc.weight, std=1e-2, generator=rng)
         nn.init.zeros_(self.fc.bias)
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:

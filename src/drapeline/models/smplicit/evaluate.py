@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.closest import closest_points
@@ -51,9 +51,9 @@ class FitSettings:
         rate: the first learning rate.
     """
 
-    steps: int = 60
+    steps: int = 120
     near: int = 256
-    space: int = 64
+    space: int = 128
     rate: float = 0.03
 
 
@@ -257,7 +257,7 @@ class FieldEvaluation:
         found = {"fitted": [a | b for a, b in zip(errors, measures, strict=True)]}
         mean = np.repeat(self._model.mean_code[None], len(rows), axis=0)
         errors = field_errors(network, self._data, rows, mean)
-        measures, _ = self._decoded(rows, mean, "mean code")
+        measures = self._mean_garments(rows)
         found["mean_code"] = [a | b for a, b in zip(errors, measures, strict=True)]
         cut = network.decoder.cut
         for name, part in (("cut", slice(0, cut)), ("style", slice(cut, None))):
@@ -292,6 +292,22 @@ class FieldEvaluation:
             )
             sheets.append(sheet)
         return measures, sheets
+
+    def _mean_garments(self, rows: np.ndarray) -> Iterator[Measures]:
+        """The surface of the mean code on each gender's mean body, carried to the wearer's."""
+        known: dict[int, tuple[Mesh, Mesh]] = {}
+        for row in rows:
+            gender = int(self._data.gender[row])
+            if gender not in known:
+                model, shape = self._model.bodies[GENDERS[gender]], np.zeros(SHAPES)
+                mean = Mesh(rest_body(model, shape), model.faces)
+                field = NetworkField(self._model.network, self._model.mean_code, shape, gender)
+                found = garment_of_field(field, self._model.box, mean, self._meshing)
+                known[gender] = found.sheet, mean
+            sheet, mean = known[gender]
+            body = self._body(row)
+            garment = carry(sheet, mean.vertices, body.vertices) if len(sheet.faces) else sheet
+            yield surface_measures(garment, self._meshes[int(row)], body)
 
     def _nearest(self, rows: np.ndarray, z: np.ndarray, part: slice) -> Iterator[Measures]:
         """The training garment with the nearest code, carried to the wearer's body."""

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel, load_body
 from drapeline.bodies.rest_body import SHAPES, rest_body
@@ -24,12 +25,17 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, face_normals
+from drapeline.models.smplicit.fields import Field
 from drapeline.models.smplicit.files import body_file, load_training_codes
 from drapeline.models.smplicit.load import load_field
 from drapeline.models.smplicit.network_field import NetworkField
 from drapeline.models.smplicit.sheet import extract_sheet
-from drapeline.models.smplicit.variants import FIELD_MODELS
+from drapeline.models.smplicit.variants import FIELD_MODELS, Box
 from drapeline.models.smplicit.walls import Grid, extract_walls
+
+# No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
+REACH_M = 0.35
+_BLOCK_M = 0.06
 
 
 @dataclass(frozen=True)
@@ -41,8 +47,8 @@ class Meshing:
         threshold_m: t_d, the distance at which the walls of the paper lie.
     """
 
-    cell_m: float = 0.008
-    threshold_m: float = 0.006
+    cell_m: float = 0.012
+    threshold_m: float = 0.008
 
 
 class FieldGarment(NamedTuple):
@@ -126,19 +132,50 @@ class SmplicitModel:
         return garment_of_field(field, self.box, body, meshing or Meshing())
 
 
-def garment_of_field(field, box, body: Mesh, meshing: Meshing) -> FieldGarment:
+def garment_of_field(field: Field, box: Box, body: Mesh, meshing: Meshing) -> FieldGarment:
     """Walls and sheet of a field.
 
     Args:
-        field: see `fields.Field`.
+        field: of the garment.
         box: lowest and highest corner, metres.
         body: the wearer at rest, triangles.
         meshing: cell and threshold.
     """
     low, high = np.asarray(box)
-    walls = extract_walls(field, Grid(low, high, meshing.cell_m), meshing.threshold_m)
+    near = NearBody(field, box, body.vertices)
+    walls = extract_walls(near, Grid(low, high, meshing.cell_m), meshing.threshold_m)
     outward = away_from_body(walls.vertices, body)
     return FieldGarment(extract_sheet(field, walls, meshing.threshold_m, outward), walls)
+
+
+class NearBody:
+    """A field that is evaluated only where cloth can be; elsewhere it is `REACH_M`.
+
+    Args:
+        field: within the box.
+        box: lowest and highest corner, metres.
+        body: (V, 3) the wearer.
+    """
+
+    def __init__(self, field: Field, box: Box, body: np.ndarray) -> None:
+        self._field, self._low = field, np.asarray(box[0])
+        counts = np.ceil((np.asarray(box[1]) - self._low) / _BLOCK_M).astype(int) + 1
+        centres = np.stack(np.indices(counts), axis=-1).reshape(-1, 3) + 0.5
+        reach = REACH_M + _BLOCK_M * 3**0.5 / 2
+        away, _ = KDTree(body).query(self._low + _BLOCK_M * centres, distance_upper_bound=reach)
+        self._near = np.isfinite(away).reshape(counts)
+
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """(P,) metres of points (P, 3) within the box."""
+        block = ((points - self._low) / _BLOCK_M).astype(int)
+        near = self._near[tuple(np.clip(block, 0, np.array(self._near.shape) - 1).T)]
+        found = np.full(len(points), REACH_M, dtype=np.float32)
+        found[near] = self._field.distances(points[near])
+        return found
+
+    def gradients(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the field itself."""
+        return self._field.gradients(points)
 
 
 def away_from_body(points: np.ndarray, body: Mesh) -> np.ndarray:

@@ -61,9 +61,7 @@ class GarmentField(TrainableModule):
         self.decoder = Decoder(
             place_basis.shape[1], sizes.cut, sizes.style, width=sizes.width, rng=rng
         )
-        self.encoder = ImageEncoder(
-            sizes.cut, sizes.encoder_width, int(rng_for(seed, "encoder").integers(2**62))
-        )
+        self.encoder = ImageEncoder(sizes.cut, sizes.encoder_width, rng)
         if sizes.encoder_weights and start:
             load_encoder_weights(self.encoder, sizes.encoder_weights)
         self.styles = torch.nn.Parameter(torch.zeros(rows, sizes.style))

@@ -263,10 +263,13 @@ def learning_rate(peak: float, schedule: str, share: float) -> float:
 
     Args:
         peak: the constant, or the largest rate.
-        schedule: "constant", or "one_cycle": a short rise, then half a cosine down to zero.
+        schedule: "constant"; "late_decay": constant for the first half, then down to zero in a
+            line; or "one_cycle": a short rise, then half a cosine down to zero.
     """
     if schedule == "constant":
         return peak
+    if schedule == "late_decay":
+        return peak * min(1.0, 2 * (1 - share))
     if share < _WARM_SHARE:
         return peak * (0.1 + 0.9 * share / _WARM_SHARE)
     fall = (share - _WARM_SHARE) / (1 - _WARM_SHARE)

@@ -28,7 +28,7 @@ class Training:
         epochs: passes over the training rows; schedules are in shares of it.
         batch: rows per step.
         learning_rate: of Adam.
-        schedule: "constant", or "one_cycle": a short rise, then a cosine to zero.
+        schedule: "constant", "late_decay" or "one_cycle", see `lightning.learning_rate`.
         seed: of weights, order and noise.
     """
 
