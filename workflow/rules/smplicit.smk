@@ -85,3 +85,4 @@ rule compare_smplicit:
 
 
 include: "smplicit_figures.smk"
+include: "smplicit_gallery.smk"

@@ -38,7 +38,7 @@ class WornGarment(NamedTuple):
 
     Attributes:
         garment_type: one of `GARMENTS`.
-        garment: root-relative metres.
+        garment: metres, in the frame of its wearer.
         wearer: the whole body in the same pose.
         root_rotation: (3,) axis-angle of the wearer's root joint, rad.
     """

@@ -22,6 +22,7 @@ from drapeline.storage import atomic_folder, load_npz, save_npz
 GARMENTS_TABLE, CODES = "garments.tsv", "codes.npz"
 CORRELATIONS, REGRESSIONS = "correlations.tsv", "regressions.tsv"
 _PICTURED = ("sheet", "row", "column", "caption", "garment", "gender", "shape", "name")
+_BEYOND = 0.1  # of the span of the training garments' property
 Row = dict[str, str | float]
 
 
@@ -55,7 +56,7 @@ def save_gallery(
             key = item.z.astype(np.float32).tobytes() + shape.tobytes() + item.gender.encode()
             if key not in made:
                 made[key] = _make(scratch, f"{len(made) + 1:03d}", model, item, meshing)
-            rows.append(_row(item, made[key]))
+            rows.append(_row(item, made[key], space))
         save_npz(
             scratch / CODES,
             z=np.stack([item.z for item in shown]).astype(np.float32),
@@ -82,6 +83,7 @@ def correlation_rows(model: str, space: CodeSpace) -> list[Row]:
             "axis": axis + 1,
             "deviation": float(deviation),
             "property": name,
+            "title": PROPERTIES[name].title,
             "correlation": float(space.correlation[axis, column]),
             "garments": int(np.isfinite(value).sum()),
         }
@@ -96,6 +98,8 @@ def regression_rows(model: str, space: CodeSpace) -> list[Row]:
         {
             "model": model,
             "property": name,
+            "title": PROPERTIES[name].title,
+            "about": PROPERTIES[name].about,
             "explained_share": float(space.explained[column]),
             "unit": PROPERTIES[name].unit,
             "mean": float(PROPERTIES[name].scale * np.nanmean(value)),
@@ -129,6 +133,21 @@ def load_gallery(folder: str | Path, model: SmplicitModel) -> list[GalleryGarmen
             for values in zip(*(about[key] for key in _PICTURED), strict=True)
         )
     ]
+
+
+def posed_prototype(folder: str | Path) -> tuple[str, np.ndarray]:
+    """Name and code (Z,) of the prototype that is shown in motion, the second of a gallery's.
+
+    The first ones are the shorter garments, of which motion shows less.
+
+    Raises:
+        InputError: the gallery's codes are missing or damaged.
+    """
+    about = load_npz(Path(folder) / CODES, "sheet", "column", "z")
+    chosen = about["sheet"] == "prototypes"
+    names = list(dict.fromkeys(about["column"][chosen].tolist()))
+    name = names[min(1, len(names) - 1)]
+    return name, about["z"][chosen & (about["column"] == name)][0]
 
 
 def write_table(path: str | Path, rows: Sequence[Mapping[str, str | float]]) -> None:
@@ -172,7 +191,7 @@ def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: M
     }
 
 
-def _row(item: Shown, made: Row) -> Row:
+def _row(item: Shown, made: Row, space: CodeSpace) -> Row:
     scale = PROPERTIES[item.about].scale if item.about else 1.0
     return {
         "sheet": item.sheet,
@@ -181,8 +200,24 @@ def _row(item: Shown, made: Row) -> Row:
         "about": item.about,
         "score": item.score,
         "asked": scale * item.asked,
+        "like_training": str(_like_training(made, space)).lower(),
         **made,
     }
+
+
+def _like_training(made: Row, space: CodeSpace) -> bool:
+    """Whether all properties lie where those of training garments do, or a tenth beyond.
+
+    A neckline may be absent, as with garments that are open in front.
+    """
+    for name, value in space.values.items():
+        low, high = np.nanmin(value), np.nanmax(value)
+        measured, aside = made[name] / PROPERTIES[name].scale, _BEYOND * (high - low)
+        if np.isnan(measured) and name == "neckline" and made["vertices"]:
+            continue
+        if not low - aside <= measured <= high + aside:
+            return False
+    return True
 
 
 def _caption(item: Shown, row: Row) -> str:
@@ -192,7 +227,7 @@ def _caption(item: Shown, row: Row) -> str:
     unit = PROPERTIES[item.about].unit
     text = "nothing left" if np.isnan(value) else f"{value:.0f} {unit}"
     if np.isfinite(item.score):
-        return f"{item.score:+.1f} dev.: {text}"
+        return f"{round(item.score, 1) + 0.0:+.1f} dev.: {text}"
     return f"{row['asked']:.0f} asked, {text}"
 
 

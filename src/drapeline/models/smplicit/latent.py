@@ -66,9 +66,7 @@ def single_gaussian(codes: np.ndarray) -> CodeGaussian:
     """
     codes = _checked(codes)
     size = codes.shape[1]
-    return CodeGaussian(
-        np.full(size, codes.mean()), np.eye(size), np.full(size, codes.std(ddof=1))
-    )
+    return CodeGaussian(np.full(size, codes.mean()), np.eye(size), np.full(size, codes.std(ddof=1)))
 
 
 def principal_gaussian(codes: np.ndarray, count: int | None = None) -> CodeGaussian:

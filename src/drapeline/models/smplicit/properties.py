@@ -55,9 +55,7 @@ PROPERTIES = {
     "waist": Property(
         "waist", "% of the torso", 100, "how far the upper edge is above the hips (0)"
     ),
-    "width": Property(
-        "looseness", "mm", 1000, "mean distance of the cloth from the wearer's skin"
-    ),
+    "width": Property("looseness", "mm", 1000, "mean distance of the cloth from the wearer's skin"),
 }
 _OF_REGION = {
     "upper": ("sleeve", "hem", "neckline", "width"),
