@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
 from drapeline.models.smplicit.gallery import SHEETS
 from drapeline.models.smplicit.gallery_files import load_gallery
 from drapeline.rendering.raytracer import ray_share
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
-    garments = load_gallery(snakemake.input.gallery, snakemake.input.model)
+    bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
+    garments = load_gallery(snakemake.input.gallery, bodies)
     for sheet in SHEETS:
         plot_gallery(snakemake.output[sheet], [g for g in garments if g.sheet == sheet])

@@ -49,7 +49,7 @@ rule make_smplicit_gallery:
 
 rule plot_smplicit_gallery:
     input:
-        model=f"{SMPLICIT}/{{field}}",
+        **WHOLE_BODIES,
         gallery=f"{SMPLICIT}/gallery/{{field}}",
     output:
         **{

@@ -86,7 +86,7 @@ class CodeSpace(NamedTuple):
         values: property -> (N,) of the training garments.
         correlation: (K, P) of axes with properties.
         explained: (P,) share of each property's variance that a code predicts.
-        prototypes: kind -> (Z,) code; the mean garment's if there is no kind of which there are any.
+        prototypes: kind -> (Z,) code, or the mean garment's if there is none.
         edits: of the properties that codes tell of; None if there is none.
     """
 

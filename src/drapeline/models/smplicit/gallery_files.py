@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
@@ -110,12 +111,12 @@ def regression_rows(model: str, space: CodeSpace) -> list[Row]:
     ]
 
 
-def load_gallery(folder: str | Path, model: SmplicitModel) -> list[GalleryGarment]:
+def load_gallery(folder: str | Path, bodies: Mapping[str, BodyModel]) -> list[GalleryGarment]:
     """Read the garments that `save_gallery` wrote, in its order.
 
     Args:
         folder: to read.
-        model: that made them, of which only the bodies are used.
+        bodies: by gender, those of the model.
 
     Raises:
         InputError: a file is missing or damaged.
@@ -126,7 +127,7 @@ def load_gallery(folder: str | Path, model: SmplicitModel) -> list[GalleryGarmen
         GalleryGarment(
             *(str(row[key]) for key in ("sheet", "row", "column", "caption", "garment")),
             _read(folder / f"{row['name']}.obj"),
-            _wearer(model, str(row["gender"]), row["shape"]),
+            _wearer(bodies[str(row["gender"])], row["shape"]),
         )
         for row in (
             dict(zip(_PICTURED, values, strict=True))
@@ -169,7 +170,7 @@ def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: M
     """Decode a garment and write its files."""
     wearer = {"gender": item.gender, "shape": np.asarray(item.shape)}
     mesh = model.decode(item.z, **wearer, meshing=meshing).sheet
-    body = _wearer(model, item.gender, wearer["shape"])
+    body = _wearer(model.bodies[item.gender], wearer["shape"])
     garment = nearest_type(item.z, model.codes)
     parts = [still_part("Body", body, BODY_COLOUR)]
     properties = dict.fromkeys(properties_of(model.name), np.nan)
@@ -231,8 +232,7 @@ def _caption(item: Shown, row: Row) -> str:
     return f"{row['asked']:.0f} asked, {text}"
 
 
-def _wearer(model: SmplicitModel, gender: str, shape: np.ndarray) -> Mesh:
-    body = model.bodies[gender]
+def _wearer(body: BodyModel, shape: np.ndarray) -> Mesh:
     return Mesh(rest_body(body, shape).astype(np.float32), body.faces)
 
 

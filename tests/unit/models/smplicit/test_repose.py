@@ -1,8 +1,7 @@
-"""Garments at rest in other poses: with the rest pose, with the body's own vertices, apart from it."""
+"""Garments at rest in other poses, against the rest pose and the body's own vertices."""
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
