@@ -18,7 +18,7 @@ with rule_log(snakemake.log[0]) as log:
     values = training_properties(model, outfits)
     cut = model.network.settings.network.cut
     space = code_space(model.name, model.codes, values, cut)
-    shown = plan_gallery(model.codes, space, model.bodies, seed=wanted.seed, count=wanted.count)
+    shown = plan_gallery(model.codes, space, model.bodies, seed=wanted.seed, count=wanted.samples)
     rows = save_gallery(snakemake.output[0], model, shown, space, Meshing(**wanted.meshing))
     log.info(
         "%d pictures of %d garments, %d of which have nothing left",

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from drapeline.bodies.model import BodyModel, save_body
 from drapeline.bodies.rest_body import SHAPES, rest_basis
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
@@ -12,7 +13,6 @@ from drapeline.models.smplicit.files import TRAINING_CODES, TrainingCodes, body_
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldNetwork, FieldSettings
 from drapeline.models.training.module import BEST
-from drapeline.bodies.model import BodyModel, save_body
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static

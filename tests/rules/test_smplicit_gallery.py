@@ -34,7 +34,7 @@ def made(run_rule, tmp_path_factory, toy_body, exact_fields):
         "make_smplicit_gallery",
         input={"model": folder / "skirt", "outfits": [folder / "outfits.npz"]},
         output=[folder / "gallery"],
-        params={"count": 2, "seed": 0, "meshing": MESHING},
+        params={"samples": 2, "seed": 0, "meshing": MESHING},
     )
     return folder
 

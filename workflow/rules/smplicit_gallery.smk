@@ -39,7 +39,7 @@ rule make_smplicit_gallery:
         mem_mb=4000,
         runtime=120,
     params:
-        count=GALLERY["count"],
+        samples=GALLERY["count"],
         meshing=lookup(dpath="smplicit/meshing", within=config),
         seed=config["seed"],
         code=source_hash("make_smplicit_gallery"),

@@ -35,8 +35,8 @@ from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 
 SHEETS = ("samples", "prototypes", "transitions", "axes", "bodies", "edits")
-_AXES = (2, 3)  # fewest and most to show; the paper shows two
-_WIDE = 0.25  # of the first axis's deviation, which a third one needs
+_AXES = 2  # as in the paper; another one only if it stands for a property
+_PROPERTY_LEAST = 0.5  # correlation from which an axis stands for a property
 _STEPS = 5
 _FARTHEST = 2.0  # deviations off the mean, along an axis
 _USUAL = (0.05, 0.95)  # shares of the training garments with less of a property than edits ask for
@@ -250,10 +250,11 @@ def _transitions(space: CodeSpace) -> list[Shown]:
 def _axes(codes: TrainingCodes, space: CodeSpace) -> list[Shown]:
     """Walks along the principal axes of z_cut, as in figure 3 (A), no farther than garments are."""
     scores = space.cut.scores(codes.z)
-    wide = int((space.cut.deviations >= _WIDE * space.cut.deviations.max(initial=0)).sum())
     shown = []
-    for axis, of_properties in enumerate(space.correlation[: np.clip(wide, *_AXES)]):
-        most = int(np.abs(np.nan_to_num(of_properties)).argmax())
+    for axis, of_properties in enumerate(np.nan_to_num(space.correlation)):
+        most = int(of_properties.argmax())
+        if axis >= _AXES and of_properties[most] < _PROPERTY_LEAST:
+            continue
         about = list(space.values)[most]
         title = f"axis {axis + 1}\n{PROPERTIES[about].title}\nr = {of_properties[most]:.2f}"
         ends = np.clip([scores[:, axis].min(), scores[:, axis].max()], -_FARTHEST, _FARTHEST)
