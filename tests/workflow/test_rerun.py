@@ -38,6 +38,7 @@ USE_SVAE = {
 }
 TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
 TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
+USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"}
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
 REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
@@ -77,7 +78,7 @@ RERUN = {
     | {"plot_gcvae_errors", "plot_gcvae_wrinkles"},
     "metrics/baselines.py": {"evaluate_baselines", "compare_gcvae"},
     "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
-    "models/contract.py": {"compare_gcvae", "compare_garment4d"},
+    "models/contract.py": {"compare_gcvae", "compare_garment4d", "compare_smplicit"},
     "models/gcvae/train.py": {"train_svae", "train_dvae"},
     "models/gcvae/static_model.py": set(),
     "models/load.py": set(),
@@ -94,7 +95,13 @@ RERUN = {
     "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
     "models/garment4d/refine.py": USE_GARMENT4D,
-    "models/training/lightning.py": {"train_svae", "train_svae_conditioning"}
+    "models/smplicit/train.py": {"train_smplicit"},
+    "models/smplicit/decoder.py": {"train_smplicit"} | USE_SMPLICIT,
+    "models/smplicit/sheet.py": USE_SMPLICIT,
+    "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
+    | {"train_smplicit"}
+    | USE_SMPLICIT,
+    "models/training/lightning.py": {"train_svae", "train_svae_conditioning", "train_smplicit"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
     "rendering/modalities.py": {"render_modalities"},
