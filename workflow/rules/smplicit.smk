@@ -137,3 +137,4 @@ rule compare_smplicit:
 
 
 include: "smplicit_figures.smk"
+include: "smplicit_gallery.smk"
