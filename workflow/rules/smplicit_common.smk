@@ -2,6 +2,7 @@ from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 
 SMPLICIT = f"{RESULTS}/smplicit"
 SMPLICIT_MODELS = config["smplicit"]["models"]
+GALLERY = config["smplicit"]["gallery"]
 METRIC_TABLES["metrics"] += [f"smplicit_{model}" for model in SMPLICIT_MODELS]
 # Types on which all models are compared, as far as a model here has learned them.
 SMPLICIT_COMPARED = [
@@ -44,3 +45,14 @@ def field_settings(wildcards):
 def encoder_weights(wildcards):
     """Input function: the file that the image encoder starts from, if there is one."""
     return config["smplicit"]["network"]["encoder_weights"] or []
+
+
+def gallery_body(wildcards):
+    """Input function: the body in motion that garments are put on."""
+    sample = GALLERY["sample"] or next(iter(SAMPLES))
+    if sample not in SAMPLES:
+        raise WorkflowError(
+            f"smplicit.gallery.sample: '{sample}', expected one of the samples,"
+            f" {next(iter(SAMPLES))} to {list(SAMPLES)[-1]}"
+        )
+    return f"{RESULTS}/bodies/{sample}.npz"
