@@ -276,6 +276,9 @@ def add_toy_garment_type(project):
     style = project / "src/drapeline/report/style.py"
     replace(style, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
     replace(project / "config.yaml", "\n  types: [", "\n  types: [Overalls, ")
+    kinds = project / "src/drapeline/models/smplicit/properties.py"
+    last = '        "dress with straps":'
+    replace(kinds, last, '        "overalls": Kind("Overalls"),\n' + last)
 
 
 def read_files(project):
