@@ -591,4 +591,6 @@ def test_every_garment_type_is_in_the_places_listed():
     }
     # The paper's own numbers are of its own types.
     naming.remove("src/drapeline/report/models/gcvae/tables.py")
+    # Segmentation networks have classes of their own.
+    naming.remove("src/drapeline/models/smplicit/pictures.py")
     assert naming == {place for place in listed if not place.startswith("docs/")}
