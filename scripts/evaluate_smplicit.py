@@ -9,11 +9,11 @@ from drapeline.metrics.table import write_metrics
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
     FitSettings,
-    save_held_out,
     true_meshes,
 )
+from drapeline.models.smplicit.held_out import save_held_out
+from drapeline.models.smplicit.load import new_field
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from drapeline.models.smplicit.train import new_field
 from drapeline.outfits.static import load_static
 from drapeline.rule_log import rule_log
 
@@ -36,4 +36,4 @@ with rule_log(snakemake.log[0]):
     untrained = new_field(model.name, data, model.bodies, model.network.settings).eval()
     rows, held_out = evaluation.run(params.split, untrained)
     write_metrics(snakemake.output.metrics, rows)
-    save_held_out(snakemake.output.held_out, held_out, data)
+    save_held_out(snakemake.output.held_out, held_out)

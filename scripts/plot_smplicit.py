@@ -3,8 +3,9 @@
 from typing import TYPE_CHECKING
 
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.smplicit.evaluate import load_held_out, true_meshes
+from drapeline.models.smplicit.evaluate import true_meshes
 from drapeline.models.smplicit.figure_cases import rebuilt_garments
+from drapeline.models.smplicit.held_out import load_held_out
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.outfits.static import load_static
 from drapeline.rendering.raytracer import ray_share

@@ -38,6 +38,8 @@ USE_SVAE = {
 }
 TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
 TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
+GALLERY = {"make_smplicit_gallery", "plot_smplicit_gallery", "pose_smplicit_garment"}
+USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
 REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
@@ -52,7 +54,8 @@ RERUN = {
     "bodies/weight_transfer.py": {
         *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
         *("register_sample", "skin_static", "train_garment4d_posed"),
-    },
+    }
+    | {"pose_smplicit_garment"},
     "outfits/patterns/upper.py": {"build_templates"} | MAKE_GARMENTS,
     "outfits/generate.py": MAKE_GARMENTS,
     "outfits/fabrics.py": MAKE_GARMENTS | {"simulate_outfit"},
@@ -63,6 +66,7 @@ RERUN = {
     "dataset/card.py": {"collect_dataset"},
     "dataset/gltf.py": {
         *("export_sample", "export_reconstructed", "sample_garments", "plot_gcvae_samples"),
+        *GALLERY,
     },
     "registration/to_body/nicp.py": REGISTER_TO_BODY,
     "registration/to_body/samples.py": {"register_sample"},
@@ -77,7 +81,7 @@ RERUN = {
     | {"plot_gcvae_errors", "plot_gcvae_wrinkles"},
     "metrics/baselines.py": {"evaluate_baselines", "compare_gcvae"},
     "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
-    "models/contract.py": {"compare_gcvae", "compare_garment4d"},
+    "models/contract.py": {"compare_gcvae", "compare_garment4d", "compare_smplicit"},
     "models/gcvae/train.py": {"train_svae", "train_dvae"},
     "models/gcvae/static_model.py": set(),
     "models/load.py": set(),
@@ -94,7 +98,13 @@ RERUN = {
     "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
     "models/garment4d/refine.py": USE_GARMENT4D,
-    "models/training/lightning.py": {"train_svae", "train_svae_conditioning"}
+    "models/smplicit/train.py": {"train_smplicit"},
+    "models/smplicit/decoder.py": {"train_smplicit"} | USE_SMPLICIT,
+    "models/smplicit/sheet.py": USE_SMPLICIT,
+    "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
+    | {"train_smplicit"}
+    | USE_SMPLICIT,
+    "models/training/lightning.py": {"train_svae", "train_svae_conditioning", "train_smplicit"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
     "rendering/modalities.py": {"render_modalities"},

@@ -12,7 +12,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.geometry.mesh import Mesh, boundary_edges, triangulate
 from drapeline.learning_data.occlusion import TexturePixels, covered_vertices
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
@@ -24,6 +24,7 @@ from drapeline.storage import atomic_folder, create_array, load_npz, open_array,
 # about a wall's thickness, half as far as clipped distances reach.
 NEAR_DEVIATIONS_M = (0.006, 0.025)
 SKIN_DEVIATION_M = 0.03
+BEYOND_M = 0.2
 
 Box = tuple[Sequence[float], Sequence[float]]
 _ROWS = ("shape", "gender", "garment", "outfit", "split", "occlusion")
@@ -41,8 +42,9 @@ def sample_field(
 ) -> dict[str, np.ndarray]:
     """Points with their distances: near the garment, and in the space around it.
 
-    Of the latter one half is uniform in the model's box, as in the paper, and one half is near the
-    skin, which tells where the garment ends: few uniform points come close to the body below a hem.
+    Of the latter one half is uniform in the model's box, as in the paper. The others tell where the
+    garment ends, since few uniform points come close to the body below a hem: a quarter is near the
+    skin, and a quarter where the garment would go on beyond its openings.
 
     Args:
         rng: draws the points.
@@ -58,9 +60,10 @@ def sample_field(
     deviation = np.resize(NEAR_DEVIATIONS_M, near)[:, None]
     close = _on_surface(rng, garment, near) + deviation * rng.normal(size=(near, 3))
     spread = rng.uniform(*np.asarray(box), size=(space, 3))
-    skin = spread[1::2]
+    skin, beyond = spread[1::4], spread[3::4]
     inside = Mesh(body.vertices, body.faces[_within(body.vertices, box)[body.faces].all(axis=1)])
     skin[:] = _on_surface(rng, inside, len(skin)) + SKIN_DEVIATION_M * rng.normal(size=skin.shape)
+    beyond[:] = _beyond_openings(rng, garment, len(beyond))
     points = {"near": close.astype(np.float32), "space": spread.astype(np.float32)}
     distances = {
         f"{name}_distance": unsigned_distances(places, garment) for name, places in points.items()
@@ -71,6 +74,25 @@ def sample_field(
 def _on_surface(rng: np.random.Generator, mesh: Mesh, count: int) -> np.ndarray:
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     return trimesh.sample.sample_surface(surface, count, seed=rng)[0]
+
+
+def _beyond_openings(rng: np.random.Generator, garment: Mesh, count: int) -> np.ndarray:
+    """(count, 3) points where the faces at the openings point to, up to `BEYOND_M` away."""
+    base = len(garment.vertices)
+    rims = np.sort(boundary_edges(garment.faces), axis=1) @ [base, 1]
+    sides = np.sort(garment.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2)  # (F, 3, 2)
+    face, side = np.nonzero(np.isin(sides @ [base, 1], rims))
+    opposite = garment.vertices[garment.faces[face, (side + 2) % 3]].astype(np.float64)
+    start, end = (garment.vertices[sides[face, side, k]].astype(np.float64) for k in (0, 1))
+    along = (end - start) / np.maximum(np.linalg.norm(end - start, axis=1, keepdims=True), 1e-9)
+    away = start - opposite
+    away -= (away * along).sum(axis=1, keepdims=True) * along
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    weights = np.linalg.norm(end - start, axis=1)
+    chosen = rng.choice(len(start), size=count, p=weights / weights.sum())
+    places = start[chosen] + rng.random((count, 1)) * (end - start)[chosen]
+    reach = BEYOND_M * rng.random((count, 1))
+    return places + reach * away[chosen] + NEAR_DEVIATIONS_M[0] * rng.normal(size=(count, 3))
 
 
 def _within(points: np.ndarray, box: Box) -> np.ndarray:

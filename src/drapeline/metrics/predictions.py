@@ -38,7 +38,7 @@ class WornGarment(NamedTuple):
 
     Attributes:
         garment_type: one of `GARMENTS`.
-        garment: root-relative metres.
+        garment: metres, in the frame of its wearer.
         wearer: the whole body in the same pose.
         root_rotation: (3,) axis-angle of the wearer's root joint, rad.
     """
@@ -67,4 +67,25 @@ class RebuiltGarment(NamedTuple):
     sheet: Mesh
     walls: Mesh
     mean: Mesh
+    wearer: Mesh
+
+
+class GalleryGarment(NamedTuple):
+    """A garment of a gallery of SMPLicit.
+
+    Attributes:
+        sheet: the picture that it is part of.
+        row, column: its place there, by their titles, which may have several lines.
+        caption: below it.
+        garment: its type, one of `GARMENTS`.
+        mesh: triangles at rest, root-relative metres; no faces if nothing was made.
+        wearer: the whole body at rest.
+    """
+
+    sheet: str
+    row: str
+    column: str
+    caption: str
+    garment: str
+    mesh: Mesh
     wearer: Mesh

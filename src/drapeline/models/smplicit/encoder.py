@@ -65,7 +65,7 @@ class ImageEncoder(nn.Module):
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
         """(B, outputs) codes of images (B, R, R), 1 where the garment covers the body."""
-        x = (2.0 * images.float() - 1.0)[:, None].expand(-1, 3, -1, -1)
+        x = (2.0 * images.to(self.fc.weight) - 1.0)[:, None].expand(-1, 3, -1, -1)
         x = functional.relu(self.bn1(self.conv1(x)))
         x = functional.max_pool2d(x, 3, 2, 1)
         for stage in range(1, 5):

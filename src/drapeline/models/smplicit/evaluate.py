@@ -6,7 +6,6 @@ distance field. The surfaces of the fitted field are then compared with the garm
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.garment import area_distances_mm, shape_measures
 from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.models.smplicit.held_out import HeldOut
 from drapeline.models.smplicit.model import Meshing, SmplicitModel, garment_of_field
 from drapeline.models.smplicit.network import GarmentField, Points, fit_codes
 from drapeline.models.smplicit.network_field import NetworkField
@@ -35,7 +35,6 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import load_npz, save_npz
 
 MODEL = "smplicit"
 Measures = dict[str, float]
@@ -55,21 +54,6 @@ class FitSettings:
     near: int = 256
     space: int = 128
     rate: float = 0.03
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Garments that a model has not seen, with their codes and surfaces.
-
-    Attributes:
-        rows: (n,) of the data.
-        z: (n, cut + style) fitted codes.
-        sheets: n open surfaces of the fitted fields.
-    """
-
-    rows: np.ndarray
-    z: np.ndarray
-    sheets: list[Mesh]
 
 
 def true_meshes(data: FieldData, outfits: Sequence[StaticOutfit]) -> dict[int, Mesh]:
@@ -266,7 +250,7 @@ class FieldEvaluation:
         found["untrained"] = field_errors(untrained, self._data, rows, random)
         found["constant"] = constant_errors(self._data, rows, network.d_max_m)
         table = [row for name, part in found.items() for row in self._rows(name, part, rows, split)]
-        return table, HeldOut(rows, z, sheets)
+        return table, HeldOut(self._data.outfit[rows], self._data.garment[rows], z, sheets)
 
     def _body(self, row: int) -> Mesh:
         body = self._model.bodies[GENDERS[self._data.gender[row]]]
@@ -346,38 +330,3 @@ def carry(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:
     edge_m = mean_edge_length(garment.vertices, garment.faces)
     passes = round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
     return Mesh(resize(garment.vertices, average, body, other, passes), garment.faces)
-
-
-def save_held_out(path: str | Path, held_out: HeldOut, data: FieldData) -> None:
-    """Write codes and rebuilt surfaces, which `load_held_out` reads."""
-    arrays = {}
-    for index, sheet in enumerate(held_out.sheets):
-        arrays[f"{index}/vertices"] = sheet.vertices.astype(np.float32)
-        arrays[f"{index}/faces"] = sheet.faces.astype(np.int32)
-    save_npz(
-        path,
-        z=held_out.z,
-        outfit=data.outfit[held_out.rows],
-        garment=data.garment[held_out.rows],
-        **arrays,
-    )
-
-
-def load_held_out(path: str | Path) -> dict[tuple[str, str], tuple[np.ndarray, Mesh]]:
-    """(outfit, garment type) -> its code (cut + style,) and its rebuilt open surface.
-
-    Raises:
-        InputError: the file is missing or lacks an array.
-    """
-    names = load_npz(path, "z", "outfit", "garment", only=True)
-    keys = [f"{index}/{part}" for index in range(len(names["z"])) for part in ("vertices", "faces")]
-    arrays = load_npz(path, *keys, only=True)
-    return {
-        (str(outfit), GARMENTS[garment]): (
-            names["z"][index],
-            Mesh(arrays[f"{index}/vertices"], arrays[f"{index}/faces"]),
-        )
-        for index, (outfit, garment) in enumerate(
-            zip(names["outfit"], names["garment"], strict=True)
-        )
-    }

@@ -26,7 +26,7 @@ def rebuilt_garments(
         model: trained.
         data: of its garments.
         meshes: row -> garment as it was made.
-        held_out: as `evaluate.load_held_out` reads them.
+        held_out: as `held_out.load_held_out` reads them.
         meshing: how surfaces are extracted.
     """
     rows = {(str(data.outfit[row]), GARMENTS[data.garment[row]]): row for row in range(len(data))}

@@ -108,6 +108,8 @@ def space_points(
 
 def hidden_by_body(points: np.ndarray, body: PosedBody, camera: Camera) -> np.ndarray:
     """(P,) whether the posed body is between points (P, 3) of the world and the camera."""
+    if not len(points):
+        return np.zeros(0, dtype=bool)
     way = camera.position - points
     length = np.linalg.norm(way, axis=1, keepdims=True)
     way /= length

@@ -1,13 +1,18 @@
-"""Trained models from the folders that their trainings left."""
+"""Models before their training, and from the folders that trainings left."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import torch
 
-from drapeline.bodies.rest_body import SHAPES
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import SHAPES, rest_basis
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
+from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.network import GarmentField
+from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 
@@ -34,3 +39,18 @@ def load_field(folder: str | Path) -> GarmentField:
     model = GarmentField(about["name"], settings, basis, about["rows"], start=False)
     model.load_state_dict(checkpoint["state_dict"])
     return model.eval().requires_grad_(False)
+
+
+def new_field(
+    name: str, data: FieldData, bodies: Mapping[str, BodyModel], settings: FieldSettings
+) -> GarmentField:
+    """An untrained model.
+
+    Args:
+        name: of `FIELD_MODELS`.
+        data: of its garments.
+        bodies: by gender.
+        settings: sizes, losses and training.
+    """
+    basis = rest_basis(bodies)[:, data.clusters].astype(np.float32)
+    return GarmentField(name, settings, torch.from_numpy(basis), len(data))

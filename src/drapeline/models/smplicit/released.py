@@ -13,6 +13,8 @@ from drapeline.storage import atomic_file
 # There, the layers that see points are convolutions over them, with one more dimension.
 _STYLE_LAYERS = ("fc0_cloth", "fc1_cloth")
 _LAST = "fc4"
+# Layers that tell the sizes of the others.
+_SIZED = ("fc0_cloth", "fc1_cloth", "fc0_query", "fc1_query", "fc0")
 
 
 def load_released(path: str | Path) -> Decoder:
@@ -36,10 +38,12 @@ def load_released(path: str | Path) -> Decoder:
         if isinstance(value, torch.Tensor)
     }
     shapes = {name: tuple(value.shape) for name, value in state.items()}
-    for name in ("fc0_cloth.weight_v", "fc0_query.weight_v", "fc1_query.weight_v", "fc0.weight_v"):
-        if len(shapes.get(name, ())) != 2:
-            raise InputError(f"{path}: lacks a matrix '{name}', expected a checkpoint of SMPLicit")
-    style_2, query_2 = shapes["fc1_cloth.bias"][0], shapes["fc1_query.bias"][0]
+    for name in _SIZED:
+        if len(shapes.get(f"{name}.weight_v", ())) != 2:
+            raise InputError(
+                f"{path}: lacks a matrix '{name}.weight_v', expected a checkpoint of SMPLicit"
+            )
+    style_2, query_2 = (shapes[f"{name}.weight_v"][0] for name in ("fc1_cloth", "fc1_query"))
     decoder = Decoder(
         shapes["fc0_query.weight_v"][1] // 3,
         shapes["fc0.weight_v"][1] - style_2 - query_2,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.contract import HeldOutGarment
-from drapeline.models.smplicit.evaluate import load_held_out
+from drapeline.models.smplicit.held_out import load_held_out
 
 
 class FieldCode:

@@ -1,18 +1,14 @@
 """Train a model of SMPLicit: from data and settings to a finished folder."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
-from drapeline.bodies.model import BodyModel
-from drapeline.bodies.rest_body import rest_basis
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.network import GarmentField
-from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.digests import arrays_digest
 from drapeline.models.training.lightning import fit
@@ -31,21 +27,6 @@ class _Visits:
 
     def batch(self, rows: np.ndarray) -> Batch:
         return self._data.batch(rows)
-
-
-def new_field(
-    name: str, data: FieldData, bodies: Mapping[str, BodyModel], settings: FieldSettings
-) -> GarmentField:
-    """An untrained model.
-
-    Args:
-        name: of `FIELD_MODELS`.
-        data: of its garments.
-        bodies: by gender.
-        settings: sizes, losses and training.
-    """
-    basis = rest_basis(bodies)[:, data.clusters].astype(np.float32)
-    return GarmentField(name, settings, torch.from_numpy(basis), len(data))
 
 
 def train_field(

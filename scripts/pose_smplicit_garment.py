@@ -1,0 +1,46 @@
+"""Rule `pose_smplicit_garment`: a garment of a model through a clip, by its wearer's skinning."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drapeline.bodies.sequence import load_body_sequence
+from drapeline.frames import GENDERS
+from drapeline.models.smplicit.clip import save_clip, worn_clip
+from drapeline.models.smplicit.gallery import nearest_type
+from drapeline.models.smplicit.gallery_files import posed_prototype
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.repose import SKINNINGS
+from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.smplicit.gallery import animate_clip, plot_clip
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+_TITLES = {"nearest": "nearest vertex\n(the paper's)", "smoothed": "smoothed\nweights"}
+
+with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
+    wanted = snakemake.params
+    model = SmplicitModel(snakemake.input.model)
+    record = load_body_sequence(snakemake.input.body)
+    gender = GENDERS[record.gender]
+    name, z = posed_prototype(snakemake.input.gallery)
+    garment = model.decode(
+        z, gender=gender, shape=record.shape, meshing=Meshing(**wanted.meshing)
+    ).sheet
+    worn = (garment, nearest_type(z, model.codes), model.bodies[gender], record)
+
+    def clip(frames, skinning):
+        return worn_clip(*worn, frames, skinning=skinning, push_out=wanted.push_out)
+
+    frames = np.arange(min(wanted.frames, len(record.poses)))
+    moving = clip(frames, wanted.skinning)
+    save_clip(snakemake.output.scene, moving)
+    animate_clip(snakemake.output.moving, moving)
+    shown = frames[np.linspace(0, len(frames) - 1, wanted.shown).astype(int)]
+    plot_clip(
+        snakemake.output.sheet,
+        {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS},
+    )
+    log.info("%s on %s, %d frames", name, record.labels.sequence, len(frames))

@@ -1,0 +1,116 @@
+"""The rules of SMPLicit's gallery, on a model whose fields are exact tubes."""
+
+import csv
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from drapeline.bodies.animation import make_body_sequence
+from drapeline.bodies.sequence import save_body_sequence
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.models.smplicit.files import body_file
+from drapeline.models.smplicit.gallery import SHEETS
+from drapeline.models.smplicit.model import SmplicitModel
+from gallery_toys import TubeField, save_toy_model, save_toy_outfits, training_codes
+
+MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
+
+
+@pytest.fixture(scope="module")
+def exact_fields():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+        yield
+
+
+@pytest.fixture(scope="module")
+def made(run_rule, tmp_path_factory, toy_body, exact_fields):
+    folder = tmp_path_factory.mktemp("smplicit")
+    codes = training_codes()
+    save_toy_model(folder / "skirt", toy_body, codes)
+    save_toy_outfits(folder / "outfits.npz", codes)
+    run_rule(
+        "make_smplicit_gallery",
+        input={"model": folder / "skirt", "outfits": [folder / "outfits.npz"]},
+        output=[folder / "gallery"],
+        params={"samples": 2, "seed": 0, "meshing": MESHING},
+    )
+    return folder
+
+
+def table(path):
+    with open(path) as stream:
+        return list(csv.DictReader(stream, delimiter="\t"))
+
+
+def test_every_garment_has_its_files(made):
+    rows = table(made / "gallery" / "garments.tsv")
+    assert {row["sheet"] for row in rows} == set(SHEETS)
+    for row in rows:
+        assert (made / "gallery" / f"{row['name']}.obj").is_file() == (row["vertices"] != "0")
+        assert (made / "gallery" / f"{row['name']}.glb").is_file()
+
+
+def test_edited_tubes_measure_what_was_asked_for(made):
+    edits = [row for row in table(made / "gallery" / "garments.tsv") if row["sheet"] == "edits"]
+    lengths = [row for row in edits if row["about"] == "leg"]
+    assert len(lengths) == 5
+    for row in lengths:
+        assert float(row["leg"]) == pytest.approx(float(row["asked"]), abs=5)  # half a cell
+
+
+def test_sheets_are_drawn(run_rule, made, tmp_path):
+    run_rule(
+        "plot_smplicit_gallery",
+        input={
+            "gallery": made / "gallery",
+            **{gender: body_file(made / "skirt", gender) for gender in GENDERS},
+        },
+        output={sheet: tmp_path / f"{sheet}.png" for sheet in SHEETS},
+        params={"rays": 0.02},
+    )
+    for sheet in SHEETS:
+        picture = np.asarray(Image.open(tmp_path / f"{sheet}.png").convert("RGB")).astype(int)
+        assert (np.ptp(picture, axis=2) > 25).mean() > 0.01, sheet
+
+
+def test_a_garment_is_posed(run_rule, made, tmp_path, toy_body):
+    poses = np.tile(REST_POSE, (6, 1))
+    poses[:, 3 * 1] = np.linspace(0, 0.5, 6)
+    record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender=0)
+    save_body_sequence(tmp_path / "body.npz", record)
+    output = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
+    run_rule(
+        "pose_smplicit_garment",
+        input={
+            "model": made / "skirt",
+            "gallery": made / "gallery",
+            "body": tmp_path / "body.npz",
+        },
+        output={key: tmp_path / name for key, name in output.items()},
+        params={
+            "frames": 4,
+            "shown": 2,
+            "skinning": "smoothed",
+            "push_out": True,
+            "meshing": MESHING,
+            "rays": 0.02,
+        },
+    )
+    with Image.open(tmp_path / "moving.png") as moving:
+        assert moving.n_frames == 2
+    assert (tmp_path / "scene.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_codes_have_a_page_and_a_table(run_rule, made, tmp_path):
+    run_rule(
+        "tabulate_smplicit_gallery",
+        input=[made / "gallery"],
+        output={"page": tmp_path / "page.html", "table": tmp_path / "all.tsv"},
+        params={"models": ["skirt"]},
+    )
+    found = {(row["axis"], row["property"]): row for row in table(tmp_path / "all.tsv")}
+    # Length is what the toy's first number says, which varies most.
+    assert float(found["1", "leg"]["correlation"]) > 0.9
+    assert "<td>skirt</td>" in (tmp_path / "page.html").read_text()

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.models.training.checkpoints import read_checkpoint
+from smplicit_trainings import train_toy
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, fields, toy_body):
+    return train_toy(tmp_path_factory.mktemp("trained"), fields, toy_body)
+
+
+def test_a_killed_training_is_resumed_to_the_bit(tmp_path, fields, toy_body, trained):
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        train_toy(tmp_path, fields, toy_body, stop=6)
+    assert not (tmp_path / "model").exists()
+    resumed = train_toy(tmp_path, fields, toy_body)
+    one, other = (read_checkpoint(path / "last.ckpt")["state_dict"] for path in (trained, resumed))
+    for name, value in one.items():
+        assert torch.equal(value, other[name]), name
+
+
+def test_each_garment_is_visited_as_often_as_asked(trained):
+    rows = (trained / "history.tsv").read_text().splitlines()
+    assert len(rows) == 4
+    # Four garments, twice each, two at a time.
+    assert read_checkpoint(trained / "last.ckpt")["global_step"] == 3 * 4
+
+
+def test_data_that_are_not_finite_are_named(tmp_path, fields, toy_body):
+    for path in fields.folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    distances = np.load(tmp_path / "near_distance.npy")
+    distances[2, 3] = np.nan
+    np.save(tmp_path / "near_distance.npy", distances)
+    with pytest.raises(InputError, match="samples s2/Skirt: distances hold NaN"):
+        train_toy(tmp_path, FieldData(tmp_path), toy_body)
