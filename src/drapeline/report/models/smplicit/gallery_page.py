@@ -89,8 +89,9 @@ def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables])
         " garments. Deviations are those of training garments.</p>",
         "<h2>Samples</h2>",
         html_table(rows["samples"]),
-        "<p>A sample is like the training garments if all its properties lie between theirs, or up"
-        " to a tenth of the span beyond.</p>",
+        "<p>A sample is like the training garments if it has as many openings as most of its type"
+        " have, and all its properties lie between theirs, or up to a tenth of the span beyond."
+        " Its type is that of the training garment with the nearest code.</p>",
     )
 
 
