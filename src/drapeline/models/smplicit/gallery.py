@@ -176,8 +176,7 @@ def code_space(name: str, codes: TrainingCodes, measures: TrainingMeasures, cut:
         CodeGaussian(axes.mean, sign * axes.directions, axes.deviations),
         values,
         {
-            GARMENTS[kind]: int(np.bincount(measures.openings[codes.garment == kind] + 1).argmax())
-            - 1
+            GARMENTS[kind]: _most_frequent(measures.openings[codes.garment == kind])
             for kind in np.unique(codes.garment)
         },
         sign * correlation,
@@ -185,6 +184,11 @@ def code_space(name: str, codes: TrainingCodes, measures: TrainingMeasures, cut:
         prototypes or {"mean garment": z.mean(axis=0)},
         PropertyEdits(z, told) if told else None,
     )
+
+
+def _most_frequent(numbers: np.ndarray) -> int:
+    found, counts = np.unique(numbers, return_counts=True)
+    return int(found[counts.argmax()])
 
 
 def plan_gallery(
