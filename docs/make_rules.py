@@ -26,6 +26,7 @@ STAGES = {
     "garment4d_reconstruct": "Garments from your own scans",
     "smplicit": "SMPLicit",
     "smplicit_figures": "Figures of SMPLicit",
+    "smplicit_gallery": "Gallery of SMPLicit",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }

@@ -30,7 +30,7 @@ MAY_IMPORT = {
         "metrics": ["learning_data", "registration", "dataset", "outfits", "bodies", "geometry"],
         "models": [
             *["metrics", "learning_data", "registration", "dataset", "outfits", "bodies"],
-            "geometry",
+            *["rendering", "geometry"],
         ],
         "torch": ["dataset"],
         "rendering": ["geometry"],

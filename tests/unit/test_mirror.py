@@ -24,6 +24,7 @@ COVERED_BY = {
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",
     "models/gcvae/static_model": "rules/test_train_svae.py",
     "models/gcvae/static_template": "rules/test_train_svae.py",
+    "models/smplicit/figure_cases": "rules/test_smplicit.py",
     "registration/to_body/samples": "rules/test_register_sample.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
     "report/registration/registration_sheet": "rules/test_make_static_outfits.py",

@@ -38,7 +38,8 @@ USE_SVAE = {
 }
 TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
 TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
-USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"}
+GALLERY = {"make_smplicit_gallery", "plot_smplicit_gallery", "pose_smplicit_garment"}
+USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
 REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
@@ -53,7 +54,8 @@ RERUN = {
     "bodies/weight_transfer.py": {
         *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
         *("register_sample", "skin_static", "train_garment4d_posed"),
-    },
+    }
+    | {"pose_smplicit_garment"},
     "outfits/patterns/upper.py": {"build_templates"} | MAKE_GARMENTS,
     "outfits/generate.py": MAKE_GARMENTS,
     "outfits/fabrics.py": MAKE_GARMENTS | {"simulate_outfit"},
@@ -64,6 +66,7 @@ RERUN = {
     "dataset/card.py": {"collect_dataset"},
     "dataset/gltf.py": {
         *("export_sample", "export_reconstructed", "sample_garments", "plot_gcvae_samples"),
+        *GALLERY,
     },
     "registration/to_body/nicp.py": REGISTER_TO_BODY,
     "registration/to_body/samples.py": {"register_sample"},

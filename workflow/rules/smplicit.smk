@@ -1,6 +1,58 @@
 include: "smplicit_common.smk"
 
 
+rule sample_fields:
+    input:
+        **WHOLE_BODIES,
+        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
+    output:
+        f"{RESULTS}/static/fields/{{shard}}.npz",
+    log:
+        f"{LOGS}/sample_fields/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/sample_fields/{{shard}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        seed=config["seed"],
+        near=lookup(dpath="smplicit/data/near", within=config),
+        space=lookup(dpath="smplicit/data/space", within=config),
+        resolution=lookup(dpath="smplicit/data/resolution", within=config),
+        boxes=FIELD_BOXES,
+        code=source_hash("sample_fields"),
+    script:
+        "../../scripts/sample_fields.py"
+
+
+rule collect_fields:
+    input:
+        **WHOLE_BODIES,
+        shards=field_shards,
+    output:
+        directory(f"{RESULTS}/smplicit/data/{{field}}"),
+    log:
+        f"{LOGS}/collect_fields/{{field}}.log",
+    benchmark:
+        f"{BENCHMARKS}/collect_fields/{{field}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        garments=field_garments,
+        resolution=lookup(dpath="smplicit/data/resolution", within=config),
+        clusters=lookup(dpath="smplicit/data/clusters", within=config),
+        code=source_hash("collect_fields"),
+    script:
+        "../../scripts/collect_fields.py"
+
+
 rule train_smplicit:
     input:
         **WHOLE_BODIES,

@@ -1,6 +1,3 @@
-from snakemake.exceptions import WorkflowError
-
-GALLERY = config["smplicit"]["gallery"]
 GALLERY_SHEETS = {
     "samples": "sampled garments",
     "prototypes": "prototypes",
@@ -9,17 +6,6 @@ GALLERY_SHEETS = {
     "bodies": "one garment on five bodies",
     "edits": "single properties edited",
 }
-
-
-def gallery_body(wildcards):
-    """Input function: the body in motion that garments are put on."""
-    sample = GALLERY["sample"] or next(iter(SAMPLES))
-    if sample not in SAMPLES:
-        raise WorkflowError(
-            f"smplicit.gallery.sample: '{sample}', expected one of the samples,"
-            f" {next(iter(SAMPLES))} to {list(SAMPLES)[-1]}"
-        )
-    return f"{RESULTS}/bodies/{sample}.npz"
 
 
 rule make_smplicit_gallery:

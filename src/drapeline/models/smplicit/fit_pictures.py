@@ -1,0 +1,238 @@
+"""Dressed people from pictures: codes, sheets at rest, and sheets worn in layers (SMPLicit 4.3)."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit.fit_images import FitImage, fit_garments
+from drapeline.models.smplicit.image_points import (
+    PosedBody,
+    SeenPoints,
+    pose_body,
+    seen_points,
+    space_points,
+)
+from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture
+from drapeline.models.smplicit.worn import pose_sheet, wear_in_layers
+from drapeline.rendering.camera import Camera
+from drapeline.seeding import rng_for
+
+if TYPE_CHECKING:
+    from drapeline.models.smplicit.model import Meshing, SmplicitModel
+
+# No garment at rest is further from the body: tops, trousers, and those with skirts.
+_REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": 0.4, "whole": 0.4}
+
+
+class FittedGarment(NamedTuple):
+    """A garment that a picture shows.
+
+    Attributes:
+        z: (cut + style,) its code.
+        sheet: at rest, root-relative metres, Z up; no faces if nothing is left of it.
+        posed: worn in the picture's pose, in the world of its camera.
+    """
+
+    z: np.ndarray
+    sheet: Mesh
+    posed: Mesh
+
+
+class View(NamedTuple):
+    """What a picture shows of a garment.
+
+    Attributes:
+        shown: (H, W) bool, where it is seen.
+        unsure: (H, W) bool, pixels that tell nothing about it.
+        camera: of the picture.
+        body: the wearer, at rest and posed.
+    """
+
+    shown: np.ndarray
+    unsure: np.ndarray
+    camera: Camera
+    body: PosedBody
+
+
+class Wearer(NamedTuple):
+    """Whose garment it is: gender, "female" or "male", and shape (10,)."""
+
+    gender: str
+    shape: np.ndarray
+
+
+def look_at_points(
+    model: "SmplicitModel", view: View, settings: FitImage, rng: np.random.Generator, name: str
+) -> SeenPoints:
+    """Points of the space of a model's garments, and what a view tells about them.
+
+    Args:
+        model: of the garment.
+        view: of it.
+        settings: how many points.
+        rng: draws the points.
+        name: of the garment, for errors.
+
+    Raises:
+        InputError: the images are not of the camera's size, no pixel shows the garment, or none of
+            those that do is near the body.
+    """
+    size = (view.camera.height, view.camera.width)
+    for image in (view.shown, view.unsure):
+        if image.shape != size:
+            raise InputError(
+                f"{name}: the image has {image.shape[1]} x {image.shape[0]} pixels, expected"
+                f" {size[1]} x {size[0]} as the camera's"
+            )
+    if not view.shown.any():
+        raise InputError(f"{name}: no pixel shows it, expected some")
+    low, high = np.asarray(model.box)
+    reach = _REACH_M[model.name]
+    space = space_points(rng, view.body, (low, high), count=settings.points, reach_m=reach)
+    seen = seen_points(
+        space,
+        view.body,
+        view.camera,
+        view.shown,
+        view.unsure,
+        neighbours=settings.neighbours,
+        ray_m=settings.ray_m,
+    )
+    if not len(seen.on) or not len(seen.off):
+        raise InputError(
+            f"{name}: {len(seen.on.points)} points around the body are on its pixels and"
+            f" {len(seen.off.points)} beside them, expected some of both; do body and camera belong"
+            " to the picture?"
+        )
+    return seen
+
+
+def fit_codes_to_views(
+    model: "SmplicitModel",
+    views: Sequence[View],
+    wearers: Sequence[Wearer],
+    names: Sequence[str],
+    settings: FitImage,
+    seed: int,
+) -> np.ndarray:
+    """(B, cut + style) codes of garments of one model, fitted together.
+
+    Args:
+        model: of all of them.
+        views, wearers, names: of each.
+        settings: of the fit.
+        seed: of the points; a garment's do not depend on the others'.
+
+    Raises:
+        InputError: see `look_at_points`.
+    """
+    seen = [
+        look_at_points(model, view, settings, rng_for(seed, "space", name), name)
+        for view, name in zip(views, names, strict=True)
+    ]
+    network = model.network
+    with torch.no_grad():
+        places = network.places(
+            torch.tensor(np.stack([w.shape for w in wearers]), dtype=torch.float32),
+            torch.tensor([GENDERS.index(w.gender) for w in wearers]),
+        )
+    rng = rng_for(seed, "evidence", *names)
+    return fit_garments(network, model.codes.z, seen, places, settings, rng).numpy()
+
+
+def fit_picture(
+    picture: Picture,
+    models: Mapping[str, "SmplicitModel"],
+    settings: FitImage,
+    meshing: "Meshing",
+    seed: int,
+) -> list[dict[str, FittedGarment]]:
+    """The garments of all people of a picture, by class, from the innermost to the outermost.
+
+    Args:
+        picture: with its people.
+        models: by their names of `FIELD_MODELS`.
+        settings: of the fit.
+        meshing: how sheets are extracted.
+        seed: of the points.
+
+    Raises:
+        InputError: a model is missing, or a garment cannot be fitted; see `look_at_points`.
+    """
+    wanted = [(i, name) for i, one in enumerate(picture.people) for name in one.garments]
+    missing = {GARMENT_CLASSES[name].model for _, name in wanted} - set(models)
+    if missing:
+        raise InputError(
+            f"{picture.name}: shows garments of the model {min(missing)}, expected only those of"
+            f" {', '.join(models)}"
+        )
+    bodies = [_posed(person, models) for person in picture.people]
+    codes: dict[tuple[int, str], np.ndarray] = {}
+    for key, model in models.items():
+        own = [(i, name) for i, name in wanted if GARMENT_CLASSES[name].model == key]
+        if own:
+            views = [_view(picture, picture.people[i], name, bodies[i]) for i, name in own]
+            wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
+            names = [f"{picture.name}, person {i + 1}, {name}" for i, name in own]
+            found = fit_codes_to_views(model, views, wearers, names, settings, seed)
+            codes.update(zip(own, found, strict=True))
+    return [
+        dress(
+            body,
+            Wearer(person.gender, person.shape),
+            {
+                name: (models[GARMENT_CLASSES[name].model], codes[i, name])
+                for name in person.garments
+            },
+            settings,
+            meshing,
+        )
+        for i, (person, body) in enumerate(zip(picture.people, bodies, strict=True))
+    ]
+
+
+def _posed(person: Person, models: Mapping[str, "SmplicitModel"]) -> PosedBody:
+    body = next(iter(models.values())).bodies[person.gender]
+    return pose_body(body, person.shape, person.pose, person.trans)
+
+
+def _view(picture: Picture, person: Person, name: str, body: PosedBody) -> View:
+    return View(picture.shows(person, name), picture.unsure(person, name), person.camera, body)
+
+
+def dress(
+    body: PosedBody,
+    wearer: Wearer,
+    codes: Mapping[str, tuple["SmplicitModel", np.ndarray]],
+    settings: FitImage,
+    meshing: "Meshing",
+) -> dict[str, FittedGarment]:
+    """Sheets of codes, at rest and worn in layers.
+
+    Args:
+        body: the wearer, at rest and posed.
+        wearer: gender and shape.
+        codes: model and code of each garment, from the innermost to the outermost.
+        settings: how sheets follow the body.
+        meshing: how sheets are extracted.
+    """
+    sheets = [
+        model.decode(z, gender=wearer.gender, shape=wearer.shape, meshing=meshing).sheet
+        for model, z in codes.values()
+    ]
+    posed = [
+        pose_sheet(sheet, body, neighbours=settings.neighbours, smoothing=settings.smoothing)
+        if len(sheet.faces)
+        else sheet
+        for sheet in sheets
+    ]
+    worn = wear_in_layers(posed, body)
+    return {
+        name: FittedGarment(z, sheet, over)
+        for (name, (_, z)), sheet, over in zip(codes.items(), sheets, worn, strict=True)
+    }

@@ -1,0 +1,74 @@
+"""Garments that were found at rest, worn in the pose of a picture, in layers (SMPLicit 4.3)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.collision import Solid
+from drapeline.geometry.mesh import Mesh, boundary_edges, face_normals
+from drapeline.geometry.smoothing import averaging_matrix, blur, spread_pushes
+from drapeline.models.smplicit.image_points import PosedBody, follow, move
+
+_GAP_M = 0.004  # between layers of cloth
+_LAYER_M = 0.05  # cloth deeper than this below another layer is not meant to be over it
+_ROUNDS, _SPREAD = 3, 4
+
+
+def pose_sheet(sheet: Mesh, body: PosedBody, *, neighbours: int, smoothing: int) -> Mesh:
+    """A sheet at rest, moved into the pose of its wearer.
+
+    Args:
+        sheet: triangles, on `body.rest`.
+        body: the wearer.
+        neighbours: vertices of the body that a vertex follows; 1 in the paper.
+        smoothing: passes that smooth the motions over the sheet, which otherwise jump from one leg
+            to the other; none in the paper.
+    """
+    motions = follow(sheet.vertices, body, neighbours)
+    average = averaging_matrix(sheet.faces, len(sheet.vertices))
+    motions = blur(motions.reshape(-1, 12), average, smoothing).reshape(-1, 4, 3)
+    return Mesh(move(sheet.vertices, motions).astype(np.float32), sheet.faces)
+
+
+def wear_in_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
+    """Posed sheets pushed out of the body, and each out of those below it.
+
+    Args:
+        sheets: from the innermost to the outermost; some may have no faces.
+        body: the wearer.
+    """
+    solid = Solid(body.posed.astype(np.float32), body.faces)
+    worn: list[Mesh] = []
+    for sheet in sheets:
+        if len(sheet.faces):
+            average = averaging_matrix(sheet.faces, len(sheet.vertices))
+            vertices = solid.push_out(sheet.vertices, average)
+            for inner in worn:
+                if len(inner.faces):
+                    vertices = _push_over(vertices, average, inner)
+            sheet = Mesh(vertices, sheet.faces)
+        worn.append(sheet)
+    return worn
+
+
+def _push_over(cloth: np.ndarray, average: sp.csr_matrix, inner: Mesh) -> np.ndarray:
+    """Cloth (V, 3) moved to the outer side of an open sheet, wherever that lies over it."""
+    edge = np.zeros(len(inner.vertices), dtype=bool)
+    edge[boundary_edges(inner.faces)] = True
+    at_edge = edge[inner.faces].any(axis=1)
+    for round_ in range(_ROUNDS):
+        place, face = closest_points(cloth, inner.vertices, inner.faces)
+        normal = face_normals(inner.vertices, inner.faces[face])
+        away = cloth - place
+        height = np.einsum("vi,vi->v", away, normal)
+        # Past an opening there is nothing to be over, whatever side of the last face it is.
+        below = (height < _GAP_M) & (np.linalg.norm(away, axis=1) < _LAYER_M) & ~at_edge[face]
+        if not below.any():
+            break
+        push = np.where(below, _GAP_M - height, 0)[:, None] * normal
+        if round_ < _ROUNDS - 1:
+            push = spread_pushes(push, average, _SPREAD)
+        cloth = (cloth + push).astype(np.float32)
+    return cloth

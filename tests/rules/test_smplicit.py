@@ -1,0 +1,116 @@
+"""The rules of SMPLicit, from outfits to figure, on toy skirts."""
+
+import pytest
+from PIL import Image
+
+from drapeline.bodies.model import save_body
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.metrics.table import read_metrics
+from drapeline.models.smplicit.held_out import load_held_out
+from drapeline.outfits.static import save_static
+from smplicit_toys import BOXES, toy_outfits
+
+SETTINGS = {
+    "network": {"cut": 2, "style": 3, "width": 0.1, "encoder_width": 2},
+    "loss": {},
+    "training": {"epochs": 2, "batch": 2, "near": 16, "space": 16},
+}
+MESHING = {"cell_m": 0.04, "threshold_m": 0.028}
+
+pytestmark = pytest.mark.portable
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, toy_body):
+    folder = tmp_path_factory.mktemp("smplicit_rules")
+    for gender in GENDERS:
+        save_body(folder / f"{gender}.npz", toy_body)
+    save_static(folder / "000.npz", toy_outfits())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(folder, run_rule):
+    """Every rule up to the evaluation."""
+    bodies = {gender: folder / f"{gender}.npz" for gender in GENDERS}
+    run_rule(
+        "sample_fields",
+        input={**bodies, "outfits": folder / "000.npz"},
+        output=[folder / "fields.npz"],
+        params={"seed": 0, "near": 64, "space": 64, "resolution": 32, "boxes": BOXES},
+    )
+    run_rule(
+        "collect_fields",
+        input={**bodies, "shards": [folder / "fields.npz"]},
+        output=[folder / "data"],
+        params={"garments": ("Skirt",), "resolution": 32, "clusters": 12},
+    )
+    run_rule(
+        "train_smplicit",
+        input={**bodies, "data": folder / "data"},
+        output=[folder / "model"],
+        params={
+            "settings": SETTINGS,
+            "trainer": {"accelerator": "cpu"},
+            "progress": str(folder / "progress"),
+            "code": "x",
+        },
+        wildcards={"field": "skirt"},
+    )
+    run_rule(
+        "evaluate_smplicit",
+        input={"model": folder / "model", "data": folder / "data", "outfits": [folder / "000.npz"]},
+        output={"metrics": folder / "metrics.tsv", "held_out": folder / "held_out.npz"},
+        params={
+            "split": "test",
+            "meshing": MESHING,
+            "fit": {"steps": 5, "near": 16, "space": 16, "rate": 0.02},
+            "seed": 0,
+        },
+    )
+    return folder
+
+
+def test_fields_are_collected(made):
+    assert len(FieldData(made / "data")) == 8
+
+
+def test_held_out_garments_are_evaluated(made):
+    rows = read_metrics(made / "metrics.tsv")
+    assert {row.model for row in rows} == {"smplicit"}
+    assert "smplicit_skirt_fitted" in {row.variant for row in rows}
+    assert list(load_held_out(made / "held_out.npz")) == [("s6", "Skirt"), ("s7", "Skirt")]
+
+
+def test_pages_and_figures_are_made(made, run_rule, tmp_path):
+    run_rule("tabulate_smplicit", input=[made / "metrics.tsv"], output=[tmp_path / "page.html"])
+    assert "Skirts" in (tmp_path / "page.html").read_text()
+    run_rule(
+        "plot_smplicit",
+        input={
+            "models": [made / "model"],
+            "data": [made / "data"],
+            "held_out": [made / "held_out.npz"],
+            "outfits": [made / "000.npz"],
+        },
+        output=[tmp_path / "garments.png"],
+        params={"meshing": MESHING, "rays": 0.01},
+    )
+    assert Image.open(tmp_path / "garments.png").size[0] > 1000
+
+
+def test_a_model_that_is_missing_is_named(made, run_rule, tmp_path):
+    with pytest.raises((InputError, SystemExit)):
+        run_rule(
+            "evaluate_smplicit",
+            input={
+                "model": tmp_path / "nowhere",
+                "data": made / "data",
+                "outfits": [made / "000.npz"],
+            },
+            output={"metrics": tmp_path / "m.tsv", "held_out": tmp_path / "h.npz"},
+            params={"split": "test", "meshing": MESHING, "fit": {}, "seed": 0},
+        )
+    assert not (tmp_path / "m.tsv").exists()

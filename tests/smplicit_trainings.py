@@ -1,0 +1,39 @@
+"""Trainings of tiny models of SMPLicit."""
+
+from pathlib import Path
+
+from drapeline.bodies.model import BodyModel
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.models.smplicit.files import save_model_files
+from drapeline.models.smplicit.load import new_field
+from drapeline.models.smplicit.train import train_field
+from portability import THREADS
+from smplicit_toys import toy_bodies, toy_settings
+
+
+def train_toy(folder: Path, data: FieldData, body: BodyModel, *, stop=None, **training) -> Path:
+    """The folder of a training; `stop` is a step at which it is killed."""
+    bodies = toy_bodies(body)
+    settings = toy_settings(**{"epochs": 3, "visits": 2, **training})
+    model = new_field("skirt", data, bodies, settings)
+    if stop is not None:
+        step, whole = [0], model.training_step
+
+        def limited(batch):
+            if step[0] == stop:
+                raise KeyboardInterrupt
+            step[0] += 1
+            return whole(batch)
+
+        model.training_step = limited
+    train_field(
+        folder / "model",
+        model,
+        data,
+        code="x",
+        progress=folder / "progress",
+        trainer={"accelerator": "cpu"},
+        threads=THREADS,
+        complete=lambda out: save_model_files(out, model, data, bodies),
+    )
+    return folder / "model"

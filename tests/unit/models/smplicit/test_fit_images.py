@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+import torch
+
+from drapeline.models.smplicit.fit_images import (
+    Evidence,
+    FitImage,
+    code_prior,
+    image_loss,
+    spread_codes,
+)
+from drapeline.models.smplicit.load import new_field
+from smplicit_toys import toy_bodies, toy_settings
+
+
+@pytest.fixture(scope="module")
+def model(fields, toy_body):
+    return new_field("skirt", fields, toy_bodies(toy_body), toy_settings()).double().eval()
+
+
+def evidence():
+    rng = np.random.default_rng(0)
+    on, off = rng.normal(size=(2, 3, 4, 3)), rng.normal(size=(2, 5, 2, 3))
+    least, weight = rng.random((2, 5, 2)), rng.random((2, 5))
+    return Evidence(*map(torch.from_numpy, (on, off, least, weight)))
+
+
+def given(model):
+    places = model.places(torch.zeros(2, 10).double(), torch.tensor([0, 1]))
+    return places, torch.from_numpy(np.random.default_rng(1).normal(size=(2, 5)))
+
+
+@pytest.mark.parametrize("clearance", [True, False])
+def test_the_loss_is_equation_6(model, clearance):
+    found = evidence()
+    places, z = given(model)
+    settings = FitImage(clearance=clearance, off_weight=0.7)
+    expected = []
+    for index in range(2):
+        one = slice(index, index + 1)
+
+        def distance(point, one=one):
+            return float(model.predict(point[None, None], places[one], z[one])[0, 0])
+
+        covered = [min(abs(distance(p)) for p in ray) for ray in found.on[index]]
+        loss = np.mean(covered)
+        for ray, least, weight in zip(
+            found.off[index], found.least[index], found.weight[index], strict=True
+        ):
+            short = [float(low) - distance(p) for p, low in zip(ray, least, strict=True)]
+            worst = max(max(s, 0) for s in short) if clearance else max(map(abs, short))
+            loss += 0.7 * float(weight) * worst
+        expected.append(loss)
+    with torch.no_grad():
+        loss = image_loss(model, found, places, z, settings)
+    np.testing.assert_allclose(loss, expected, rtol=1e-9)
+
+
+def test_its_gradient_is_true(model):
+    found = evidence()
+    places, z = given(model)
+    z.requires_grad_(True)
+    settings = FitImage()
+    (slope,) = torch.autograd.grad(image_loss(model, found, places, z, settings).sum(), z)
+    step = torch.randn(z.shape, generator=torch.Generator().manual_seed(2), dtype=z.dtype)
+    with torch.no_grad():
+        up, down = (
+            image_loss(model, found, places, z + sign * 1e-7 * step, settings).sum()
+            for sign in (1, -1)
+        )
+    expected = (slope * step).sum()
+    assert abs((up - down) / 2e-7 - expected) < 1e-4 * (slope.norm() * step.norm())
+
+
+def test_the_prior_is_that_of_the_codes():
+    codes = np.random.default_rng(0).normal(size=(400, 3)) * [1, 0.1, 5] + [3, 0, -2]
+    prior = code_prior(codes)
+    z = torch.from_numpy(codes.astype(np.float32))
+    w = prior.whiten(z)
+    torch.testing.assert_close(prior.codes(w), z, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(np.cov(w.T, bias=True)[[0, 2], [0, 2]], 1, atol=0.05)
+    np.testing.assert_allclose(w.mean(0), 0, atol=1e-3)
+
+
+def test_starts_are_the_mean_and_codes_far_from_one_another():
+    codes = np.array([[0.0, 0], [0.1, 0], [10, 0], [0, 10], [-10, -10]])
+    found = spread_codes(codes, 3)
+    np.testing.assert_allclose(found[0], codes.mean(axis=0), atol=1e-6)
+    assert {tuple(row) for row in found[1:].tolist()} == {(10.0, 0), (0.0, 10), (-10.0, -10)}
+    assert len(spread_codes(codes, 99)) == 6

@@ -1,0 +1,35 @@
+import pytest
+import torch
+
+from drapeline.errors import InputError
+from drapeline.models.smplicit.load import load_field, new_field
+from drapeline.models.training.checkpoints import read_checkpoint
+from smplicit_toys import toy_bodies, toy_settings
+from smplicit_trainings import train_toy
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, fields, toy_body):
+    return train_toy(tmp_path_factory.mktemp("trained"), fields, toy_body)
+
+
+def test_a_new_model_depends_on_its_seed_alone(fields, toy_body):
+    one, same, other = (
+        new_field("skirt", fields, toy_bodies(toy_body), toy_settings(seed=seed))
+        for seed in (0, 0, 1)
+    )
+    for name, value in one.state_dict().items():
+        assert torch.equal(value, same.state_dict()[name]), name
+    assert not torch.equal(one.decoder.fc1.weight_v, other.decoder.fc1.weight_v)
+    assert one.styles.shape == (len(fields), 3)
+    assert not one.styles.any()
+
+
+def test_other_networks_are_refused(tmp_path, trained):
+    checkpoint = read_checkpoint(trained / "best.ckpt")
+    checkpoint["drapeline"]["checkpoint_type"] = "static"
+    torch.save(checkpoint, tmp_path / "best.ckpt")
+    with pytest.raises(InputError, match="holds a 'static' network, expected smplicit"):
+        load_field(tmp_path)
+    with pytest.raises(InputError, match=r"best\.ckpt: no such file"):
+        load_field(tmp_path / "nowhere")

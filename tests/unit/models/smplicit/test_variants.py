@@ -1,0 +1,18 @@
+from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
+from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS
+
+
+def test_every_garment_type_has_one_model():
+    learned = [garment for model in FIELD_MODELS.values() for garment in model.garments]
+    assert sorted(learned) == sorted(GARMENTS)
+    assert {MODEL_OF_GARMENT[name] for name in GARMENTS} == set(FIELD_MODELS)
+
+
+def test_garments_of_a_model_cover_the_same_region():
+    for model in FIELD_MODELS.values():
+        assert len({GARMENT_TYPES[name].region for name in model.garments}) == 1
+
+
+def test_boxes_are_boxes():
+    for _, (low, high) in FIELD_MODELS.values():
+        assert all(a < b for a, b in zip(low, high, strict=True))

@@ -1,0 +1,43 @@
+import numpy as np
+
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit.image_points import PosedBody
+from drapeline.models.smplicit.worn import pose_sheet, wear_in_layers
+from smplicit_toys import tube
+
+CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
+SHIFT = np.array([1.0, 2.0, 3.0])
+
+
+def shifted():
+    turns = np.repeat(np.eye(3)[None], len(CORE.vertices), axis=0)
+    rest = CORE.vertices.astype(float)
+    return PosedBody(rest, rest + SHIFT, turns, CORE.faces)
+
+
+def radius(mesh):
+    return np.linalg.norm((mesh.vertices - SHIFT)[:, :2], axis=1)
+
+
+def test_sheets_move_with_the_body():
+    sheet = tube(0.2, -0.2, 0.2)
+    posed = pose_sheet(sheet, shifted(), neighbours=8, smoothing=20)
+    np.testing.assert_allclose(posed.vertices, sheet.vertices + SHIFT, atol=1e-5)
+
+
+def test_layers_lie_over_one_another_and_over_the_body():
+    none = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    rings = {"around": 64, "rings": 21}
+    sheets = [tube(0.19, -0.3, 0.3, **rings), none, tube(0.185, -0.1, 0.1, **rings)]
+    posed = [Mesh((s.vertices + SHIFT).astype(np.float32), s.faces) for s in sheets]
+    inner, nothing, outer = wear_in_layers(posed, shifted())
+    np.testing.assert_allclose(radius(inner), 0.19, atol=1e-4)
+    assert len(nothing.faces) == 0
+    assert radius(outer).min() > 0.19
+
+
+def test_what_is_inside_the_body_comes_out():
+    sheet = tube(0.145, -0.2, 0.2, around=64, rings=21)
+    posed = Mesh((sheet.vertices + SHIFT).astype(np.float32), sheet.faces)
+    (worn,) = wear_in_layers([posed], shifted())
+    assert radius(worn).min() > 0.1485
