@@ -214,7 +214,7 @@ def plan_gallery(
         *_transitions(space),
         *_axes(codes, space),
         *_bodies(space, bodies),
-        *_edits(space),
+        *_edits(codes, space),
     ]
 
 
@@ -302,11 +302,12 @@ def _bodies(space: CodeSpace, bodies: Mapping[str, BodyModel]) -> list[Shown]:
     return sorted(shown, key=lambda item: list(space.prototypes).index(item.row))
 
 
-def _edits(space: CodeSpace) -> list[Shown]:
-    """The first prototype with one property changed and the others kept."""
+def _edits(codes: TrainingCodes, space: CodeSpace) -> list[Shown]:
+    """The mean garment of the first prototype's type, with one property changed."""
     if space.edits is None:
         return []
-    start = next(iter(space.prototypes.values()))
+    kind = GARMENTS.index(nearest_type(next(iter(space.prototypes.values())), codes))
+    start = codes.z[codes.garment == kind].mean(axis=0, dtype=np.float64)
     predicted = dict(zip(space.edits.names, space.edits.predict(start), strict=True))
     return [
         Shown(
