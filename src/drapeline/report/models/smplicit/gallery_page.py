@@ -93,7 +93,8 @@ def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables])
         html_table(rows["samples"]),
         "<p>A sample is like the training garments if it has as many openings as most of its type"
         " have, and all its properties lie between theirs, or up to a tenth of the span beyond."
-        " Its type is that of the training garment with the nearest code.</p>",
+        " Its type is that of the training garment with the nearest code. Ragged edges and torn"
+        " necklines go unnoticed.</p>",
     )
 
 
