@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.models.smplicit.gallery import code_space, plan_gallery, training_properties
+from drapeline.models.smplicit.gallery import code_space, plan_gallery, training_measures
 from drapeline.models.smplicit.gallery_files import save_gallery
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.outfits.static import load_static
@@ -15,9 +15,9 @@ with rule_log(snakemake.log[0]) as log:
     wanted = snakemake.params
     model = SmplicitModel(snakemake.input.model)
     outfits = [outfit for path in snakemake.input.outfits for outfit in load_static(path)]
-    values = training_properties(model, outfits)
+    measures = training_measures(model, outfits)
     cut = model.network.settings.network.cut
-    space = code_space(model.name, model.codes, values, cut)
+    space = code_space(model.name, model.codes, measures, cut)
     shown = plan_gallery(model.codes, space, model.bodies, seed=wanted.seed, count=wanted.samples)
     rows = save_gallery(snakemake.output[0], model, shown, space, Meshing(**wanted.meshing))
     log.info(

@@ -11,6 +11,7 @@ from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.models.smplicit.evaluate import loop_count
 from drapeline.models.smplicit.files import TrainingCodes
 from drapeline.models.smplicit.latent import (
     CodeGaussian,
@@ -84,6 +85,7 @@ class CodeSpace(NamedTuple):
     Attributes:
         cut: principal axes of z_cut; the property that an axis changes most rises along it.
         values: property -> (N,) of the training garments.
+        openings: type -> how many openings most of them have.
         correlation: (K, P) of axes with properties.
         explained: (P,) share of each property's variance that a code predicts.
         prototypes: kind -> (Z,) code, or the mean garment's if there is none.
@@ -92,16 +94,27 @@ class CodeSpace(NamedTuple):
 
     cut: CodeGaussian
     values: dict[str, np.ndarray]
+    openings: dict[str, int]
     correlation: np.ndarray
     explained: np.ndarray
     prototypes: dict[str, np.ndarray]
     edits: PropertyEdits | None
 
 
-def training_properties(
-    model: SmplicitModel, outfits: Sequence[StaticOutfit]
-) -> dict[str, np.ndarray]:
-    """Property -> (N,) of the garments that a model was trained on.
+class TrainingMeasures(NamedTuple):
+    """What is measured on the garments that a model was trained on.
+
+    Attributes:
+        values: property -> (N,).
+        openings: (N,) number of their openings.
+    """
+
+    values: dict[str, np.ndarray]
+    openings: np.ndarray
+
+
+def training_measures(model: SmplicitModel, outfits: Sequence[StaticOutfit]) -> TrainingMeasures:
+    """Measures of the garments that a model was trained on.
 
     Args:
         model: trained.
@@ -116,7 +129,7 @@ def training_properties(
         for garment in outfit.garments
     }
     codes = model.codes
-    rows = []
+    rows, openings = [], []
     for index in progress(range(len(codes.z)), total=len(codes.z), label="training garments"):
         key = str(codes.outfit[index]), GARMENTS[codes.garment[index]]
         if key not in meshes:
@@ -126,24 +139,26 @@ def training_properties(
             )
         body = model.bodies[GENDERS[codes.gender[index]]]
         rows.append(measure_properties(model.name, meshes[key], body, codes.shape[index]))
-    return {name: np.array([row[name] for row in rows]) for name in properties_of(model.name)}
+        openings.append(loop_count(meshes[key].faces))
+    return TrainingMeasures(
+        {name: np.array([row[name] for row in rows]) for name in properties_of(model.name)},
+        np.array(openings),
+    )
 
 
-def code_space(
-    name: str, codes: TrainingCodes, values: Mapping[str, np.ndarray], cut: int
-) -> CodeSpace:
+def code_space(name: str, codes: TrainingCodes, measures: TrainingMeasures, cut: int) -> CodeSpace:
     """What codes say about properties.
 
     Args:
         name: of the model, in `FIELD_MODELS`.
         codes: of the training garments.
-        values: property -> (N,) of these.
+        measures: of these.
         cut: numbers of z_cut.
 
     Raises:
         InputError: fewer than two training garments, or a code that is not finite.
     """
-    z = codes.z.astype(np.float64)
+    z, values = codes.z.astype(np.float64), measures.values
     table = np.stack(list(values.values()), axis=1)
     axes = principal_gaussian(z, cut)
     correlation = correlations(axes.scores(z), table)
@@ -159,12 +174,21 @@ def code_space(
     prototypes = group_means(z, kind_members(name, codes.garment, values))
     return CodeSpace(
         CodeGaussian(axes.mean, sign * axes.directions, axes.deviations),
-        dict(values),
+        values,
+        {
+            GARMENTS[kind]: _most_frequent(measures.openings[codes.garment == kind])
+            for kind in np.unique(codes.garment)
+        },
         sign * correlation,
         explained,
         prototypes or {"mean garment": z.mean(axis=0)},
         PropertyEdits(z, told) if told else None,
     )
+
+
+def _most_frequent(numbers: np.ndarray) -> int:
+    found, counts = np.unique(numbers, return_counts=True)
+    return int(found[counts.argmax()])
 
 
 def plan_gallery(
@@ -190,7 +214,7 @@ def plan_gallery(
         *_transitions(space),
         *_axes(codes, space),
         *_bodies(space, bodies),
-        *_edits(space),
+        *_edits(codes, space),
     ]
 
 
@@ -278,11 +302,12 @@ def _bodies(space: CodeSpace, bodies: Mapping[str, BodyModel]) -> list[Shown]:
     return sorted(shown, key=lambda item: list(space.prototypes).index(item.row))
 
 
-def _edits(space: CodeSpace) -> list[Shown]:
-    """The first prototype with one property changed and the others kept."""
+def _edits(codes: TrainingCodes, space: CodeSpace) -> list[Shown]:
+    """The mean garment of the first prototype's type, with one property changed."""
     if space.edits is None:
         return []
-    start = next(iter(space.prototypes.values()))
+    kind = GARMENTS.index(nearest_type(next(iter(space.prototypes.values())), codes))
+    start = codes.z[codes.garment == kind].mean(axis=0, dtype=np.float64)
     predicted = dict(zip(space.edits.names, space.edits.predict(start), strict=True))
     return [
         Shown(

@@ -14,6 +14,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
 from drapeline.metrics.predictions import GalleryGarment
+from drapeline.models.smplicit.evaluate import loop_count
 from drapeline.models.smplicit.gallery import CodeSpace, Shown, nearest_type
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.properties import PROPERTIES, measure_properties, properties_of
@@ -187,6 +188,7 @@ def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: M
         "garment": garment,
         "gender": item.gender,
         "vertices": len(mesh.vertices),
+        "openings": loop_count(mesh.faces) if len(mesh.faces) else 0,
         **{key: float(value) for key, value in measures.items()},
         **{key: PROPERTIES[key].scale * value for key, value in properties.items()},
     }
@@ -207,14 +209,17 @@ def _row(item: Shown, made: Row, space: CodeSpace) -> Row:
 
 
 def _like_training(made: Row, space: CodeSpace) -> bool:
-    """Whether all properties lie where those of training garments do, or a tenth beyond.
+    """Whether it has as many openings as its type, and all properties lie where theirs do.
 
-    A neckline may be absent, as with garments that are open in front.
+    That is between those of training garments, or a tenth of the span beyond. A neckline may be
+    absent, as with garments that are open in front.
     """
+    if made["openings"] != space.openings[str(made["garment"])]:
+        return False
     for name, value in space.values.items():
         low, high = np.nanmin(value), np.nanmax(value)
         measured, aside = made[name] / PROPERTIES[name].scale, _BEYOND * (high - low)
-        if np.isnan(measured) and name == "neckline" and made["vertices"]:
+        if np.isnan(measured) and name == "neckline":
             continue
         if not low - aside <= measured <= high + aside:
             return False

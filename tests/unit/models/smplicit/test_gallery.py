@@ -8,10 +8,11 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.models.smplicit.gallery import (
     SHEETS,
+    TrainingMeasures,
     code_space,
     nearest_type,
     plan_gallery,
-    training_properties,
+    training_measures,
 )
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.properties import properties_of
@@ -29,9 +30,13 @@ VALUES = {
 }
 
 
+def measures(values):
+    return TrainingMeasures(values, np.full(len(next(iter(values.values()))), 2))
+
+
 @pytest.fixture(scope="module")
 def space():
-    return code_space("skirt", CODES, VALUES, CUT)
+    return code_space("skirt", CODES, measures(VALUES), CUT)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +103,7 @@ def test_types_are_sampled_from_codes_of_their_own(toy_body):
     codes = replace_codes(garment=types)
     codes.z[types == GARMENTS.index("Dress"), 0] += 50
     values = {name: np.full(len(types), 0.5) for name in properties_of("whole")}
-    space = code_space("whole", codes, values, CUT)
+    space = code_space("whole", codes, measures(values), CUT)
     shown = of_sheet(
         plan_gallery(codes, space, dict.fromkeys(GENDERS, toy_body), seed=0, count=9), "samples"
     )
@@ -147,7 +152,7 @@ def test_bodies_differ_and_the_code_does_not(planned, toy_body):
 
 def test_edits_ask_for_usual_values_and_their_regression_gives_them(space, planned):
     shown = of_sheet(planned, "edits")
-    start = space.edits.predict(space.prototypes["short skirt"])
+    start = space.edits.predict(CODES.z.mean(axis=0))
     for index, name in enumerate(space.edits.names):
         items = [item for item in shown if item.about == name]
         asked = [item.asked for item in items]
@@ -156,13 +161,14 @@ def test_edits_ask_for_usual_values_and_their_regression_gives_them(space, plann
         found = np.stack([space.edits.predict(item.z) for item in items])
         assert found[:, index] == pytest.approx(asked)
         kept = np.delete(found, index, axis=1)
-        assert kept == pytest.approx(np.tile(np.delete(start, index), (len(items), 1)))
+        expected = np.tile(np.delete(start, index), (len(items), 1))
+        assert kept == pytest.approx(expected, abs=1e-6)
 
 
 def test_codes_that_tell_nothing_still_have_a_gallery(toy_body):
     few = CODES._replace(**{key: value[:5] for key, value in CODES._asdict().items()})
     values = {name: np.full(5, 0.55) for name in VALUES}
-    space = code_space("skirt", few, values, CUT)
+    space = code_space("skirt", few, measures(values), CUT)
     assert space.edits is None
     assert list(space.prototypes) == ["mean garment"]
     shown = plan_gallery(few, space, dict.fromkeys(GENDERS, toy_body), seed=0, count=1)
@@ -180,9 +186,17 @@ def test_properties_are_measured_on_the_training_garments(tmp_path, toy_body):
     few = CODES._replace(**{key: value[:4] for key, value in CODES._asdict().items()})
     save_toy_model(tmp_path / "skirt", toy_body, few)
     model = SmplicitModel(tmp_path / "skirt")
-    found = training_properties(model, toy_outfits(CODES))
+    found, openings = training_measures(model, toy_outfits(CODES))
     assert list(found) == list(properties_of("skirt"))
+    assert openings.tolist() == [2] * 4
     slope = np.diff(found["leg"]) / np.diff(few.z[:, 0])
     assert slope == pytest.approx(np.full(3, slope[0]), rel=1e-3)
     with pytest.raises(InputError, match=r"was trained on s00003/Skirt"):
-        training_properties(model, toy_outfits(CODES)[:3])
+        training_measures(model, toy_outfits(CODES)[:3])
+
+
+def test_a_type_has_the_openings_that_most_of_it_have():
+    openings = np.full(len(CODES.z), 2)
+    openings[:3] = [-1, 3, 5]
+    space = code_space("skirt", CODES, TrainingMeasures(VALUES, openings), CUT)
+    assert space.openings == {"Skirt": 2}

@@ -8,7 +8,7 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
-from drapeline.models.smplicit.gallery import Shown, code_space, training_properties
+from drapeline.models.smplicit.gallery import Shown, code_space, training_measures
 from drapeline.models.smplicit.gallery_files import load_gallery, posed_prototype, save_gallery
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from gallery_toys import (
@@ -36,7 +36,7 @@ def saved(tmp_path_factory, toy_body):
     save_toy_model(folder / "skirt", toy_body, CODES)
     model = SmplicitModel(folder / "skirt")
     model.field = lambda z, *, gender, shape: TubeField(z)
-    space = code_space("skirt", CODES, training_properties(model, toy_outfits(CODES)), 6)
+    space = code_space("skirt", CODES, training_measures(model, toy_outfits(CODES)), 6)
     z = np.zeros(model.latent)
     longer = space.edits.edit(z, {"leg": 0.1})
     asked = float(space.edits.predict(longer)[0])
@@ -62,7 +62,7 @@ def test_meshes_are_those_of_their_codes(saved):
     for name, item in (("001", shown[0]), ("002", shown[1])):
         hem, top, radius = tube_size(item.z)
         vertices = load_obj(folder / f"{name}.obj").vertices
-        assert np.linalg.norm(vertices[:, :2], axis=1) == pytest.approx(radius, abs=0.004)
+        assert np.linalg.norm(vertices[:, :2], axis=1) == pytest.approx(radius, abs=0.01)
         assert vertices[:, 2].min() == pytest.approx(hem, abs=0.02)
         assert vertices[:, 2].max() == pytest.approx(top, abs=0.02)
 
@@ -81,6 +81,7 @@ def test_nothing_left_is_said_and_has_only_its_wearer(saved):
     assert np.isnan(rows[3]["leg"])
     assert rows[3]["like_training"] == "false"
     assert rows[0]["like_training"] == "true"
+    assert [row["openings"] for row in rows] == [2, 2, 2, 0]
     assert (folder / "003.glb").read_bytes()[:4] == b"glTF"
 
 

@@ -17,7 +17,7 @@ from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 _PIXELS = 64_000  # of a picture, whatever its sides
-_MARGIN = 1.1
+_MARGIN = 1.2
 _RIGHT = np.array([np.cos(np.radians(Scene.turn_deg)), np.sin(np.radians(Scene.turn_deg))])
 _BELOW = 24  # pixels for a caption
 _CARD = (640, 200)

@@ -86,11 +86,15 @@ def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables])
         "<h2>Edits: what was asked for, and what was measured on the mesh</h2>",
         html_table(rows["edits"]),
         "<p>Five garments for each property, from the 5th to the 95th percentile of training"
-        " garments. Deviations are those of training garments.</p>",
+        " garments, all from the mean code of one type. Deviations are those of training garments;"
+        " the last column is the mean standard deviation of the other properties over the five,"
+        " which an edit should keep.</p>",
         "<h2>Samples</h2>",
         html_table(rows["samples"]),
-        "<p>A sample is like the training garments if all its properties lie between theirs, or up"
-        " to a tenth of the span beyond.</p>",
+        "<p>A sample is like the training garments if it has as many openings as most of its type"
+        " have, and all its properties lie between theirs, or up to a tenth of the span beyond."
+        " Its type is that of the training garment with the nearest code. Ragged edges and torn"
+        " necklines go unnoticed.</p>",
     )
 
 
@@ -126,16 +130,14 @@ def _told(model: str, tables: GalleryTables) -> list[dict[str, object]]:
 def _edits(model: str, tables: GalleryTables) -> list[dict[str, object]]:
     told = {row["property"]: row for row in tables.regressions}
     edited = [row for row in tables.garments if row["sheet"] == "edits"]
-    before = next((row for row in tables.garments if row["sheet"] == "prototypes"), None)
     out = []
     for name in dict.fromkeys(row["about"] for row in edited):
         rows = [row for row in edited if row["about"] == name]
         off = [abs(_value(row[name]) - _value(row["asked"])) for row in rows]
-        others = [other for other in told if other != name]
         moved = [
-            abs(_value(row[other]) - _value(before[other])) / _value(told[other]["deviation"])
-            for row in rows
-            for other in others
+            np.std([_value(row[other]) for row in rows]) / _value(told[other]["deviation"])
+            for other in told
+            if other != name
         ]
         out.append(
             {
@@ -144,7 +146,7 @@ def _edits(model: str, tables: GalleryTables) -> list[dict[str, object]]:
                 "Mean error": _mean(off, 1),
                 "Unit": told[name]["unit"],
                 "In deviations": _mean(np.divide(off, _value(told[name]["deviation"])), 2),
-                "Other properties moved by (deviations)": _mean(moved, 2),
+                "Others vary by (deviations)": _mean(moved, 2),
             }
         )
     return out

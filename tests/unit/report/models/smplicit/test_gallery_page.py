@@ -67,7 +67,7 @@ def test_axes_have_a_row_with_their_correlations(rows):
 
 
 def test_edits_are_off_by_what_tables_say(rows):
-    # |44 - 40| and |58 - 60|; of the other property |33 - 30| and |29 - 30|, in deviations of 4.
+    # |44 - 40| and |58 - 60|; the other property is 31 +- 2, in deviations of 4.
     assert ["skirt", "length", "3.0", "% of the leg", "0.15", "0.50"] in rows
 
 
