@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from drapeline.bodies.model import BodyModel
 from drapeline.dataset.reader import Sample
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
+from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.models.smplicit.fit_images import FitImage, rank_codes
@@ -26,6 +26,8 @@ from drapeline.models.smplicit.fit_pictures import (
     dress,
     fit_picture,
     look_at_points,
+    shown_labels,
+    shown_person,
 )
 from drapeline.models.smplicit.image_points import PosedBody, pose_body
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
@@ -107,24 +109,31 @@ def class_of_garment(garment: str) -> str:
 
 
 def take_pictures(
-    sample: Sample, bodies: Mapping[str, BodyModel], settings: PictureSettings, seed: int
+    sample: Sample,
+    models: Mapping[str, SmplicitModel],
+    settings: PictureSettings,
+    seed: int,
 ) -> list[KnownPicture]:
     """Pictures of a sample, spread over its frames, each from a side of its own.
 
     Args:
         sample: simulated.
-        bodies: by gender; the sample was made with them.
+        models: by their names of `FIELD_MODELS`; garments of others are only in the way.
         settings: how many, and their size.
         seed: draws the sides.
     """
-    body = bodies[sample.gender]
-    return [_take_picture(sample, body, index, settings, seed) for index in range(settings.count)]
+    return [_take_picture(sample, models, index, settings, seed) for index in range(settings.count)]
 
 
 def _take_picture(
-    sample: Sample, model: BodyModel, index: int, settings: PictureSettings, seed: int
+    sample: Sample,
+    models: Mapping[str, SmplicitModel],
+    index: int,
+    settings: PictureSettings,
+    seed: int,
 ) -> KnownPicture:
     """In a world whose origin is the root joint, like the samples' caches."""
+    model = next(iter(models.values())).bodies[sample.gender]
     frame = (2 * index + 1) * sample.frame_count // (2 * settings.count)
     shape, pose, trans = sample.info.shape, sample.info.poses[frame], np.zeros(3)
     body = pose_body(model, shape, pose, trans)
@@ -140,7 +149,11 @@ def _take_picture(
     }
     classes = _segment(body, true, camera)
     nobody = np.zeros(classes.shape, dtype=bool)
-    seen = tuple(name for name in GARMENT_CLASSES if (classes == CLASSES.index(name)).any())
+    seen = tuple(
+        name
+        for name, (learned, _) in GARMENT_CLASSES.items()
+        if learned in models and (classes == CLASSES.index(name)).any()
+    )
     person = Person(sample.gender, shape, pose, trans, camera, ~nobody, nobody, seen)
     picture = Picture(f"{sample.id}_{frame:03d}", classes, None, (person,))
     return KnownPicture(picture, sample.id, body, true, types)
@@ -195,9 +208,18 @@ class PictureEvaluation:
         """All rows, and the pictures with what was found in them.
 
         Args:
-            pictures: whose garments some model has learned.
+            pictures: to look at.
             split: name of theirs.
+
+        Raises:
+            InputError: none of them shows a garment of a type that a model has learned.
         """
+        pictures = [known for known in pictures if known.person.garments]
+        if not pictures:
+            raise InputError(
+                f"no picture of the {split} split shows a garment of the models"
+                f" {', '.join(self._models)}, expected some"
+            )
         measures: dict[str, list[Measures]] = {"fitted": [], "nearest": [], "mean_code": []}
         shown = []
         for known in progress(pictures, total=len(pictures), label="pictures"):
@@ -288,11 +310,13 @@ def silhouette_iou(found: np.ndarray, true: np.ndarray, name: str) -> float:
 def measure_outfit(known: KnownPicture, outfit: Outfit) -> list[Measures]:
     """Measures of each garment of a picture.
 
-    The silhouette's IoU, with all garments in place; the share of pixels with the right label among
-    those of the person in either segmentation, the same for all; distances to the simulated garment
-    and back over the area, NaN where nothing is left of the garment; and how much is in the body.
+    The silhouette's IoU, with all garments in place, simulated ones where none was looked for; the
+    share of pixels with the right label among those of the person in either segmentation, the same
+    for all; distances to the simulated garment and back over the area, NaN where nothing is left of
+    the garment; and how much is in the body.
     """
-    found = known.segment({name: garment.posed for name, garment in outfit.items()})
+    worn = {name: garment.posed for name, garment in outfit.items()}
+    found = known.segment(known.true | worn)
     true = known.picture.classes
     person = (found > 0) | (true > 0)
     measured = []
@@ -311,27 +335,7 @@ def measure_outfit(known: KnownPicture, outfit: Outfit) -> list[Measures]:
 
 
 def _shown(known: KnownPicture, outfit: Outfit) -> FittedPicture:
-    person = known.person
-    return FittedPicture(
-        known.picture.name,
-        shown_labels(known.picture.classes),
-        None,
-        (
-            PersonShown(
-                person.camera.intrinsics,
-                person.camera.world_to_camera,
-                Mesh(known.body.posed.astype(np.float32), known.body.faces),
-                {known.garments[name]: garment.posed for name, garment in outfit.items()},
-                {known.garments[name]: known.true[name] for name in outfit},
-            ),
-        ),
-    )
-
-
-def shown_labels(classes: np.ndarray) -> np.ndarray:
-    """(H, W) labels of `metrics.fitted_pictures` of indices into `CLASSES`."""
-    table = [
-        index if name not in GARMENT_CLASSES else label_of(GARMENT_CLASSES[name].garment)
-        for index, name in enumerate(CLASSES)
-    ]
-    return np.array(table, dtype=np.uint8)[classes]
+    garments = {known.garments[name]: garment.posed for name, garment in outfit.items()}
+    true = {known.garments[name]: mesh for name, mesh in known.true.items()}
+    person = shown_person(known.person, known.body, garments, true)
+    return FittedPicture(known.picture.name, shown_labels(known.picture.classes), None, (person,))

@@ -10,8 +10,6 @@ from drapeline.models.smplicit.pictures import (
     CLASSES,
     GARMENT_CLASSES,
     LABELS,
-    files_of_picture,
-    picture_files,
     read_picture,
     weak_perspective,
 )
