@@ -27,7 +27,7 @@ STAGES = {
     "smplicit": "SMPLicit",
     "smplicit_figures": "Figures of SMPLicit",
     "smplicit_gallery": "Gallery of SMPLicit",
-    "smplicit_images": "Garments from your own pictures",
+    "smplicit_images": "SMPLicit on pictures",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }

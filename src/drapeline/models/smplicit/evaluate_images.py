@@ -114,13 +114,13 @@ def take_pictures(
     settings: PictureSettings,
     seed: int,
 ) -> list[KnownPicture]:
-    """Pictures of a sample, spread over its frames, each from a side of its own.
+    """Pictures of a sample, spread over its frames and over the sides, from a drawn one on.
 
     Args:
         sample: simulated.
         models: by their names of `FIELD_MODELS`; garments of others are only in the way.
         settings: how many, and their size.
-        seed: draws the sides.
+        seed: draws the first side, and how high the cameras are.
     """
     return [_take_picture(sample, models, index, settings, seed) for index in range(settings.count)]
 
@@ -137,8 +137,10 @@ def _take_picture(
     frame = (2 * index + 1) * sample.frame_count // (2 * settings.count)
     shape, pose, trans = sample.info.shape, sample.info.poses[frame], np.zeros(3)
     body = pose_body(model, shape, pose, trans)
-    rng = rng_for(seed, "picture", sample.id, index)
-    camera = _camera(body, pose, rng, settings.size_px)
+    rng = rng_for(seed, "pictures", sample.id)
+    turn_deg = 360 * (rng.uniform() + index / settings.count)
+    rise = rng_for(seed, "picture", sample.id, index).uniform(0, _RISE)
+    camera = _camera(body, pose, turn_deg, rise, settings.size_px)
     types = {class_of_garment(garment): garment for garment in sample.garments}
     true = {
         name: Mesh(
@@ -159,12 +161,12 @@ def _take_picture(
     return KnownPicture(picture, sample.id, body, true, types)
 
 
-def _camera(body: PosedBody, pose: np.ndarray, rng: np.random.Generator, size_px: int) -> Camera:
-    """A camera somewhere around the body, which fills the picture."""
+def _camera(
+    body: PosedBody, pose: np.ndarray, turn_deg: float, rise: float, size_px: int
+) -> Camera:
+    """A camera around the body, which fills the picture."""
     middle = (body.posed.min(axis=0) + body.posed.max(axis=0)) / 2
-    way = view_direction(
-        facing_direction(pose[:3]), turn_deg=rng.uniform(-180, 180), rise=rng.uniform(0, _RISE)
-    )
+    way = view_direction(facing_direction(pose[:3]), turn_deg=turn_deg, rise=rise)
     reach = _MARGIN * float(np.ptp(body.posed, axis=0).max())
     return look_at(
         middle + _DISTANCE_M * way,

@@ -17,7 +17,7 @@
       ]
     }
 
-docs/how-to/fit-images.md explains every entry. Everything is checked on reading.
+docs/how-to/own-pictures.md explains every entry. Everything is checked on reading.
 """
 
 from collections.abc import Mapping, Sequence
