@@ -103,6 +103,7 @@ RERUN = {
     "models/smplicit/decoder.py": {"train_smplicit"} | USE_SMPLICIT,
     "models/smplicit/sheet.py": USE_SMPLICIT,
     "models/smplicit/fit_images.py": FIT_IMAGES,
+    "models/smplicit/fitting.py": set(),
     "models/smplicit/evaluate_images.py": {"evaluate_images"},
     "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
     | {"train_smplicit"}
