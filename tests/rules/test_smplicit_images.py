@@ -106,7 +106,7 @@ def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, toy_body, t
         output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown"},
         params={
             "split": "test",
-            "pictures": {"count": 1, "size_px": 48},
+            "pictures": {"count": 2, "size_px": 48},
             "fit": FIT,
             "meshing": MESHING,
             "seed": 0,

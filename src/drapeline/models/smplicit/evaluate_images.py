@@ -1,10 +1,11 @@
 """How well garments are found in pictures: renders of held-out simulated samples, with known truth.
 
 A picture is the exact segmentation of a frame, seen from somewhere; body and camera are known. The
-fitted garments stand beside those of the mean code and of the training code that fits best.
+fitted garments stand beside those of the mean code and of the training code with the least loss.
 """
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -47,21 +48,20 @@ from drapeline.seeding import rng_for
 
 MODEL = "smplicit"
 _DISTANCE_M, _MARGIN, _RISE = 4.0, 1.15, 0.25
-_SHORTLIST = 3  # training codes whose silhouettes are compared
 Measures = dict[str, float]
 Outfit = dict[str, FittedGarment]
 
 
 @dataclass(frozen=True)
 class PictureSettings:
-    """The pictures that are taken of a sample.
+    """The pictures that are taken of samples.
 
     Attributes:
-        count: of each sample, from different frames and sides.
+        count: of all samples together.
         size_px: width and height.
     """
 
-    count: int = 2
+    count: int = 6
     size_px: int = 256
 
 
@@ -109,38 +109,44 @@ def class_of_garment(garment: str) -> str:
 
 
 def take_pictures(
-    sample: Sample,
+    samples: Sequence[Sample],
     models: Mapping[str, SmplicitModel],
     settings: PictureSettings,
     seed: int,
 ) -> list[KnownPicture]:
-    """Pictures of a sample, spread over its frames and over the sides, from a drawn one on.
+    """Pictures, spread over samples, their frames, and the sides of the people.
 
     Args:
-        sample: simulated.
+        samples: simulated.
         models: by their names of `FIELD_MODELS`; garments of others are only in the way.
         settings: how many, and their size.
-        seed: draws the first side, and how high the cameras are.
+        seed: draws the first side of each sample, and how high the cameras are.
     """
-    return [_take_picture(sample, models, index, settings, seed) for index in range(settings.count)]
+    shares = Counter(index * len(samples) // settings.count for index in range(settings.count))
+    return [
+        _take_picture(samples[number], models, (index, count), settings.size_px, seed)
+        for number, count in shares.items()
+        for index in range(count)
+    ]
 
 
 def _take_picture(
     sample: Sample,
     models: Mapping[str, SmplicitModel],
-    index: int,
-    settings: PictureSettings,
+    place: tuple[int, int],
+    size_px: int,
     seed: int,
 ) -> KnownPicture:
-    """In a world whose origin is the root joint, like the samples' caches."""
+    """One of so many of a sample, in a world whose origin is the root joint, like its caches."""
+    index, count = place
     model = next(iter(models.values())).bodies[sample.gender]
-    frame = (2 * index + 1) * sample.frame_count // (2 * settings.count)
+    frame = (2 * index + 1) * sample.frame_count // (2 * count)
     shape, pose, trans = sample.info.shape, sample.info.poses[frame], np.zeros(3)
     body = pose_body(model, shape, pose, trans)
     rng = rng_for(seed, "pictures", sample.id)
-    turn_deg = 360 * (rng.uniform() + index / settings.count)
+    turn_deg = 360 * (rng.uniform() + index / count)
     rise = rng_for(seed, "picture", sample.id, index).uniform(0, _RISE)
-    camera = _camera(body, pose, turn_deg, rise, settings.size_px)
+    camera = _camera(body, pose, turn_deg, rise, size_px)
     types = {class_of_garment(garment): garment for garment in sample.garments}
     true = {
         name: Mesh(
@@ -252,10 +258,10 @@ class PictureEvaluation:
         return dress(known.body, known.wearer, chosen, self._fit, self._meshing)
 
     def _nearest(self, known: KnownPicture) -> Outfit:
-        """Of each garment the training code whose silhouette fits best, alone on the body."""
-        codes = {}
-        for name in known.person.garments:
-            model, person = self._model(name), known.person
+        """Of each garment the training code with the least loss."""
+        codes, person = {}, known.person
+        for name in person.garments:
+            model = self._model(name)
             view = View(
                 known.picture.shows(person, name),
                 known.picture.unsure(person, name),
@@ -270,15 +276,8 @@ class PictureEvaluation:
                     torch.tensor([GENDERS.index(person.gender)]),
                 )
             ranked = rank_codes(model.network, seen, places[0], model.codes.z, self._fit, rng)
-            best = [model.codes.z[index] for index in ranked[:_SHORTLIST]]
-            fits = [self._iou_alone(known, name, z) for z in best]
-            codes[name] = best[int(np.argmax(fits))]
+            codes[name] = model.codes.z[ranked[0]]
         return self._dress(known, codes)
-
-    def _iou_alone(self, known: KnownPicture, name: str, z: np.ndarray) -> float:
-        others = {key: mesh for key, mesh in known.true.items() if key != name}
-        mesh = self._dress(known, {name: z})[name].posed
-        return silhouette_iou(known.segment({**others, name: mesh}), known.picture.classes, name)
 
     def _rows(
         self,

@@ -39,7 +39,7 @@ def tiny(tmp_path_factory, toy_body):
 
 @pytest.fixture(scope="module")
 def pictures(models, tiny):
-    return take_pictures(Sample(tiny.folder), models, SETTINGS, seed=3)
+    return take_pictures([Sample(tiny.folder)], models, SETTINGS, seed=3)
 
 
 def outfit_of(meshes):
@@ -73,6 +73,19 @@ def test_pictures_are_of_different_frames_and_sides(pictures, tiny, toy_body):
             assert known.garments[name] == garment
             assert np.array_equal(known.true[name].vertices, tiny.vertices[garment][frame])
             assert np.array_equal(known.true[name].faces, triangulate(tiny.meshes[garment].faces))
+
+
+@pytest.mark.parametrize(
+    ("count", "expected"), [(1, [0]), (2, [0, 1]), (4, [0, 0, 1, 2]), (7, [0, 0, 0, 1, 1, 2, 2])]
+)
+def test_pictures_are_spread_over_samples(models, toy_body, tmp_path, count, expected):
+    samples = [
+        Sample(write_tiny_sample(tmp_path / str(index), toy_body, f"0000{index}").folder)
+        for index in range(3)
+    ]
+    pictures = take_pictures(samples, models, PictureSettings(count=count, size_px=8), seed=0)
+    assert [int(known.sample) for known in pictures] == expected
+    assert len({known.picture.name for known in pictures}) == count
 
 
 def test_only_garments_that_a_model_has_learned_are_looked_for(pictures):
@@ -152,7 +165,7 @@ def test_what_is_shown_is_what_was_found(evaluated, pictures):
 
 def test_pictures_without_garments_are_refused(models, tiny):
     other = {"trousers": models["skirt"]}
-    pictures = take_pictures(Sample(tiny.folder), other, SETTINGS, seed=3)
+    pictures = take_pictures([Sample(tiny.folder)], other, SETTINGS, seed=3)
     evaluation = PictureEvaluation(other, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
     with pytest.raises(InputError, match="no picture of the val split .* the models trousers"):
         evaluation.run(pictures, "val")
