@@ -129,7 +129,14 @@ def _parts(person: PersonShown, garments: Mapping[str, Mesh]) -> list[ColouredMe
 def _side(picture: FittedPicture, kind: str, size_px: int) -> np.ndarray:
     """All people from the right of the picture, one beside the other."""
     views = [_side_of_person(one, getattr(one, kind), size_px) for one in picture.people]
-    return np.concatenate(views, axis=1)
+    return np.concatenate([_narrow(view) for view in views], axis=1)
+
+
+def _narrow(view: np.ndarray) -> np.ndarray:
+    """A view without the empty columns at its sides, but for a margin."""
+    (drawn,) = np.nonzero((view != view[0, 0]).any(axis=(0, 2)))
+    margin = view.shape[1] // 20
+    return view[:, max(0, drawn[0] - margin) : drawn[-1] + 1 + margin]
 
 
 def _side_of_person(person: PersonShown, garments: Mapping[str, Mesh], size_px: int) -> np.ndarray:
