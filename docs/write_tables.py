@@ -18,6 +18,7 @@ import numpy as np
 from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.tables import read_table
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value, read_metrics
+from drapeline.models.smplicit.variants import FIELD_MODELS
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.dataset.health import MEASURES
 from drapeline.report.times import step_times
@@ -56,9 +57,21 @@ CODES = {
     "static_ppca": "masked PPCA (ours)",
     "garment4d_pca": "PCA of Garment4D's templates",
     "body_pca": "PCA of offsets",
+    "smplicit": "SMPLicit, fitted code",
     "svae": "garment VAE, as printed",
     "body_registered": "registered to the body, no code",
     "template_registered": "registered to the template, no code",
+}
+FIELD_VARIANTS = {
+    "fitted": "fitted code",
+    "nearest_cut": "nearest training garment in z_cut",
+    "nearest_style": "nearest training garment in z_style",
+    "mean_code": "mean code",
+}
+PICTURES = {
+    "smplicit_images_fitted": "fitted code",
+    "smplicit_images_nearest": "training code with the least loss",
+    "smplicit_images_mean_code": "mean code",
 }
 # Stage -> the files whose rules belong to it.
 STAGES = {
@@ -68,6 +81,7 @@ STAGES = {
     "registration and data for learning": ("registration", "learning_data"),
     "garment VAEs": ("gcvae", "gcvae_figures"),
     "Garment4D": ("garment4d", "garment4d_figures"),
+    "SMPLicit": ("smplicit", "smplicit_figures", "smplicit_images"),
 }
 
 # Table over all garments -> its rows, and its columns: metric, decimals and factor.
@@ -94,6 +108,15 @@ BY_METRIC = {
             "numbers": ("code_numbers", 0, 1.0),
             "to the truth mm": ("surface_to_true_mm", 2, 1.0),
             "back mm": ("true_to_surface_mm", 2, 1.0),
+        },
+    ),
+    "smplicit_images": (
+        PICTURES,
+        {
+            "silhouette IoU": ("silhouette_iou", 2, 1.0),
+            "labels right %": ("segmentation_accuracy", 0, 100.0),
+            "to the truth mm": ("surface_to_true_mm", 0, 1.0),
+            "back mm": ("true_to_surface_mm", 0, 1.0),
         },
     ),
 }
@@ -244,6 +267,24 @@ def health(results: Results) -> str:
     return markdown(table)
 
 
+def smplicit(results: Results) -> str:
+    """Held-out garments at rest: a row for each model and what it is compared with."""
+    columns = {
+        "to the truth mm": ("surface_to_true_mm", 1, 1.0),
+        "back mm": ("true_to_surface_mm", 1, 1.0),
+        "normals deg": ("normal_error_deg", 1, 1.0),
+        "openings right %": ("openings_right", 0, 100.0),
+    }
+    rows = []
+    for model in FIELD_MODELS:
+        variants = {f"smplicit_{model}_{key}": name for key, name in FIELD_VARIANTS.items()}
+        rows += [
+            {"garments": model, **row, "openings right %": row["openings right %"].split(" ")[0]}
+            for row in results.by_metric(variants, columns)
+        ]
+    return markdown(rows)
+
+
 def times(results: Results) -> str:
     """Processor time and memory of each stage."""
     steps = step_times([results.folder / "benchmarks", ROOT / "resources" / "benchmarks"])
@@ -289,7 +330,7 @@ def markdown(rows: Table) -> str:
 
 
 TABLES: dict[str, Callable[[Results], str]] = {
-    **{table.__name__: table for table in (origin, times, health, registration)},
+    **{table.__name__: table for table in (origin, times, health, registration, smplicit)},
     **{
         name: lambda results, given=given: markdown(results.by_metric(*given))
         for name, given in BY_METRIC.items()

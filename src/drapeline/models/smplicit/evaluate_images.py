@@ -61,7 +61,7 @@ class PictureSettings:
         size_px: width and height.
     """
 
-    count: int = 6
+    count: int = 4
     size_px: int = 256
 
 
