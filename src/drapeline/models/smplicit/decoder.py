@@ -122,6 +122,15 @@ class Decoder(torch.nn.Module):
         weight, _ = self._joint_split()
         return torch.cat([torch.relu(style), z_cut], 1) @ weight.T + self.fc0.bias
 
+    def base_slopes(self, z_style: torch.Tensor) -> torch.Tensor:
+        """(B, H0, cut + style) derivatives of `base` by the numbers of the codes."""
+        first = self.fc0_cloth(z_style)
+        second = self.fc1_cloth(torch.relu(first))
+        slopes = (first > 0)[..., None] * self.fc0_cloth.weight
+        slopes = (second > 0)[..., None] * (self.fc1_cloth.weight @ slopes)
+        by_style, by_cut = self._joint_split()[0].split([self._style_size, self.cut], 1)
+        return torch.cat([by_cut.expand(len(slopes), -1, -1), by_style @ slopes], 2)
+
     def distances(self, points: torch.Tensor, given: Conditioned) -> torch.Tensor:
         """(B, P) distances of points (B, P, 3) for what `condition` gave."""
         query = self.query(points, given.query_weight, given.query_bias)

@@ -80,16 +80,14 @@ def fit_codes(
 def _look(
     decoder: Decoder, query: torch.Tensor, distance: torch.Tensor, z: torch.Tensor, latent: float
 ) -> _State:
-    def base(code: torch.Tensor) -> torch.Tensor:
-        return decoder.base(*code[None].split([decoder.cut, decoder.style], 1))[0]
-
-    hidden = query + torch.func.vmap(base)(z)[:, None]
+    z_cut, z_style = z.split([decoder.cut, decoder.style], 1)
+    hidden = query + decoder.base(z_cut, z_style)[:, None]
     with torch.enable_grad():
         hidden.requires_grad_(True)
         predicted = decoder.joint(hidden)
         (by_hidden,) = torch.autograd.grad(predicted.sum(), hidden)
     residual = predicted.detach() - distance
-    slopes = by_hidden @ torch.func.vmap(torch.func.jacfwd(base))(z)  # (B, P, H) by (B, H, Z)
+    slopes = by_hidden @ decoder.base_slopes(z_style)  # (B, P, H) by (B, H, Z)
     loss = residual.abs().mean(1) + latent * z.abs().mean(1)
     return _State(z, residual, slopes, loss)
 
