@@ -19,7 +19,7 @@ from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
 from drapeline.seeding import rng_for
 
-_VALIDATION_STEPS = 5
+_VALIDATION_STEPS = 16
 
 
 class Points(NamedTuple):
