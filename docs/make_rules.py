@@ -27,6 +27,7 @@ STAGES = {
     "smplicit": "SMPLicit",
     "smplicit_figures": "Figures of SMPLicit",
     "smplicit_gallery": "Gallery of SMPLicit",
+    "smplicit_images": "SMPLicit on pictures",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }

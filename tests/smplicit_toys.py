@@ -14,11 +14,13 @@ from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
+from drapeline.rendering.camera import Camera
 from drapeline.storage import save_npz
 
 BOXES = {garment: FIELD_MODELS[model].box for garment, model in MODEL_OF_GARMENT.items()}
 SPLITS = ("train",) * 4 + ("val",) * 2 + ("test",) * 2
 RESOLUTION, CLUSTERS, POINTS = 32, 20, 64
+PICTURE_PX = 120
 
 
 def tube(radius_m: float, low_m: float, high_m: float, around: int = 32, rings: int = 9) -> Mesh:
@@ -98,3 +100,17 @@ def toy_settings(**training) -> FieldSettings:
             "training": {"batch": 2, "near": 32, "space": 32, **training},
         }
     )
+
+
+def toy_camera() -> Camera:
+    """Looks along +Y at the origin from 2.5 m away."""
+    intrinsics = np.array([[150, 0, PICTURE_PX / 2], [0, 150, PICTURE_PX / 2], [0, 0, 1.0]])
+    to_camera = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]])
+    return Camera(intrinsics, to_camera, PICTURE_PX, PICTURE_PX)
+
+
+def skirt_pixels() -> np.ndarray:
+    """(H, W) bool, a skirt's silhouette in its picture."""
+    shown = np.zeros((PICTURE_PX, PICTURE_PX), dtype=bool)
+    shown[60:85, 40:80] = True
+    return shown

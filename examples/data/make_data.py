@@ -4,25 +4,34 @@ make run
 PYTHONPATH=src:tests .venv/bin/python examples/data/make_data.py
 """
 
+import json
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from drapeline.bodies.model import load_body
+from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
-from drapeline.dataset.reader import Cloth3D
-from drapeline.geometry.mesh import Mesh
+from drapeline.dataset.reader import Cloth3D, Sample
+from drapeline.dataset.scene_part import BODY_COLOUR
+from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.geometry.obj import save_obj
+from drapeline.models.smplicit.evaluate_images import class_of_garment
 from drapeline.motions.importing import import_motion
 from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.generate import make_outfit, sample_numbers
 from drapeline.outfits.templates import build_templates
+from drapeline.rendering.camera import look_at
+from drapeline.rendering.modalities import cast_rays
+from drapeline.rendering.raytracer import ColouredMesh, raytrace
+from drapeline.report.style import garment_colour
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from motion_files import write_bvh
@@ -126,6 +135,55 @@ def write_scans(dataset: Path, frames: int = 10) -> None:
     )
 
 
+def write_picture(samples: Sequence[Sample], frames: Sequence[int]) -> None:
+    """Simulated people side by side, a frame of each: photo, labels, who is where, and the JSON."""
+    table, parts, owners, labels, people = ["background", "body"], [], [0], [0], []
+    for number, (sample, frame) in enumerate(zip(samples, frames, strict=True), 1):
+        info, body = sample.info, load_body(ROOT / f"resources/body/{sample.gender}.npz")
+        vertices = posed_vertices(body, info.shape, info.poses[frame][None])[0][0]
+        root = np.array([0.75 * number, -0.3 * (number % 2), -vertices[:, 2].min()])
+        worn = [(vertices, body.faces, "body", BODY_COLOUR)]
+        for garment in sample.garments:
+            cloth = sample.vertices(garment, frame, frame + 1, "root")[0]
+            faces = triangulate(sample.mesh(garment).faces)
+            worn.append((cloth, faces, class_of_garment(garment), garment_colour(garment)))
+        for points, faces, name, colour in worn:
+            table += [name] * (name not in table)
+            parts.append(ColouredMesh(points + root, faces, colour))
+            owners.append(number)
+            labels.append(table.index(name))
+        people.append(
+            {
+                "gender": sample.gender,
+                "shape": info.shape.round(4).tolist(),
+                "pose": info.poses[frame].round(4).tolist(),
+                "trans": root.round(4).tolist(),
+                "instance": number,
+            }
+        )
+    middle = np.array([0.375 * (len(samples) + 1), 0.0, 0.9])
+    camera = look_at(middle + [0.5, -4.5, 0.3], middle, focal_px=900, size=(560, 420))
+    seen = cast_rays([(p.vertices, p.faces, np.zeros_like(p.vertices)) for p in parts], camera)
+    for name, values in (("labels", labels), ("people", owners)):
+        pixels = np.array(values, np.uint8)[seen.segments]
+        Image.fromarray(pixels).save(FOLDER / f"street_{name}.png", optimize=True)
+    photo = raytrace(parts, camera, floor_centre=middle[:2])
+    Image.fromarray(photo).save(FOLDER / "street.jpg", quality=88)
+    picture = {
+        "segmentation": "street_labels.png",
+        "labels": {str(label): name for label, name in enumerate(table)},
+        "photo": "street.jpg",
+        "instances": "street_people.png",
+        "camera": {
+            "focal_px": 900,
+            "centre_px": [280, 210],
+            "world_to_camera": camera.world_to_camera.round(6).tolist(),
+        },
+        "people": people,
+    }
+    (FOLDER / "street.json").write_text(json.dumps(picture, indent=1) + "\n")
+
+
 if __name__ == "__main__":
     write_clip("dance_b", frames=90)
     write_clip("jump", frames=60)
@@ -133,3 +191,4 @@ if __name__ == "__main__":
     write_skirt(ROOT / "resources/body/female.npz")
     write_dress(ROOT / "resources/body/female.npz")
     write_scans(ROOT / "results/dataset")
+    write_picture([*Cloth3D(ROOT / "results/dataset", "test")][:3], frames=(12, 30, 45))

@@ -74,3 +74,10 @@ def test_scans_are_reconstructed_by_networks_of_the_default_experiment(jobs):
     assert planned["simulate_outfit"] == 16
     assert planned["reconstruct_garment"] == 1
     assert planned["train_garment4d_posed"] == 1
+
+
+def test_pictures_are_fitted_by_models_of_the_default_experiment(jobs):
+    planned = jobs("pictures")
+    assert planned["fit_picture"] == planned["plot_fitted_picture"] == 1
+    assert planned["train_smplicit"] == 4
+    assert "simulate_outfit" not in planned

@@ -39,7 +39,8 @@ USE_SVAE = {
 TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
 TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
 GALLERY = {"make_smplicit_gallery", "plot_smplicit_gallery", "pose_smplicit_garment"}
-USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY
+FIT_IMAGES = {"fit_picture", "evaluate_images"}
+USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY | FIT_IMAGES
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
 REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
@@ -101,13 +102,17 @@ RERUN = {
     "models/smplicit/train.py": {"train_smplicit"},
     "models/smplicit/decoder.py": {"train_smplicit"} | USE_SMPLICIT,
     "models/smplicit/sheet.py": USE_SMPLICIT,
+    "models/smplicit/fit_images.py": FIT_IMAGES,
+    "models/smplicit/fitting.py": set(),
+    "models/smplicit/evaluate_images.py": {"evaluate_images"},
     "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
     | {"train_smplicit"}
     | USE_SMPLICIT,
     "models/training/lightning.py": {"train_svae", "train_svae_conditioning", "train_smplicit"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
-    "rendering/modalities.py": {"render_modalities"},
+    "rendering/modalities.py": {"render_modalities", "evaluate_images"}
+    | {"plot_fit_images", "plot_fitted_picture"},
     "report/dataset/gallery.py": {"render_gallery"},
     "report/dataset/viewer.py": {"view_sample", "view_example"},
     "report/registration/registration_sheet.py": {"plot_registration"},

@@ -1,3 +1,6 @@
+import re
+
+from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 
 SMPLICIT = f"{RESULTS}/smplicit"
@@ -12,6 +15,25 @@ SMPLICIT_COMPARED = [
 ]
 if SMPLICIT_COMPARED:
     METRIC_TABLES["representations"] += ["representations_smplicit"]
+# Held-out samples whose garments are looked for in pictures of them.
+PICTURED_SAMPLES = [
+    sample
+    for sample, planned in SAMPLES.items()
+    if planned.split == EVALUATED_SPLITS[0]
+    and any(
+        MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS
+        for garment in planned.outfit_type.split("+")
+    )
+]
+if PICTURED_SAMPLES:
+    METRIC_TABLES["metrics"] += ["smplicit_images"]
+try:
+    # The user's own, by name.
+    PICTURES = {
+        file.stem: str(file) for file in picture_files(config["smplicit"]["images"])
+    }
+except InputError as error:
+    raise WorkflowError(str(error)) from None
 
 
 # Where the fields of each garment type are defined.
@@ -22,6 +44,7 @@ FIELD_BOXES = {
 
 wildcard_constraints:
     field="|".join(FIELD_MODELS),
+    picture="|".join(map(re.escape, PICTURES)) or "no picture",
 
 
 def field_garments(wildcards):
@@ -57,3 +80,25 @@ def gallery_body(wildcards):
             f" {next(iter(SAMPLES))} to {list(SAMPLES)[-1]}"
         )
     return f"{RESULTS}/bodies/{sample}.npz"
+
+
+def own_picture(wildcards):
+    """Input function: a picture's JSON, first of all, and the images that it names."""
+    try:
+        files = [*map(str, files_of_picture(PICTURES[wildcards.picture]))]
+    except InputError as error:
+        raise WorkflowError(str(error)) from None
+    return {"picture": files[0], "images": files[1:]}
+
+
+def own_pictures(wildcards):
+    """Input function: what is made of all of the user's pictures."""
+    if not PICTURES:
+        raise WorkflowError(
+            "smplicit.images is empty, expected a .json for each of your pictures, or folders of"
+            " them"
+        )
+    return expand(
+        [f"{SMPLICIT}/images/{{picture}}", f"{SMPLICIT}/images/{{picture}}.png"],
+        picture=PICTURES,
+    )

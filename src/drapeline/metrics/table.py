@@ -42,6 +42,9 @@ UNITS = {
     "acceleration_error_m_s2": "m/s^2",
     "to_cloud_mm": "mm",
     "segmentation_accuracy": "1",
+    "silhouette_iou": "1",
+    "better_than_mean_share": "1",
+    "fit_s": "s",
     "simulated_share": "1",
     "inference_s_per_frame": "s",
 }

@@ -58,8 +58,8 @@ class FitImage:
     rounds: int = 6
     steps: int = 10
     rate: float = 0.2
-    off_weight: float = 1.0
-    prior: float = 0.1
+    off_weight: float = 0.7
+    prior: float = 0.03
     clearance: bool = True
     least_px: int = 50
     smoothing: int = 20

@@ -1,14 +1,19 @@
 """Dressed people from pictures: codes, sheets at rest, and sheets worn in layers (SMPLicit 4.3)."""
 
+import csv
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 
+from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import save_obj
+from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
 from drapeline.models.smplicit.image_points import (
     PosedBody,
@@ -17,16 +22,18 @@ from drapeline.models.smplicit.image_points import (
     seen_points,
     space_points,
 )
-from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture
+from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
 from drapeline.models.smplicit.worn import pose_sheet, wear_in_layers
 from drapeline.rendering.camera import Camera
 from drapeline.seeding import rng_for
+from drapeline.storage import atomic_folder, save_npz
 
 if TYPE_CHECKING:
     from drapeline.models.smplicit.model import Meshing, SmplicitModel
 
 # No garment at rest is further from the body: tops, trousers, and those with skirts.
 _REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": 0.4, "whole": 0.4}
+_COLUMNS = ("person", "gender", "garment", "pixels", "vertices", "faces")
 
 
 class FittedGarment(NamedTuple):
@@ -236,3 +243,68 @@ def dress(
         name: FittedGarment(z, sheet, over)
         for (name, (_, z)), sheet, over in zip(codes.items(), sheets, worn, strict=True)
     }
+
+
+def write_fitted(
+    folder: str | Path, picture: Picture, people: Sequence[Mapping[str, FittedGarment]]
+) -> None:
+    """Write what was found in a picture.
+
+    For each garment `person1_upper_rest.obj` and `person1_upper.obj`, posed; codes in `codes.npz`;
+    and `garments.tsv` with a row for each.
+
+    Args:
+        folder: to write; replaces an earlier one.
+        picture: that was looked at.
+        people: what `fit_picture` found.
+    """
+    rows, codes = [_COLUMNS], {}
+    with atomic_folder(folder) as scratch:
+        for number, (person, outfit) in enumerate(zip(picture.people, people, strict=True), 1):
+            for name, garment in outfit.items():
+                stem = f"person{number}_{name}"
+                save_obj(scratch / f"{stem}_rest.obj", garment.sheet)
+                save_obj(scratch / f"{stem}.obj", garment.posed)
+                codes[stem] = garment.z
+                shown = picture.shows(person, name)
+                size = (len(garment.sheet.vertices), len(garment.sheet.faces))
+                rows.append((number, person.gender, name, int(shown.sum()), *size))
+        save_npz(scratch / "codes.npz", **codes)
+        with open(scratch / "garments.tsv", "w", newline="") as stream:
+            csv.writer(stream, delimiter="\t", lineterminator="\n").writerows(rows)
+
+
+def shown_picture(
+    picture: Picture, bodies: Mapping[str, BodyModel], people: Sequence[Mapping[str, FittedGarment]]
+) -> FittedPicture:
+    """What a figure of a picture shows.
+
+    Args:
+        picture: that was looked at.
+        bodies: by gender.
+        people: what `fit_picture` found.
+    """
+    shown = []
+    for person, outfit in zip(picture.people, people, strict=True):
+        body = pose_body(bodies[person.gender], person.shape, person.pose, person.trans)
+        garments = {GARMENT_CLASSES[name].garment: found.posed for name, found in outfit.items()}
+        shown.append(shown_person(person, body, garments, {}))
+    return FittedPicture(picture.name, shown_labels(picture.classes), picture.photo, tuple(shown))
+
+
+def shown_person(
+    person: Person, body: PosedBody, garments: Mapping[str, Mesh], true: Mapping[str, Mesh]
+) -> PersonShown:
+    """What a figure shows of a person; see `PersonShown`."""
+    camera = person.camera
+    posed = Mesh(body.posed.astype(np.float32), body.faces)
+    return PersonShown(camera.intrinsics, camera.world_to_camera, posed, garments, true)
+
+
+def shown_labels(classes: np.ndarray) -> np.ndarray:
+    """(H, W) labels of `metrics.fitted_pictures` of indices into `CLASSES`."""
+    table = [
+        index if name not in GARMENT_CLASSES else label_of(GARMENT_CLASSES[name].garment)
+        for index, name in enumerate(CLASSES)
+    ]
+    return np.array(table, dtype=np.uint8)[classes]

@@ -27,21 +27,11 @@ from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, face_normals
 from drapeline.models.smplicit.fields import Field
 from drapeline.models.smplicit.files import body_file, load_training_codes
-from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.fit_pictures import (
-    FittedGarment,
-    View,
-    Wearer,
-    dress,
-    fit_codes_to_views,
-)
-from drapeline.models.smplicit.image_points import pose_body
 from drapeline.models.smplicit.load import load_field
 from drapeline.models.smplicit.network_field import NetworkField
 from drapeline.models.smplicit.sheet import extract_sheet
 from drapeline.models.smplicit.variants import FIELD_MODELS, Box
 from drapeline.models.smplicit.walls import Grid, extract_walls
-from drapeline.rendering.camera import Camera
 
 # No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
 REACH_M = 0.35
@@ -123,10 +113,10 @@ class SmplicitModel:
             InputError: the code or the shape has another length or is not finite, or there is no
                 such gender.
         """
-        z = _finite("code", z, self.latent)
+        z = finite("code", z, self.latent)
         if gender not in GENDERS:
             raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
-        return NetworkField(self.network, z, _finite("shape", shape, SHAPES), GENDERS.index(gender))
+        return NetworkField(self.network, z, finite("shape", shape, SHAPES), GENDERS.index(gender))
 
     def decode(
         self,
@@ -140,44 +130,6 @@ class SmplicitModel:
         field = self.field(z, gender=gender, shape=shape)
         body = Mesh(rest_body(self.bodies[gender], np.asarray(shape)), self.bodies[gender].faces)
         return garment_of_field(field, self.box, body, meshing or Meshing())
-
-    def fit_image(
-        self,
-        shown: np.ndarray,
-        camera: Camera,
-        *,
-        gender: str,
-        shape: Sequence[float],
-        pose: Sequence[float],
-        trans: Sequence[float],
-        unsure: np.ndarray | None = None,
-        seed: int = 0,
-    ) -> FittedGarment:
-        """The garment that a picture shows on a known body; see `fit_pictures` for whole pictures.
-
-        Args:
-            shown: (H, W) bool, the garment's pixels.
-            camera: of the picture.
-            gender, shape: of the wearer.
-            pose: (72,) axis-angle, rad; its root rotation leads to the world of the camera.
-            trans: (3,) the root joint there, metres.
-            unsure: (H, W) bool, pixels that tell nothing about the garment, such as those of what
-                hides it.
-            seed: of the points that the fit looks at.
-
-        Raises:
-            InputError: an argument has another size, no pixel shows the garment, or those that do
-                are not near the body.
-        """
-        wearer = Wearer(gender, _finite("shape", shape, SHAPES))
-        if gender not in GENDERS:
-            raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
-        at = _finite("pose", pose, 72), _finite("trans", trans, 3)
-        body = pose_body(self.bodies[gender], wearer.shape, *at)
-        unsure = np.zeros_like(shown) if unsure is None else unsure
-        views, settings = [View(shown, unsure, camera, body)], FitImage()
-        (z,) = fit_codes_to_views(self, views, [wearer], [self.name], settings, seed)
-        return dress(body, wearer, {self.name: (self, z)}, settings, Meshing())[self.name]
 
 
 def garment_of_field(field: Field, box: Box, body: Mesh, meshing: Meshing) -> FieldGarment:
@@ -232,7 +184,12 @@ def away_from_body(points: np.ndarray, body: Mesh) -> np.ndarray:
     return face_normals(body.vertices, body.faces[face])
 
 
-def _finite(name: str, values: Sequence[float] | np.ndarray, size: int) -> np.ndarray:
+def finite(name: str, values: Sequence[float] | np.ndarray, size: int) -> np.ndarray:
+    """(size,) float32 numbers.
+
+    Raises:
+        InputError: they are not finite, or not as many.
+    """
     array = np.asarray(values, dtype=np.float32)
     if array.shape != (size,) or not np.isfinite(array).all():
         raise InputError(f"{name}: shape {array.shape}, expected {size} finite numbers")

@@ -17,7 +17,7 @@
       ]
     }
 
-docs/how-to/fit-images.md explains every entry. Everything is checked on reading.
+docs/how-to/own-pictures.md explains every entry. Everything is checked on reading.
 """
 
 from collections.abc import Mapping, Sequence
@@ -167,41 +167,6 @@ def weak_perspective(
     world_to_camera = np.eye(4)
     world_to_camera[2, 3] = _FAR_M
     return Camera(intrinsics, world_to_camera, *size)
-
-
-def picture_files(paths: Sequence[str | Path]) -> list[Path]:
-    """The JSON files of pictures: those named, and all in folders that are named.
-
-    Raises:
-        InputError: there is none, or two of them have one name.
-    """
-    found: dict[str, Path] = {}
-    for path in map(Path, paths):
-        files = sorted(path.glob("*.json")) if path.is_dir() else [path]
-        if not files:
-            raise InputError(f"{path}: contains no .json, expected one per picture")
-        for file in files:
-            if file.stem in found:
-                raise InputError(
-                    f"{file}: a picture of that name is also in {found[file.stem].parent},"
-                    " expected different names"
-                )
-            found[file.stem] = file
-    return list(found.values())
-
-
-def files_of_picture(path: str | Path) -> list[Path]:
-    """The JSON and the images that it names, for those who wait for changes of any.
-
-    Raises:
-        InputError: it is not readable as JSON, or names no file where it should.
-    """
-    path = Path(path)
-    given = _object(path, read_json(path), "the picture")
-    people = given.get("people", [])
-    named = [given.get(key) for key in ("segmentation", "photo", "instances")]
-    named += [one.get("mask") for one in people if isinstance(one, dict)]
-    return [path, *(path.parent / name for name in named if isinstance(name, str))]
 
 
 def read_picture(path: str | Path, bodies: Mapping[str, BodyModel], *, least_px: int) -> Picture:

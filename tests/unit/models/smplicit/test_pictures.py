@@ -10,8 +10,6 @@ from drapeline.models.smplicit.pictures import (
     CLASSES,
     GARMENT_CLASSES,
     LABELS,
-    files_of_picture,
-    picture_files,
     read_picture,
     weak_perspective,
 )
@@ -131,17 +129,3 @@ def wrong(given, **changes):
 def test_wrong_entries_are_named(read, given, changes, message):
     with pytest.raises(InputError, match=message):
         read(wrong(given, **changes))
-
-
-def test_files_are_listed(tmp_path, read, given):
-    read(given)
-    path = tmp_path / "street.json"
-    assert files_of_picture(path) == [path, tmp_path / "labels.png"]
-    assert picture_files([tmp_path]) == [path]
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other/street.json").write_text("{}")
-    with pytest.raises(InputError, match="a picture of that name is also in"):
-        picture_files([tmp_path, tmp_path / "other"])
-    with pytest.raises(InputError, match=r"contains no \.json"):
-        (tmp_path / "empty").mkdir()
-        picture_files([tmp_path / "empty"])

@@ -1,0 +1,26 @@
+"""Rule `fit_picture`: the garments of the people in one picture, at rest and as worn."""
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from drapeline.models.smplicit.fit_images import FitImage
+from drapeline.models.smplicit.fit_pictures import fit_picture, shown_picture, write_fitted
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.pictures import read_picture
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]) as log:
+    given, params, made = snakemake.input, snakemake.params, snakemake.output
+    torch.set_num_threads(snakemake.threads)
+    models = {model.name: model for model in map(SmplicitModel, given.models)}
+    bodies = next(iter(models.values())).bodies
+    settings = FitImage(**params.fit)
+    picture = read_picture(given.picture, bodies, least_px=settings.least_px)
+    people = fit_picture(picture, models, settings, Meshing(**params.meshing), params.seed)
+    write_fitted(made.folder, picture, people)
+    shown_picture(picture, bodies, people).save(made.shown)
+    log.info("%s: %s", picture.name, "; ".join(" + ".join(outfit) for outfit in people))

@@ -1,0 +1,342 @@
+"""How well garments are found in pictures: renders of held-out simulated samples, with known truth.
+
+A picture is the exact segmentation of a frame, seen from somewhere; body and camera are known. The
+fitted garments stand beside those of the mean code and of the training code with the least loss.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from drapeline.dataset.reader import Sample
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.metrics.fitted_pictures import FittedPicture
+from drapeline.metrics.garment import area_distances_mm, inside_measures
+from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.models.smplicit.fit_images import FitImage, rank_codes
+from drapeline.models.smplicit.fit_pictures import (
+    FittedGarment,
+    View,
+    Wearer,
+    dress,
+    fit_picture,
+    look_at_points,
+    shown_labels,
+    shown_person,
+)
+from drapeline.models.smplicit.image_points import PosedBody, pose_body
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.pictures import (
+    BACKGROUND,
+    BODY,
+    CLASSES,
+    GARMENT_CLASSES,
+    Person,
+    Picture,
+)
+from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
+from drapeline.rendering.modalities import cast_rays
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+
+MODEL = "smplicit"
+_DISTANCE_M, _MARGIN, _RISE = 4.0, 1.15, 0.25
+Measures = dict[str, float]
+Outfit = dict[str, FittedGarment]
+
+
+@dataclass(frozen=True)
+class PictureSettings:
+    """The pictures that are taken of samples.
+
+    Attributes:
+        count: of all samples together.
+        size_px: width and height.
+    """
+
+    count: int = 6
+    size_px: int = 256
+
+
+@dataclass(frozen=True)
+class KnownPicture:
+    """A picture of a simulated sample.
+
+    Attributes:
+        picture: of one person.
+        sample: its name.
+        body: at rest and posed.
+        true: class -> simulated garment, in the world of the camera.
+        garments: class -> garment type.
+    """
+
+    picture: Picture
+    sample: str
+    body: PosedBody
+    true: dict[str, Mesh]
+    garments: dict[str, str]
+
+    @property
+    def person(self) -> Person:
+        """Who is in it."""
+        return self.picture.people[0]
+
+    @property
+    def wearer(self) -> Wearer:
+        """Gender and shape."""
+        return Wearer(self.person.gender, self.person.shape)
+
+    def segment(self, garments: Mapping[str, Mesh]) -> np.ndarray:
+        """(H, W) indices into `CLASSES` of what its camera would see of other garments."""
+        return _segment(self.body, garments, self.person.camera)
+
+
+def class_of_garment(garment: str) -> str:
+    """The class of `GARMENT_CLASSES` that a segmentation calls a garment type."""
+    region = GARMENT_TYPES[garment].region
+    return next(
+        name
+        for name, (_, stands) in GARMENT_CLASSES.items()
+        if stands == garment or (region == "upper" and name == "upper")
+    )
+
+
+def take_pictures(
+    samples: Sequence[Sample],
+    models: Mapping[str, SmplicitModel],
+    settings: PictureSettings,
+    seed: int,
+) -> list[KnownPicture]:
+    """Pictures, spread over samples, their frames, and the sides of the people.
+
+    Args:
+        samples: simulated.
+        models: by their names of `FIELD_MODELS`; garments of others are only in the way.
+        settings: how many, and their size.
+        seed: draws the first side of each sample, and how high the cameras are.
+    """
+    shares = Counter(index * len(samples) // settings.count for index in range(settings.count))
+    return [
+        _take_picture(samples[number], models, (index, count), settings.size_px, seed)
+        for number, count in shares.items()
+        for index in range(count)
+    ]
+
+
+def _take_picture(
+    sample: Sample,
+    models: Mapping[str, SmplicitModel],
+    place: tuple[int, int],
+    size_px: int,
+    seed: int,
+) -> KnownPicture:
+    """One of so many of a sample, in a world whose origin is the root joint, like its caches."""
+    index, count = place
+    model = next(iter(models.values())).bodies[sample.gender]
+    frame = (2 * index + 1) * sample.frame_count // (2 * count)
+    shape, pose, trans = sample.info.shape, sample.info.poses[frame], np.zeros(3)
+    body = pose_body(model, shape, pose, trans)
+    rng = rng_for(seed, "pictures", sample.id)
+    turn_deg = 360 * (rng.uniform() + index / count)
+    rise = rng_for(seed, "picture", sample.id, index).uniform(0, _RISE)
+    camera = _camera(body, pose, turn_deg, rise, size_px)
+    types = {class_of_garment(garment): garment for garment in sample.garments}
+    true = {
+        name: Mesh(
+            sample.vertices(garment, frame, frame + 1, "root")[0],
+            triangulate(sample.mesh(garment).faces),
+        )
+        for name, garment in types.items()
+    }
+    classes = _segment(body, true, camera)
+    nobody = np.zeros(classes.shape, dtype=bool)
+    seen = tuple(
+        name
+        for name, (learned, _) in GARMENT_CLASSES.items()
+        if learned in models and (classes == CLASSES.index(name)).any()
+    )
+    person = Person(sample.gender, shape, pose, trans, camera, ~nobody, nobody, seen)
+    picture = Picture(f"{sample.id}_{frame:03d}", classes, None, (person,))
+    return KnownPicture(picture, sample.id, body, true, types)
+
+
+def _camera(
+    body: PosedBody, pose: np.ndarray, turn_deg: float, rise: float, size_px: int
+) -> Camera:
+    """A camera around the body, which fills the picture."""
+    middle = (body.posed.min(axis=0) + body.posed.max(axis=0)) / 2
+    way = view_direction(facing_direction(pose[:3]), turn_deg=turn_deg, rise=rise)
+    reach = _MARGIN * float(np.ptp(body.posed, axis=0).max())
+    return look_at(
+        middle + _DISTANCE_M * way,
+        middle,
+        focal_px=size_px * _DISTANCE_M / reach,
+        size=(size_px, size_px),
+    )
+
+
+def _segment(body: PosedBody, garments: Mapping[str, Mesh], camera: Camera) -> np.ndarray:
+    meshes = [(body.posed, body.faces)]
+    meshes += [(m.vertices, m.faces) for m in garments.values() if len(m.faces)]
+    seen = cast_rays([(v, f, np.zeros_like(v)) for v, f in meshes], camera).segments
+    names = [BACKGROUND, BODY, *(name for name, m in garments.items() if len(m.faces))]
+    return np.array([CLASSES.index(name) for name in names], dtype=np.uint8)[seen]
+
+
+class PictureEvaluation:
+    """Measures of garments found in pictures, and of what they are compared with.
+
+    Args:
+        models: by their names of `FIELD_MODELS`.
+        fit: how codes are fitted.
+        meshing: how sheets are extracted.
+        seed: of the experiment.
+    """
+
+    def __init__(
+        self,
+        models: Mapping[str, SmplicitModel],
+        *,
+        fit: FitImage,
+        meshing: Meshing,
+        seed: int,
+    ) -> None:
+        self._models, self._fit, self._meshing, self._seed = models, fit, meshing, seed
+
+    def run(
+        self, pictures: Sequence[KnownPicture], split: str
+    ) -> tuple[list[MetricRow], list[FittedPicture]]:
+        """All rows, and the pictures with what was found in them.
+
+        Args:
+            pictures: to look at.
+            split: name of theirs.
+
+        Raises:
+            InputError: none of them shows a garment of a type that a model has learned.
+        """
+        pictures = [known for known in pictures if known.person.garments]
+        if not pictures:
+            raise InputError(
+                f"no picture of the {split} split shows a garment of the models"
+                f" {', '.join(self._models)}, expected some"
+            )
+        measures: dict[str, list[Measures]] = {"fitted": [], "nearest": [], "mean_code": []}
+        shown = []
+        for known in progress(pictures, total=len(pictures), label="pictures"):
+            start = time.process_time()
+            (fitted,) = fit_picture(
+                known.picture, self._models, self._fit, self._meshing, self._seed
+            )
+            seconds = time.process_time() - start
+            found = {"fitted": fitted, "nearest": self._nearest(known)}
+            found["mean_code"] = self._dress(
+                known, {name: self._model(name).mean_code for name in known.person.garments}
+            )
+            rows = {name: measure_outfit(known, outfit) for name, outfit in found.items()}
+            for name, part in rows.items():
+                for one, mean in zip(part, rows["mean_code"], strict=True):
+                    better = one["silhouette_iou"] > mean["silhouette_iou"]
+                    more = {} if name == "mean_code" else {"better_than_mean_share": float(better)}
+                    cost = {"fit_s": seconds} if name == "fitted" else {}
+                    measures[name].append({**one, **more, **cost})
+            shown.append(_shown(known, fitted))
+        return self._rows(pictures, measures, split), shown
+
+    def _model(self, name: str) -> SmplicitModel:
+        return self._models[GARMENT_CLASSES[name].model]
+
+    def _dress(self, known: KnownPicture, codes: Mapping[str, np.ndarray]) -> Outfit:
+        chosen = {name: (self._model(name), z) for name, z in codes.items()}
+        return dress(known.body, known.wearer, chosen, self._fit, self._meshing)
+
+    def _nearest(self, known: KnownPicture) -> Outfit:
+        """Of each garment the training code with the least loss."""
+        codes, person = {}, known.person
+        for name in person.garments:
+            model = self._model(name)
+            view = View(
+                known.picture.shows(person, name),
+                known.picture.unsure(person, name),
+                person.camera,
+                known.body,
+            )
+            rng = rng_for(self._seed, "nearest", known.picture.name, name)
+            seen = look_at_points(model, view, self._fit, rng, name)
+            with torch.no_grad():
+                places = model.network.places(
+                    torch.tensor(person.shape[None], dtype=torch.float32),
+                    torch.tensor([GENDERS.index(person.gender)]),
+                )
+            ranked = rank_codes(model.network, seen, places[0], model.codes.z, self._fit, rng)
+            codes[name] = model.codes.z[ranked[0]]
+        return self._dress(known, codes)
+
+    def _rows(
+        self,
+        pictures: Sequence[KnownPicture],
+        measures: Mapping[str, Sequence[Measures]],
+        split: str,
+    ) -> list[MetricRow]:
+        of = [(known, name) for known in pictures for name in known.person.garments]
+        return [
+            row
+            for name, part in measures.items()
+            for row in summary_rows(
+                rng_for(self._seed, "intervals", "images", name, split),
+                part,
+                [known.garments[garment] for known, garment in of],
+                [known.sample for known, _ in of],
+                model=MODEL,
+                variant=f"{MODEL}_images_{name}",
+                split=split,
+                seed=self._seed,
+            )
+        ]
+
+
+def silhouette_iou(found: np.ndarray, true: np.ndarray, name: str) -> float:
+    """Pixels (H, W) of a class in both segmentations, as a share of those in either."""
+    both = (found == CLASSES.index(name)), (true == CLASSES.index(name))
+    return float((both[0] & both[1]).sum() / max((both[0] | both[1]).sum(), 1))
+
+
+def measure_outfit(known: KnownPicture, outfit: Outfit) -> list[Measures]:
+    """Measures of each garment of a picture.
+
+    The silhouette's IoU, with all garments in place, simulated ones where none was looked for; the
+    share of pixels with the right label among those of the person in either segmentation, the same
+    for all; distances to the simulated garment and back over the area, NaN where nothing is left of
+    the garment; and how much is in the body.
+    """
+    worn = {name: garment.posed for name, garment in outfit.items()}
+    found = known.segment(known.true | worn)
+    true = known.picture.classes
+    person = (found > 0) | (true > 0)
+    measured = []
+    for name, garment in outfit.items():
+        to_true, to_surface = area_distances_mm(garment.posed, known.true[name])
+        measured.append(
+            {
+                "silhouette_iou": silhouette_iou(found, true, name),
+                "segmentation_accuracy": float((found == true)[person].mean()),
+                "surface_to_true_mm": to_true,
+                "true_to_surface_mm": to_surface,
+                **inside_measures(garment.posed.vertices, known.body.posed, known.body.faces),
+            }
+        )
+    return measured
+
+
+def _shown(known: KnownPicture, outfit: Outfit) -> FittedPicture:
+    garments = {known.garments[name]: garment.posed for name, garment in outfit.items()}
+    true = {known.garments[name]: mesh for name, mesh in known.true.items()}
+    person = shown_person(known.person, known.body, garments, true)
+    return FittedPicture(known.picture.name, shown_labels(known.picture.classes), None, (person,))

@@ -1,0 +1,137 @@
+"""The rules that find garments in pictures, on a model whose sheets are exact tubes."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from drapeline.frames import REST_POSE
+from drapeline.geometry.obj import load_obj
+from drapeline.metrics.fitted_pictures import load_fitted_picture
+from drapeline.models.smplicit.model import SmplicitModel
+from gallery_toys import TubeField, save_toy_model, training_codes
+from tiny_sample import write_tiny_sample
+
+SIZE = 120
+TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
+FIT = {"points": 20000, "rays": 20, "starts": 3, "rounds": 1, "steps": 2}
+MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
+
+
+@pytest.fixture(scope="module")
+def skirt(tmp_path_factory, toy_body):
+    """A model's folder."""
+    folder = tmp_path_factory.mktemp("models") / "skirt"
+    save_toy_model(folder, toy_body, training_codes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+        yield folder
+
+
+@pytest.fixture
+def picture(tmp_path):
+    labels = np.zeros((SIZE, SIZE), np.uint8)
+    labels[60:85, 40:80] = 12
+    Image.fromarray(labels).save(tmp_path / "labels.png")
+    person = {
+        "gender": "female",
+        "shape": [0.0] * 10,
+        "pose": REST_POSE.tolist(),
+        "trans": [0.0, 0.0, 0.0],
+    }
+    given = {
+        "segmentation": "labels.png",
+        "labels": "lip",
+        "camera": {"focal_px": 150.0, "world_to_camera": TO_CAMERA},
+        "people": [person],
+    }
+    path = tmp_path / "street.json"
+    path.write_text(json.dumps(given))
+    return path
+
+
+def fit(run_rule, picture, models, folder):
+    run_rule(
+        "fit_picture",
+        input={"picture": picture, "images": [picture.parent / "labels.png"], "models": models},
+        output={"folder": folder / "street", "shown": folder / "street_shown.npz"},
+        params={"fit": FIT, "meshing": MESHING, "seed": 0},
+        wildcards={"picture": "street"},
+    )
+
+
+@pytest.mark.portable
+def test_a_users_picture_gets_its_garments(run_rule, skirt, picture, tmp_path):
+    made = tmp_path / "made"
+    fit(run_rule, picture, [skirt], made)
+    with open(made / "street/garments.tsv") as stream:
+        (row,) = csv.DictReader(stream, delimiter="\t")
+    assert (row["person"], row["garment"], row["pixels"]) == ("1", "skirt", "1000")
+    rest, posed = (load_obj(made / f"street/person1_skirt{end}.obj") for end in ("_rest", ""))
+    assert len(posed.vertices) == len(rest.vertices) == int(row["vertices"])
+    assert len(rest.faces) == int(row["faces"]) > 0
+    codes = np.load(made / "street/codes.npz")
+    assert codes["person1_skirt"].shape == (18,)
+
+    run_rule(
+        "plot_fitted_picture",
+        input=[made / "street_shown.npz"],
+        output=[made / "street.png"],
+        params={"rays": 0.02},
+    )
+    image = np.asarray(Image.open(made / "street.png").convert("RGB")).astype(int)
+    assert (np.ptp(image, axis=2) > 25).mean() > 0.01
+
+
+def test_a_picture_of_unlearned_garments_is_refused(run_rule, skirt, picture, tmp_path):
+    given = json.loads(picture.read_text())
+    given["labels"] = {"0": "background", "12": "dress"}
+    picture.write_text(json.dumps(given))
+    with pytest.raises(SystemExit, match="drapeline: street: shows garments of the model whole"):
+        fit(run_rule, picture, [skirt], tmp_path / "made")
+    assert not (tmp_path / "made/street").exists()
+
+
+@pytest.mark.portable
+def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, toy_body, tmp_path):
+    samples = [
+        write_tiny_sample(tmp_path / name, toy_body, name, "test", seed=seed).folder
+        for seed, name in enumerate(("00001", "00002"))
+    ]
+    run_rule(
+        "evaluate_images",
+        input={"models": [skirt], "samples": samples},
+        output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown"},
+        params={
+            "split": "test",
+            "pictures": {"count": 2, "size_px": 48},
+            "fit": FIT,
+            "meshing": MESHING,
+            "seed": 0,
+        },
+    )
+    with open(tmp_path / "metrics.tsv") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    # A picture of each sample.
+    assert {row["n"] for row in rows if row["metric"] == "silhouette_iou"} == {"2"}
+    files = sorted((tmp_path / "shown").iterdir())
+    assert [load_fitted_picture(file).name for file in files] == ["00001_003", "00002_003"]
+
+    run_rule(
+        "plot_fit_images",
+        input=[tmp_path / "shown"],
+        output=[tmp_path / "all.png"],
+        params={"rays": 0.02, "most": 1},
+    )
+    with Image.open(tmp_path / "all.png") as one:
+        height = one.height
+    run_rule(
+        "plot_fit_images",
+        input=[tmp_path / "shown"],
+        output=[tmp_path / "all.png"],
+        params={"rays": 0.02, "most": 2},
+    )
+    with Image.open(tmp_path / "all.png") as both:
+        assert both.height > 1.6 * height

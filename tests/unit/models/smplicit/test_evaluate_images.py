@@ -1,0 +1,171 @@
+import numpy as np
+import pytest
+
+from drapeline.bodies.model import posed_vertices
+from drapeline.dataset.reader import Sample
+from drapeline.errors import InputError
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.models.smplicit.evaluate_images import (
+    PictureEvaluation,
+    PictureSettings,
+    class_of_garment,
+    measure_outfit,
+    silhouette_iou,
+    take_pictures,
+)
+from drapeline.models.smplicit.fit_images import FitImage
+from drapeline.models.smplicit.fit_pictures import FittedGarment
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.pictures import CLASSES
+from drapeline.outfits.garment_types import GARMENT_TYPES
+from gallery_toys import TubeField, save_toy_model, training_codes
+from tiny_sample import write_tiny_sample
+
+QUICK = FitImage(points=20000, rays=20, starts=3, rounds=1, steps=2)
+SETTINGS = PictureSettings(count=2, size_px=64)
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory, toy_body):
+    folder = tmp_path_factory.mktemp("models") / "skirt"
+    save_toy_model(folder, toy_body, training_codes())
+    return {"skirt": SmplicitModel(folder)}
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory, toy_body):
+    return write_tiny_sample(tmp_path_factory.mktemp("stages"), toy_body)
+
+
+@pytest.fixture(scope="module")
+def pictures(models, tiny):
+    return take_pictures([Sample(tiny.folder)], models, SETTINGS, seed=3)
+
+
+def outfit_of(meshes):
+    return {name: FittedGarment(np.zeros(18), mesh, mesh) for name, mesh in meshes.items()}
+
+
+def test_every_garment_type_has_a_class():
+    classes = {garment: class_of_garment(garment) for garment in GARMENT_TYPES}
+    assert classes == {
+        "Tshirt": "upper",
+        "Top": "upper",
+        "Trousers": "trousers",
+        "Skirt": "skirt",
+        "Jumpsuit": "jumpsuit",
+        "Dress": "dress",
+    }
+
+
+def test_pictures_are_of_different_frames_and_sides(pictures, tiny, toy_body):
+    assert [known.picture.name for known in pictures] == ["00001_001", "00001_004"]
+    first, second = (known.person.camera for known in pictures)
+    # From opposite sides.
+    assert first.axes[0] @ second.axes[0] == pytest.approx(-1, abs=0.05)
+    for known, frame in zip(pictures, (1, 4), strict=True):
+        # Root-relative, as the garments' caches are.
+        bodies, _ = posed_vertices(toy_body, tiny.shape, tiny.poses[frame : frame + 1])
+        assert known.body.posed - known.body.posed[0] == pytest.approx(
+            bodies[0] - bodies[0, 0], abs=1e-5
+        )
+        for name, garment in (("upper", "Tshirt"), ("skirt", "Skirt")):
+            assert known.garments[name] == garment
+            assert np.array_equal(known.true[name].vertices, tiny.vertices[garment][frame])
+            assert np.array_equal(known.true[name].faces, triangulate(tiny.meshes[garment].faces))
+
+
+@pytest.mark.parametrize(
+    ("count", "expected"), [(1, [0]), (2, [0, 1]), (4, [0, 0, 1, 2]), (7, [0, 0, 0, 1, 1, 2, 2])]
+)
+def test_pictures_are_spread_over_samples(models, toy_body, tmp_path, count, expected):
+    samples = [
+        Sample(write_tiny_sample(tmp_path / str(index), toy_body, f"0000{index}").folder)
+        for index in range(3)
+    ]
+    pictures = take_pictures(samples, models, PictureSettings(count=count, size_px=8), seed=0)
+    assert [int(known.sample) for known in pictures] == expected
+    assert len({known.picture.name for known in pictures}) == count
+
+
+def test_only_garments_that_a_model_has_learned_are_looked_for(pictures):
+    for known in pictures:
+        assert known.person.garments == ("skirt",)
+        assert (known.picture.classes == CLASSES.index("upper")).any()
+
+
+def test_bodies_fill_the_picture(pictures):
+    for known in pictures:
+        seen = known.picture.classes > 0
+        rows, columns = np.nonzero(seen)
+        longest = max(np.ptp(rows), np.ptp(columns))
+        assert 0.6 * SETTINGS.size_px < longest < SETTINGS.size_px - 1
+
+
+def test_the_truth_measures_as_such(pictures):
+    for known in pictures:
+        rows = measure_outfit(known, outfit_of(known.true))
+        for row in rows:
+            assert row["silhouette_iou"] == 1
+            assert row["segmentation_accuracy"] == 1
+            assert row["surface_to_true_mm"] == pytest.approx(0, abs=0.01)
+            assert row["true_to_surface_mm"] == pytest.approx(0, abs=0.01)
+
+
+def test_a_shifted_garment_measures_worse(pictures):
+    known = pictures[0]
+    skirt = known.true["skirt"]
+    moved = Mesh(skirt.vertices - np.array([0, 0, 0.05], np.float32), skirt.faces)
+    (row,) = measure_outfit(known, outfit_of({"skirt": moved}))
+    assert row["silhouette_iou"] < 0.97
+    assert row["segmentation_accuracy"] < 1
+    assert 1 < row["surface_to_true_mm"] <= 50
+
+
+def test_iou_counts_pixels():
+    skirt = CLASSES.index("skirt")
+    found, true = np.zeros((4, 4), np.uint8), np.zeros((4, 4), np.uint8)
+    found[:2], true[1:3] = skirt, skirt
+    assert silhouette_iou(found, true, "skirt") == pytest.approx(4 / 12)
+    assert silhouette_iou(found, true, "dress") == 0
+
+
+@pytest.fixture(scope="module")
+def evaluated(models, pictures):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+        evaluation = PictureEvaluation(models, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
+        yield evaluation.run(pictures, "test")
+
+
+@pytest.mark.portable
+def test_what_is_found_stands_beside_the_mean_and_the_nearest(evaluated):
+    rows, _ = evaluated
+    variants = {f"smplicit_images_{name}" for name in ("fitted", "nearest", "mean_code")}
+    assert {row.variant for row in rows} == variants
+    assert {row.garment for row in rows} >= {"Skirt"}
+    assert {row.split for row in rows} == {"test"}
+    of = {(row.variant, row.metric) for row in rows}
+    for variant in variants:
+        assert (variant, "silhouette_iou") in of
+        better = (variant, "better_than_mean_share") in of
+        assert better == (variant != "smplicit_images_mean_code")
+        assert ((variant, "fit_s") in of) == (variant == "smplicit_images_fitted")
+
+
+@pytest.mark.portable
+def test_what_is_shown_is_what_was_found(evaluated, pictures):
+    _, shown = evaluated
+    for picture, known in zip(shown, pictures, strict=True):
+        assert picture.name == known.picture.name
+        (person,) = picture.people
+        assert set(person.garments) == {"Skirt"}
+        assert set(person.true) == {"Tshirt", "Skirt"}
+
+
+def test_pictures_without_garments_are_refused(models, tiny):
+    other = {"trousers": models["skirt"]}
+    pictures = take_pictures([Sample(tiny.folder)], other, SETTINGS, seed=3)
+    evaluation = PictureEvaluation(other, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
+    with pytest.raises(InputError, match="no picture of the val split .* the models trousers"):
+        evaluation.run(pictures, "val")
