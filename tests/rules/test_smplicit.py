@@ -66,7 +66,7 @@ def made(folder, run_rule):
         params={
             "split": "test",
             "meshing": MESHING,
-            "fit": {"steps": 5, "near": 16, "space": 16, "rate": 0.02},
+            "fit": {"steps": 5, "near": 16, "space": 16},
             "seed": 0,
         },
     )

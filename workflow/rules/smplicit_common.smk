@@ -61,7 +61,8 @@ def field_shards(wildcards):
 def field_settings(wildcards):
     """Params function: settings of a training, by group."""
     chosen = {key: config["smplicit"][key] for key in ("network", "loss", "training")}
-    chosen["training"] = {**chosen["training"], "seed": config["seed"]}
+    space = chosen["training"]["space"] * FIELD_MODELS[wildcards.field].space_share
+    chosen["training"] = {**chosen["training"], "space": space, "seed": config["seed"]}
     return chosen
 
 

@@ -49,6 +49,16 @@ def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return pairs, counts
 
 
+def face_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Undirected edges (E, 2) as `edges` returns them, and which of them the faces (F, C) have.
+
+    Returns:
+        The edges, and ids (F, C) of those from each corner to the next.
+    """
+    pairs, which, _ = _unique_edges(half_edges(faces))
+    return pairs, which.reshape(faces.shape)
+
+
 def half_edges(faces: np.ndarray) -> np.ndarray:
     """Directed edges (F * corners, 2), face by face; edge k leaves corner k."""
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)

@@ -10,6 +10,7 @@ from drapeline.geometry.mesh import (
     edge_graph,
     edge_lengths,
     edges,
+    face_edges,
     face_normals,
     faces_within,
     half_edges,
@@ -101,6 +102,15 @@ def test_the_graph_of_a_tube_joins_each_vertex_to_its_neighbours_both_ways():
 
 def test_half_edges_run_around_their_face():
     assert half_edges(np.array([[4, 5, 6]])).tolist() == [[4, 5], [5, 6], [6, 4]]
+
+
+def test_faces_know_their_edges():
+    _, faces = tube()
+    pairs, which = face_edges(faces)
+    np.testing.assert_array_equal(pairs, edges(faces))
+    assert which.shape == faces.shape
+    ends = np.sort(half_edges(faces), axis=1).reshape(*faces.shape, 2)
+    np.testing.assert_array_equal(pairs[which], ends)
 
 
 def test_edge_lengths_of_a_rectangle():

@@ -114,18 +114,43 @@ class Decoder(torch.nn.Module):
         self, places: torch.Tensor, z_cut: torch.Tensor, z_style: torch.Tensor
     ) -> Conditioned:
         """What does not depend on the points; see `forward`."""
+        return Conditioned(*self.fold(places), self.base(z_cut, z_style))
+
+    def base(self, z_cut: torch.Tensor, z_style: torch.Tensor) -> torch.Tensor:
+        """(B, H0) what codes add to the first joint layer; all that depends on them."""
         style = self.fc1_cloth(torch.relu(self.fc0_cloth(z_style)))
-        style = torch.relu(style)
         weight, _ = self._joint_split()
-        joint = torch.cat([style, z_cut], 1) @ weight.T + self.fc0.bias
-        return Conditioned(*self.fold(places), joint)
+        return torch.cat([torch.relu(style), z_cut], 1) @ weight.T + self.fc0.bias
+
+    def base_slopes(self, z_style: torch.Tensor) -> torch.Tensor:
+        """(B, H0, cut + style) derivatives of `base` by the numbers of the codes."""
+        first = self.fc0_cloth(z_style)
+        second = self.fc1_cloth(torch.relu(first))
+        slopes = (first > 0)[..., None] * self.fc0_cloth.weight
+        slopes = (second > 0)[..., None] * (self.fc1_cloth.weight @ slopes)
+        by_style, by_cut = self._joint_split()[0].split([self._style_size, self.cut], 1)
+        return torch.cat([by_cut.expand(len(slopes), -1, -1), by_style @ slopes], 2)
 
     def distances(self, points: torch.Tensor, given: Conditioned) -> torch.Tensor:
         """(B, P) distances of points (B, P, 3) for what `condition` gave."""
-        query = points @ given.query_weight.mT + given.query_bias[:, None]
-        query = torch.relu(self.fc1_query(torch.relu(query)))
+        query = self.query(points, given.query_weight, given.query_bias)
+        return self.joint(query + given.base[:, None])
+
+    def query(self, points: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
+        """(B, P, H0) what points add to the first joint layer.
+
+        Args:
+            points: (B, P, 3).
+            weight, bias: of `fold`.
+        """
+        query = torch.relu(points @ weight.mT + bias[:, None])
+        query = torch.relu(self.fc1_query(query))
         _, weight = self._joint_split()
-        hidden = torch.relu(query @ weight.T + given.base[:, None])
+        return query @ weight.T
+
+    def joint(self, hidden: torch.Tensor) -> torch.Tensor:
+        """(..., ) distances for sums (..., H0) of what points and codes add."""
+        hidden = torch.relu(hidden)
         for index in range(1, self._joint):
             hidden = torch.relu(getattr(self, f"fc{index}")(hidden))
         return getattr(self, f"fc{self._joint}")(hidden).squeeze(-1)

@@ -84,7 +84,7 @@ class SmplicitModel:
         self.network = load_field(folder)
         self.codes = load_training_codes(folder)
         self.name = self.network.name
-        self.garments, self.box = FIELD_MODELS[self.name]
+        self.garments, self.box = FIELD_MODELS[self.name][:2]
 
     @property
     def latent(self) -> int:

@@ -3,7 +3,7 @@
 B garments, P points, K clusters of the body. The network's distances are in units of d_max.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
@@ -12,13 +12,14 @@ import torch
 
 from drapeline.models.smplicit.decoder import Decoder
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
+from drapeline.models.smplicit.fit_fields import fit_codes
 from drapeline.models.smplicit.optimizer import JointOptimizer
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
 from drapeline.seeding import rng_for
 
-_VALIDATION_STEPS = 15
+_VALIDATION_STEPS = 16
 
 
 class Points(NamedTuple):
@@ -128,9 +129,7 @@ class GarmentField(TrainableModule):
         places = self.places(batch["shape"], batch["gender"])
         z_cut = self.encoder(batch["occlusion"])
         z_style = torch.zeros(len(z_cut), self.decoder.style, device=z_cut.device)
-        z = fit_codes(
-            self, lambda _: known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS
-        )
+        z = self.fit_codes(known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS)
         with torch.no_grad():
             distance = 1000 * self.d_max_m * self._loss(asked, places, z)
         self.log_means("val", {"distance_mm": distance}, len(z))
@@ -139,6 +138,20 @@ class GarmentField(TrainableModule):
         """(B, P) distances of points (B, P, 3) in units of d_max, for codes z (B, cut + style)."""
         z_cut, z_style = z.split([self.decoder.cut, self.decoder.style], 1)
         return self.decoder(points, places, z_cut, z_style)
+
+    def fit_codes(
+        self, points: Points, places: torch.Tensor, z: torch.Tensor, steps: int
+    ) -> torch.Tensor:
+        """(B, cut + style) codes that give the distances at some points; see `fit_fields`.
+
+        Args:
+            points: of B garments.
+            places: (B, K, 3) clusters of the wearers.
+            z: (B, cut + style) to start from.
+            steps: of the fit.
+        """
+        latent = self.settings.loss.latent
+        return fit_codes(self.decoder, *points, places, z, latent, steps)
 
     def _loss(self, points: Points, places: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
         return (self.predict(points.places, places, z) - points.distance).abs().mean()
@@ -200,38 +213,3 @@ class GarmentField(TrainableModule):
                 )
             )
         return JointOptimizer(parts)
-
-
-def fit_codes(
-    model: GarmentField,
-    points: Callable[[int], Points],
-    places: torch.Tensor,
-    z: torch.Tensor,
-    steps: int,
-    *,
-    rate: float = 0.02,
-) -> torch.Tensor:
-    """Codes (B, cut + style) that give the distances at some points, by Adam from z.
-
-    The networks are left as they are.
-
-    Args:
-        points: step -> points of B garments.
-        places: (B, K, 3) clusters of the wearers.
-        z: (B, cut + style) to start from.
-        steps: of Adam, whose rate falls to zero like a cosine.
-        rate: the first.
-    """
-    z = z.detach().clone().requires_grad_(True)
-    optimizer = torch.optim.Adam([z], lr=rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
-    weight = model.settings.loss.latent
-    with torch.enable_grad():
-        for step in range(steps):
-            at, distance = points(step)
-            loss = (model.predict(at, places, z) - distance).abs().mean(1).sum()
-            loss = loss + weight * z.abs().mean(1).sum()
-            (z.grad,) = torch.autograd.grad(loss, z)
-            optimizer.step()
-            schedule.step()
-    return z.detach()

@@ -6,7 +6,7 @@ import torch
 from drapeline.models.smplicit.network import GarmentField
 
 # Points at once: activations of so many stay in the processor's cache.
-_BATCH = 4096
+_BATCH = 1024
 
 
 class NetworkField:

@@ -57,7 +57,7 @@ class FieldTraining(Training):
 
     visits: int = 1
     near: int = 128
-    space: int = 128
+    space: int = 64
     optimizer: str = "muon"
     query_rate: float = 0.05
     style_rate: float = 5.0

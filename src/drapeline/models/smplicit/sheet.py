@@ -180,9 +180,16 @@ def _large_pieces(faces: np.ndarray, lift: sp.csr_matrix) -> tuple[np.ndarray, s
 def _fill(
     faces: np.ndarray, lift: sp.csr_matrix, vertices: np.ndarray
 ) -> tuple[np.ndarray, sp.csr_matrix]:
-    """Close loops that are shorter than any opening, with a vertex in the middle of each."""
+    """Close loops that are shorter than any opening, with a vertex in the middle of each.
+
+    Loops that touch one another are left, since it is open which way each of them goes on.
+    """
     places = lift @ vertices
-    for loop in boundary_loops(faces):
+    try:
+        loops = boundary_loops(faces)
+    except ValueError:
+        return faces, lift
+    for loop in loops:
         sides = places[loop] - places[np.roll(loop, 1)]
         if np.linalg.norm(sides, axis=1).sum() < SMALLEST_OPENING_M:
             middle = np.full(len(loop), lift.shape[0])

@@ -18,6 +18,8 @@ from drapeline.models.smplicit.fields import Field
 # Cloth in the middle between two layers of a grid's points is half a cell from either: nothing of
 # a thinner skin around it would be seen.
 LEAST_THRESHOLD_CELLS = 0.55
+# Values below this share of the clipped distance tell that cloth is near; learned ones waver there.
+_SEEN = 0.9
 _SQRT3 = float(np.sqrt(3.0))
 
 
@@ -50,9 +52,10 @@ def extract_walls(
 ) -> Mesh:
     """The surface at a distance `threshold_m` from a garment, as on the full grid.
 
-    Boxes of cells are divided further only where the field in their middle leaves it possible that
-    the threshold is reached within them; the rest of the grid is never looked at. Marching cubes
-    after Lorensen and Cline (1987), with Lewiner's topology.
+    Cloth is first looked for at points so far apart that only pieces of a few cells fit between
+    them. From box to box it is then followed to where it ends, and boxes are divided further only
+    where the field in their middle leaves it possible that the threshold is reached within them.
+    Marching cubes after Lorensen and Cline (1987), with Lewiner's topology.
 
     Args:
         field: distances.
@@ -93,18 +96,21 @@ def _values(
     steepest = lipschitz * _SQRT3 / 2 * grid.cell_m  # change from a cell's middle to its corner
     size = _first_size((clip_m - threshold_m) / steepest)
     shape = tuple(-(-cells // size) for cells in grid.cells)
-    values = np.zeros(shape, np.float32)
-    unsure = np.ones(shape, bool)
-    while True:
-        if size > 1:
-            middles = (np.argwhere(unsure) + 0.5) * size
-            values[unsure] = _look(field, grid, middles)
-            unsure &= np.abs(values - threshold_m) <= steepest * size * (1 + 1e-4)
-        if size <= 3:
-            break
+    values = np.full(shape, clip_m, np.float32)
+    unsure = np.zeros(shape, bool)
+    asked = _seeds(field, grid, size, shape, clip_m)
+    known = asked.copy()
+    while asked.any():
+        values[asked] = _look(field, grid, (np.argwhere(asked) + 0.5) * size)
+        unsure |= asked & _reached(values, threshold_m, steepest * size)
+        asked = _beside(unsure) & ~known
+        known |= asked
+    while size > 3:
         factor = 3 if size % 2 else 2
         values, unsure = _divide(values, factor), _divide(unsure, factor)
         size //= factor
+        values[unsure] = _look(field, grid, (np.argwhere(unsure) + 0.5) * size)
+        unsure &= _reached(values, threshold_m, steepest * size)
     values, unsure = _divide(values, size), _divide(unsure, size)
     points = tuple(slice(cells + 1) for cells in grid.cells)
     values = np.pad(values, (0, 1), mode="edge")[points]
@@ -113,6 +119,31 @@ def _values(
     # A value on the threshold itself would give faces without area.
     values[values == np.float32(threshold_m)] = np.nextafter(np.float32(threshold_m), np.float32(1))
     return values
+
+
+def _seeds(
+    field: Field, grid: Grid, size: int, shape: tuple[int, ...], clip_m: float
+) -> np.ndarray:
+    """Which boxes of so many cells lie in one twice as large whose middle is near the cloth."""
+    middles = np.indices([-(-count // 2) for count in shape]).reshape(3, -1).T * 2 + 1
+    near = _look(field, grid, middles * size) < _SEEN * clip_m
+    near = near.reshape([-(-count // 2) for count in shape])
+    return _divide(near, 2)[tuple(map(slice, shape))]
+
+
+def _reached(values: np.ndarray, threshold_m: float, change_m: float) -> np.ndarray:
+    """Where values that change by so much, at most, may reach the threshold."""
+    return np.abs(values - threshold_m) <= change_m * (1 + 1e-4)
+
+
+def _beside(boxes: np.ndarray) -> np.ndarray:
+    """The boxes (X, Y, Z) that share a face with some of the boxes."""
+    found = np.zeros_like(boxes)
+    for axis in range(3):
+        here, there = np.swapaxes(boxes, 0, axis), np.swapaxes(found, 0, axis)
+        there[1:] |= here[:-1]
+        there[:-1] |= here[1:]
+    return found
 
 
 def _first_size(most: float) -> int:

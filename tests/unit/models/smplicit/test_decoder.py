@@ -41,6 +41,15 @@ def test_folded_layers_give_the_numbers_of_plain_ones(decoder, given):
     torch.testing.assert_close(decoder(*given), plain(decoder, *given), rtol=0, atol=1e-12)
 
 
+def test_slopes_of_the_base_are_its_derivatives(decoder, given):
+    _, _, z_cut, z_style = given
+    by_cut, by_style = torch.autograd.functional.jacobian(decoder.base, (z_cut, z_style))
+    slopes = decoder.base_slopes(z_style)
+    for index in range(2):
+        expected = torch.cat([by_cut[index, :, index], by_style[index, :, index]], 1)
+        torch.testing.assert_close(slopes[index], expected)
+
+
 def test_layers_of_a_garment_give_the_same(decoder, given):
     points, *codes = given
     expected = decoder(*given)

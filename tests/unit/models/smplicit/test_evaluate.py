@@ -4,6 +4,7 @@ import pytest
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit import evaluate
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
     FitSettings,
@@ -100,21 +101,38 @@ def model(tmp_path_factory, fields, toy_body):
     return SmplicitModel(train_toy(tmp_path_factory.mktemp("model"), fields, toy_body))
 
 
-FIT = FitSettings(steps=20, near=16, space=16)
+FIT = FitSettings(steps=3, near=16, space=16)
 
 
-def test_fitted_codes_are_better_than_where_they_start(model, fields):
+def test_codes_are_fitted_to_the_first_half_of_the_points(model, fields, monkeypatch):
     rows = fields.rows("test")
-    batch = fields.batch(rows)
-    half = slice(0, 32)
-    points = some_points(model.network, batch, half, half)
-    assert points.places.shape == (2, 64, 3)
-    assert points.distance.max() == 1
-    z = fit_held_out(model.network, fields, rows, FitSettings(60, 32, 32, 0.02), 0)
+    z = fit_held_out(model.network, fields, rows, FitSettings(3, 32, 32))
     assert z.shape == (2, 5)
-    np.testing.assert_array_equal(
-        z, fit_held_out(model.network, fields, rows, FitSettings(60, 32, 32, 0.02), 0)
-    )
+    for name in ("near", "space"):
+        changed = np.array(getattr(fields, f"{name}_distance"))
+        changed[:, 32:] = 0
+        monkeypatch.setattr(fields, f"{name}_distance", changed)
+    np.testing.assert_array_equal(fit_held_out(model.network, fields, rows, FitSettings(3)), z)
+    changed[:, :32] = 0
+    assert not np.allclose(fit_held_out(model.network, fields, rows, FitSettings(3)), z)
+
+
+def test_points_of_a_batch(model, fields):
+    batch = fields.batch(fields.rows("test"))
+    points = some_points(model.network, batch, slice(4), slice(8))
+    assert points.places.shape == (2, 12, 3)
+    np.testing.assert_array_equal(points.places[:, :4], batch["near"][:, :4])
+    np.testing.assert_array_equal(points.places[:, 4:], batch["space"][:, :8])
+    assert points.distance.max() == 1
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 3])
+def test_garments_are_fitted_each_by_itself(model, fields, monkeypatch, at_once):
+    rows = np.arange(5)
+    each = [fit_held_out(model.network, fields, rows[k : k + 1], FIT) for k in range(5)]
+    monkeypatch.setattr(evaluate, "_FITTED_AT_ONCE", at_once)
+    together = fit_held_out(model.network, fields, rows, FIT)
+    np.testing.assert_allclose(together, np.concatenate(each), atol=1e-3)
 
 
 def test_errors_are_measured_at_the_other_half_of_the_points(model, fields):

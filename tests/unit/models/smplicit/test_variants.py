@@ -1,3 +1,5 @@
+import numpy as np
+
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS
 
@@ -14,5 +16,13 @@ def test_garments_of_a_model_cover_the_same_region():
 
 
 def test_boxes_are_boxes():
-    for _, (low, high) in FIELD_MODELS.values():
+    for model in FIELD_MODELS.values():
+        low, high = model.box
         assert all(a < b for a, b in zip(low, high, strict=True))
+
+
+def test_only_the_largest_box_takes_more_points():
+    sizes = {name: np.ptp(model.box, axis=0).prod() for name, model in FIELD_MODELS.items()}
+    shares = {name: model.space_share for name, model in FIELD_MODELS.items()}
+    largest = max(sizes, key=sizes.get)
+    assert {name for name, share in shares.items() if share > 1} == {largest}
