@@ -24,11 +24,8 @@ with rule_log(snakemake.log[0]):
     given, params, made = snakemake.input, snakemake.params, snakemake.output
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
-    samples, taken = (
-        [Sample(folder) for folder in given.samples],
-        PictureSettings(**params.pictures),
-    )
-    pictures = take_pictures(samples, models, taken, params.seed)
+    taken = PictureSettings(**params.pictures)
+    pictures = take_pictures([*map(Sample, given.samples)], models, taken, params.seed)
     evaluation = PictureEvaluation(
         models, fit=FitImage(**params.fit), meshing=Meshing(**params.meshing), seed=params.seed
     )

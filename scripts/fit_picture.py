@@ -22,5 +22,5 @@ with rule_log(snakemake.log[0]) as log:
     picture = read_picture(given.picture, bodies, least_px=settings.least_px)
     people = fit_picture(picture, models, settings, Meshing(**params.meshing), params.seed)
     write_fitted(made.folder, picture, people)
-    shown_picture(picture, bodies, people).save(made.shown)
+    shown_picture(picture, models, people).save(made.shown)
     log.info("%s: %s", picture.name, "; ".join(" + ".join(outfit) for outfit in people))

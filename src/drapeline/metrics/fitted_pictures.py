@@ -13,7 +13,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
 
-BACKGROUND, BODY, UNKNOWN, FIRST_GARMENT = 0, 1, 2, 3
+BODY, UNKNOWN, FIRST_GARMENT = 1, 2, 3
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures
@@ -22,11 +20,11 @@ from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.models.smplicit.fit_images import FitImage, rank_codes
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
-    View,
     Wearer,
     dress,
     fit_picture,
-    look_at_points,
+    garment_view,
+    look_at_garments,
     shown_labels,
     shown_person,
 )
@@ -259,23 +257,15 @@ class PictureEvaluation:
 
     def _nearest(self, known: KnownPicture) -> Outfit:
         """Of each garment the training code with the least loss."""
-        codes, person = {}, known.person
-        for name in person.garments:
-            model = self._model(name)
-            view = View(
-                known.picture.shows(person, name),
-                known.picture.unsure(person, name),
-                person.camera,
-                known.body,
+        codes = {}
+        for name in known.person.garments:
+            model, label = self._model(name), f"{known.picture.name}, {name}"
+            view = garment_view(known.picture, known.person, name, known.body)
+            (seen,), (places,) = look_at_garments(
+                model, [view], [known.wearer], [label], self._fit, self._seed
             )
-            rng = rng_for(self._seed, "nearest", known.picture.name, name)
-            seen = look_at_points(model, view, self._fit, rng, name)
-            with torch.no_grad():
-                places = model.network.places(
-                    torch.tensor(person.shape[None], dtype=torch.float32),
-                    torch.tensor([GENDERS.index(person.gender)]),
-                )
-            ranked = rank_codes(model.network, seen, places[0], model.codes.z, self._fit, rng)
+            rng = rng_for(self._seed, "nearest", label)
+            ranked = rank_codes(model.network, seen, places, model.codes.z, self._fit, rng)
             codes[name] = model.codes.z[ranked[0]]
         return self._dress(known, codes)
 

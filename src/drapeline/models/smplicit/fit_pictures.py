@@ -1,6 +1,5 @@
 """Dressed people from pictures: codes, sheets at rest, and sheets worn in layers (SMPLicit 4.3)."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from drapeline.bodies.model import BodyModel
+from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 
 # No garment at rest is further from the body: tops, trousers, and those with skirts.
 _REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": 0.4, "whole": 0.4}
-_COLUMNS = ("person", "gender", "garment", "pixels", "vertices", "faces")
 
 
 class FittedGarment(NamedTuple):
@@ -127,7 +125,21 @@ def fit_codes_to_views(
     settings: FitImage,
     seed: int,
 ) -> np.ndarray:
-    """(B, cut + style) codes of garments of one model, fitted together.
+    """(B, cut + style) codes of garments of one model, fitted together; see `look_at_garments`."""
+    seen, places = look_at_garments(model, views, wearers, names, settings, seed)
+    rng = rng_for(seed, "evidence", *names)
+    return fit_garments(model.network, model.codes.z, seen, places, settings, rng).numpy()
+
+
+def look_at_garments(
+    model: "SmplicitModel",
+    views: Sequence[View],
+    wearers: Sequence[Wearer],
+    names: Sequence[str],
+    settings: FitImage,
+    seed: int,
+) -> tuple[list[SeenPoints], torch.Tensor]:
+    """What views tell about garments of one model, and the clusters (B, K, 3) of the wearers.
 
     Args:
         model: of all of them.
@@ -142,14 +154,12 @@ def fit_codes_to_views(
         look_at_points(model, view, settings, rng_for(seed, "space", name), name)
         for view, name in zip(views, names, strict=True)
     ]
-    network = model.network
     with torch.no_grad():
-        places = network.places(
+        places = model.network.places(
             torch.tensor(np.stack([w.shape for w in wearers]), dtype=torch.float32),
             torch.tensor([GENDERS.index(w.gender) for w in wearers]),
         )
-    rng = rng_for(seed, "evidence", *names)
-    return fit_garments(network, model.codes.z, seen, places, settings, rng).numpy()
+    return seen, places
 
 
 def fit_picture(
@@ -183,7 +193,7 @@ def fit_picture(
     for key, model in models.items():
         own = [(i, name) for i, name in wanted if GARMENT_CLASSES[name].model == key]
         if own:
-            views = [_view(picture, picture.people[i], name, bodies[i]) for i, name in own]
+            views = [garment_view(picture, picture.people[i], name, bodies[i]) for i, name in own]
             wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
             names = [f"{picture.name}, person {i + 1}, {name}" for i, name in own]
             found = fit_codes_to_views(model, views, wearers, names, settings, seed)
@@ -208,7 +218,8 @@ def _posed(person: Person, models: Mapping[str, "SmplicitModel"]) -> PosedBody:
     return pose_body(body, person.shape, person.pose, person.trans)
 
 
-def _view(picture: Picture, person: Person, name: str, body: PosedBody) -> View:
+def garment_view(picture: Picture, person: Person, name: str, body: PosedBody) -> View:
+    """What a picture shows of a class of garments that a person wears."""
     return View(picture.shows(person, name), picture.unsure(person, name), person.camera, body)
 
 
@@ -258,7 +269,7 @@ def write_fitted(
         picture: that was looked at.
         people: what `fit_picture` found.
     """
-    rows, codes = [_COLUMNS], {}
+    rows, codes = [], {}
     with atomic_folder(folder) as scratch:
         for number, (person, outfit) in enumerate(zip(picture.people, people, strict=True), 1):
             for name, garment in outfit.items():
@@ -267,26 +278,35 @@ def write_fitted(
                 save_obj(scratch / f"{stem}.obj", garment.posed)
                 codes[stem] = garment.z
                 shown = picture.shows(person, name)
-                size = (len(garment.sheet.vertices), len(garment.sheet.faces))
-                rows.append((number, person.gender, name, int(shown.sum()), *size))
+                rows.append(
+                    {
+                        "person": number,
+                        "gender": person.gender,
+                        "garment": name,
+                        "pixels": int(shown.sum()),
+                        "vertices": len(garment.sheet.vertices),
+                        "faces": len(garment.sheet.faces),
+                    }
+                )
         save_npz(scratch / "codes.npz", **codes)
-        with open(scratch / "garments.tsv", "w", newline="") as stream:
-            csv.writer(stream, delimiter="\t", lineterminator="\n").writerows(rows)
+        write_table(scratch / "garments.tsv", rows)
 
 
 def shown_picture(
-    picture: Picture, bodies: Mapping[str, BodyModel], people: Sequence[Mapping[str, FittedGarment]]
+    picture: Picture,
+    models: Mapping[str, "SmplicitModel"],
+    people: Sequence[Mapping[str, FittedGarment]],
 ) -> FittedPicture:
     """What a figure of a picture shows.
 
     Args:
         picture: that was looked at.
-        bodies: by gender.
+        models: that it was looked at with.
         people: what `fit_picture` found.
     """
     shown = []
     for person, outfit in zip(picture.people, people, strict=True):
-        body = pose_body(bodies[person.gender], person.shape, person.pose, person.trans)
+        body = _posed(person, models)
         garments = {GARMENT_CLASSES[name].garment: found.posed for name, found in outfit.items()}
         shown.append(shown_person(person, body, garments, {}))
     return FittedPicture(picture.name, shown_labels(picture.classes), picture.photo, tuple(shown))

@@ -1,9 +1,11 @@
 """A trained model that finds the codes of garments in what is seen of them.
 
-from drapeline.models.load import load
+    from drapeline.models.load import load
 
-upper = load("results/smplicit/upper")
-garment = upper.fit_image(shown, camera, gender="female", shape=shape, pose=pose, trans=trans)
+    upper = load("results/smplicit/upper")
+    garment = upper.fit_image(shown, camera, gender="female", shape=shape, pose=pose, trans=trans)
+
+It is what `load` returns; rules that only decode use `SmplicitModel`.
 """
 
 from collections.abc import Sequence
@@ -11,8 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from drapeline.bodies.rest_body import SHAPES
-from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
@@ -22,7 +22,7 @@ from drapeline.models.smplicit.fit_pictures import (
     fit_codes_to_views,
 )
 from drapeline.models.smplicit.image_points import pose_body
-from drapeline.models.smplicit.model import Meshing, SmplicitModel, finite
+from drapeline.models.smplicit.model import Meshing, SmplicitModel, check_gender, finite
 from drapeline.rendering.camera import Camera
 
 
@@ -58,8 +58,7 @@ class FittingModel(SmplicitModel):
                 are not near the body.
         """
         wearer = Wearer(gender, finite("shape", shape, SHAPES))
-        if gender not in GENDERS:
-            raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
+        check_gender(gender)
         at = finite("pose", pose, 72), finite("trans", trans, 3)
         body = pose_body(self.bodies[gender], wearer.shape, *at)
         unsure = np.zeros_like(shown) if unsure is None else unsure

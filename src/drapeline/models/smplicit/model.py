@@ -114,8 +114,7 @@ class SmplicitModel:
                 such gender.
         """
         z = finite("code", z, self.latent)
-        if gender not in GENDERS:
-            raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
+        check_gender(gender)
         return NetworkField(self.network, z, finite("shape", shape, SHAPES), GENDERS.index(gender))
 
     def decode(
@@ -182,6 +181,16 @@ def away_from_body(points: np.ndarray, body: Mesh) -> np.ndarray:
     """(P, 3) normals of the body's nearest faces."""
     _, face = closest_points(points, body.vertices, body.faces)
     return face_normals(body.vertices, body.faces[face])
+
+
+def check_gender(gender: str) -> None:
+    """Refuse other genders than the bodies'.
+
+    Raises:
+        InputError: there is no such gender.
+    """
+    if gender not in GENDERS:
+        raise InputError(f"gender: '{gender}', expected one of {', '.join(GENDERS)}")
 
 
 def finite(name: str, values: Sequence[float] | np.ndarray, size: int) -> np.ndarray:

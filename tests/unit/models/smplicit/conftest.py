@@ -1,6 +1,8 @@
 import pytest
 
-from smplicit_toys import toy_fields
+from drapeline.models.smplicit.fitting import FittingModel
+from smplicit_toys import skirt_pixels, toy_fields
+from smplicit_trainings import train_toy
 from toys import toy_body as make_toy_body
 
 
@@ -8,3 +10,15 @@ from toys import toy_body as make_toy_body
 def fields(tmp_path_factory):
     """Fields of the toy skirts."""
     return toy_fields(tmp_path_factory.mktemp("fields"), make_toy_body)
+
+
+@pytest.fixture(scope="session")
+def fitting_model(tmp_path_factory, fields, toy_body):
+    """A model of the toy skirts that finds them in pictures."""
+    return FittingModel(train_toy(tmp_path_factory.mktemp("fitting"), fields, toy_body))
+
+
+@pytest.fixture
+def skirt():
+    """(H, W) bool, its pixels in the picture of `toy_camera`."""
+    return skirt_pixels()

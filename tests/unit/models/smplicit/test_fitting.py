@@ -3,30 +3,18 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.models.smplicit.fitting import FittingModel
-from smplicit_toys import PICTURE_PX, skirt_pixels, toy_camera
-from smplicit_trainings import train_toy
+from smplicit_toys import PICTURE_PX, toy_camera
 
 WEARER = {"gender": "female", "shape": [0.0] * 10, "pose": REST_POSE.tolist()}
 
 
-@pytest.fixture
-def skirt():
-    return skirt_pixels()
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory, fields, toy_body):
-    return FittingModel(train_toy(tmp_path_factory.mktemp("model"), fields, toy_body))
-
-
 @pytest.mark.portable
-def test_a_garment_is_fitted_and_worn(model, skirt, toy_body):
-    found = model.fit_image(skirt, toy_camera(), **WEARER, trans=[0.0, 0.0, 0.0])
+def test_a_garment_is_fitted_and_worn(fitting_model, skirt, toy_body):
+    found = fitting_model.fit_image(skirt, toy_camera(), **WEARER, trans=[0.0, 0.0, 0.0])
     assert found.z.shape == (5,)
     assert np.isfinite(found.z).all()
     assert found.posed.faces.shape == found.sheet.faces.shape
-    again = model.fit_image(skirt, toy_camera(), **WEARER, trans=[0.0, 0.0, 0.0])
+    again = fitting_model.fit_image(skirt, toy_camera(), **WEARER, trans=[0.0, 0.0, 0.0])
     np.testing.assert_array_equal(found.z, again.z)
 
 
@@ -40,7 +28,7 @@ def test_a_garment_is_fitted_and_worn(model, skirt, toy_body):
         ({"gender": "other"}, "gender: 'other', expected one of female, male"),
     ],
 )
-def test_wrong_arguments_are_named(model, skirt, changes, message):
+def test_wrong_arguments_are_named(fitting_model, skirt, changes, message):
     arguments = {"shown": skirt, "camera": toy_camera(), **WEARER, "trans": [0.0] * 3, **changes}
     with pytest.raises(InputError, match=message):
-        model.fit_image(**arguments)
+        fitting_model.fit_image(**arguments)

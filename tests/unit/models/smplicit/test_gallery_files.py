@@ -62,7 +62,8 @@ def test_meshes_are_those_of_their_codes(saved):
     for name, item in (("001", shown[0]), ("002", shown[1])):
         hem, top, radius = tube_size(item.z)
         vertices = load_obj(folder / f"{name}.obj").vertices
-        assert np.linalg.norm(vertices[:, :2], axis=1) == pytest.approx(radius, abs=0.01)
+        # One number, since the vertices of two processors are not the same places.
+        assert np.abs(np.linalg.norm(vertices[:, :2], axis=1) - radius).max() < 0.004
         assert vertices[:, 2].min() == pytest.approx(hem, abs=0.02)
         assert vertices[:, 2].max() == pytest.approx(top, abs=0.02)
 

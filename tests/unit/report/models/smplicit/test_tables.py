@@ -21,12 +21,14 @@ def test_every_number_is_where_it_belongs(tmp_path):
             row("smplicit_skirt_fitted", "surface_to_true_mm", 77.0, garment="Skirt"),
             row("smplicit_skirt_constant", "field_near_mm", 8.125),
             row("smplicit_upper_fitted", "walls_to_true_mm", 9.0),
+            row("smplicit_images_fitted", "silhouette_iou", 0.83),
+            row("smplicit_images_nearest", "surface_to_true_mm", 31.2),
             row("posed", "surface_to_true_mm", 88.0, model="garment4d"),
         ],
     )
     write_smplicit_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
     page = (tmp_path / "page.html").read_text()
-    open_surface, walls, fields = re.findall(r"<tbody>(.*?)</tbody>", page, re.DOTALL)
+    open_surface, walls, fields, pictures = re.findall(r"<tbody>(.*?)</tbody>", page, re.DOTALL)
     assert "6.2 <small>[5.0, 7.5]</small>" in open_surface
     assert re.search(r">95<", open_surface)
     assert "9.0" in walls
@@ -34,6 +36,9 @@ def test_every_number_is_where_it_belongs(tmp_path):
     assert "8.12" in fields
     assert "Median distance" in fields
     assert "Median distance" not in open_surface
+    assert re.search(r">83<", pictures)
+    assert re.search(r"Training code with the least loss.*>31<", pictures, re.DOTALL)
+    assert "Training code" not in open_surface
     assert "77.0" not in page
     assert "88.0" not in page
 
@@ -41,4 +46,4 @@ def test_every_number_is_where_it_belongs(tmp_path):
 def test_nothing_measured_is_said(tmp_path):
     write_metrics(tmp_path / "metrics.tsv", [])
     write_smplicit_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
-    assert (tmp_path / "page.html").read_text().count("<p>None.</p>") == 3
+    assert (tmp_path / "page.html").read_text().count("<p>None.</p>") == 4
