@@ -136,11 +136,10 @@ def test_distances_to_nothing_are_nan(tube):
 
 
 def test_area_distances_see_what_is_cut_off_between_vertices():
-    # Vertices of a prism of twelve sides lie on the tube of its radius, the rest of it does not.
-    tube, prism = Mesh(*cylinder(0.2, around=720)), Mesh(*cylinder(0.2, around=12))
-    half = 0.2 * np.sin(np.pi / 12)
-    along = np.linspace(-half, half, 100_001)
-    expected = 1000 * (0.2 - np.hypot(along, 0.2 * np.cos(np.pi / 12))).mean()
+    # Vertices of a prism of six sides lie on the tube of its radius, the rest of it does not.
+    tube, prism = Mesh(*cylinder(0.2, around=720)), Mesh(*cylinder(0.2, around=6))
+    along = np.linspace(-0.1, 0.1, 100_001)
+    expected = 1000 * (0.2 - np.hypot(along, 0.2 * np.sqrt(0.75))).mean()
     to_true, _ = area_distances_mm(prism, tube)
     assert to_true == pytest.approx(expected, rel=0.01)
     assert surface_distances_mm(prism, tube)[0] == pytest.approx(0, abs=1e-3)
