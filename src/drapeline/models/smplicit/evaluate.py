@@ -50,11 +50,14 @@ class FitSettings:
         steps: of least squares, with a part of the points and then with all of them.
         near, space: points per garment; all that it has in the first half of its samples, if those
             are fewer.
+        latent: lambda_z of the fit. It is larger than in training, since codes far from those of
+            training garments fit their points as well, and lose openings.
     """
 
     steps: int = 14
     near: int = 384
     space: int = 384
+    latent: float = 1e-2
 
 
 def true_meshes(data: FieldData, outfits: Sequence[StaticOutfit]) -> dict[int, Mesh]:
@@ -100,7 +103,7 @@ def fit_held_out(
                 for name, count in (("near", settings.near), ("space", settings.space))
             )
             points = some_points(network, batch, near, space)
-            z = network.fit_codes(points, places, z, settings.steps)
+            z = network.fit_codes(points, places, z, settings.latent, settings.steps)
         found.append(z.numpy())
     return np.concatenate(found)
 

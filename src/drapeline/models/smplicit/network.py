@@ -129,7 +129,8 @@ class GarmentField(TrainableModule):
         places = self.places(batch["shape"], batch["gender"])
         z_cut = self.encoder(batch["occlusion"])
         z_style = torch.zeros(len(z_cut), self.decoder.style, device=z_cut.device)
-        z = self.fit_codes(known, places, torch.cat([z_cut, z_style], 1), _VALIDATION_STEPS)
+        start, latent = torch.cat([z_cut, z_style], 1), self.settings.loss.latent
+        z = self.fit_codes(known, places, start, latent, _VALIDATION_STEPS)
         with torch.no_grad():
             distance = 1000 * self.d_max_m * self._loss(asked, places, z)
         self.log_means("val", {"distance_mm": distance}, len(z))
@@ -140,7 +141,7 @@ class GarmentField(TrainableModule):
         return self.decoder(points, places, z_cut, z_style)
 
     def fit_codes(
-        self, points: Points, places: torch.Tensor, z: torch.Tensor, steps: int
+        self, points: Points, places: torch.Tensor, z: torch.Tensor, latent: float, steps: int
     ) -> torch.Tensor:
         """(B, cut + style) codes that give the distances at some points; see `fit_fields`.
 
@@ -148,9 +149,9 @@ class GarmentField(TrainableModule):
             points: of B garments.
             places: (B, K, 3) clusters of the wearers.
             z: (B, cut + style) to start from.
+            latent: lambda_z, the weight of the codes' mean absolute value.
             steps: of the fit.
         """
-        latent = self.settings.loss.latent
         return fit_codes(self.decoder, *points, places, z, latent, steps)
 
     def _loss(self, points: Points, places: torch.Tensor, z: torch.Tensor) -> torch.Tensor:

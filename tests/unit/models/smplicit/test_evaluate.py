@@ -117,6 +117,15 @@ def test_codes_are_fitted_to_the_first_half_of_the_points(model, fields, monkeyp
     assert not np.allclose(fit_held_out(model.network, fields, rows, FitSettings(3)), z)
 
 
+def test_a_larger_weight_of_codes_gives_smaller_ones(model, fields):
+    rows = fields.rows("test")
+    sizes = [
+        np.abs(fit_held_out(model.network, fields, rows, FitSettings(10, latent=latent))).mean()
+        for latent in (0.0, 100.0)
+    ]
+    assert sizes[1] < sizes[0]
+
+
 def test_points_of_a_batch(model, fields):
     batch = fields.batch(fields.rows("test"))
     points = some_points(model.network, batch, slice(4), slice(8))

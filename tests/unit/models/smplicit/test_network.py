@@ -111,7 +111,7 @@ def test_codes_are_fitted_and_the_network_is_left(model, fields, batch):
         with torch.no_grad():
             return (model.predict(batch["near"], places, z) - clipped).abs().mean()
 
-    z = model.fit_codes(Points(batch["near"], clipped), places, start, 5)
+    z = model.fit_codes(Points(batch["near"], clipped), places, start, 1e-3, 5)
     assert error(z) < error(start)
     assert not z.requires_grad
     for name, value in model.state_dict().items():
