@@ -91,7 +91,8 @@ def _beyond_openings(rng: np.random.Generator, garment: Mesh, count: int) -> np.
     weights = np.linalg.norm(end - start, axis=1)
     chosen = rng.choice(len(start), size=count, p=weights / weights.sum())
     places = start[chosen] + rng.random((count, 1)) * (end - start)[chosen]
-    reach = BEYOND_M * rng.random((count, 1))
+    # Most are close, where narrow openings are: an open front, the space beside a strap.
+    reach = BEYOND_M * rng.random((count, 1)) ** 2
     return places + reach * away[chosen] + NEAR_DEVIATIONS_M[0] * rng.normal(size=(count, 3))
 
 

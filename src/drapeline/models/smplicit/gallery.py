@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from drapeline.models.smplicit.latent import (
     CodeGaussian,
     PropertyEdits,
     correlations,
+    draw_between,
     explained_share,
     group_means,
     interpolate,
@@ -226,29 +228,20 @@ def nearest_type(z: np.ndarray, codes: TrainingCodes) -> str:
 def _samples(codes: TrainingCodes, seed: int, count: int) -> list[Shown]:
     """Codes of three distributions, all on the same wearers, who are some of the training's."""
     wearers = rng_for(seed, "gallery", "wearers").integers(len(codes.z), size=count)
-    every = principal_gaussian(codes.z)
     rows = {
-        "one mean and\none deviation\n(the paper's)": [single_gaussian(codes.z)] * count,
-        "the codes'\nnormal distribution": [every] * count,
+        "one mean and\none deviation\n(the paper's)": single_gaussian(codes.z).draw,
+        "the codes'\nnormal distribution": principal_gaussian(codes.z).draw,
+        "between similar\ntraining garments": partial(draw_between, codes.z, codes.garment),
     }
-    if len(np.unique(codes.garment)) > 1:
-        own = {
-            kind: principal_gaussian(codes.z[codes.garment == kind])
-            for kind, number in zip(*np.unique(codes.garment, return_counts=True), strict=True)
-            if number > 1
-        }
-        rows["a normal distribution\nof each type"] = [
-            own.get(codes.garment[wearer], every) for wearer in wearers
-        ]
     return [
         Shown(
             *("samples", title, str(column + 1)),
-            gaussian.draw(rng_for(seed, "gallery", "samples", row, column), 1)[0],
+            draw(rng_for(seed, "gallery", "samples", row, column), 1)[0],
             GENDERS[codes.gender[wearer]],
             codes.shape[wearer],
         )
-        for row, (title, gaussians) in enumerate(rows.items())
-        for column, (gaussian, wearer) in enumerate(zip(gaussians, wearers, strict=True))
+        for row, (title, draw) in enumerate(rows.items())
+        for column, wearer in enumerate(wearers)
     ]
 
 

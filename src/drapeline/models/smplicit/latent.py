@@ -12,6 +12,7 @@ from drapeline.errors import InputError
 
 # Singular values below this share of the largest are taken for zero.
 _NEGLIGIBLE = 1e-6
+_SIMILAR = 5  # garments that a new one may lie next to
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,38 @@ def principal_gaussian(codes: np.ndarray, count: int | None = None) -> CodeGauss
     largest = np.abs(axes).argmax(axis=1)
     axes *= np.sign(axes[np.arange(len(axes)), largest])[:, None]
     return CodeGaussian(mean, axes, lengths / np.sqrt(len(codes) - 1))
+
+
+def draw_between(
+    codes: np.ndarray, kinds: np.ndarray, rng: np.random.Generator, count: int
+) -> np.ndarray:
+    """Codes of new garments, each on the line between two similar training garments.
+
+    The second one is one of the `_SIMILAR` of the same kind whose codes are nearest to the first
+    one's, as in SMOTE (Chawla et al. 2002). Garments of a kind are few for the length of their
+    codes; a normal distribution, which knows no more of them than mean and covariance, also gives
+    codes between kinds of cut, whose garments are torn.
+
+    Args:
+        codes: (N, Z) of the training garments.
+        kinds: (N,) of these.
+        rng: draws.
+        count: how many.
+
+    Returns:
+        (count, Z).
+
+    Raises:
+        InputError: fewer than two codes, or a number that is not finite.
+    """
+    codes, drawn = _checked(codes), []
+    for _ in range(count):
+        first = rng.integers(len(codes))
+        away = np.where(kinds == kinds[first], np.linalg.norm(codes - codes[first], axis=1), np.inf)
+        similar = np.argsort(away)[: 1 + min(_SIMILAR, int(np.isfinite(away).sum()) - 1)]
+        second = rng.choice(similar[1:]) if len(similar) > 1 else first
+        drawn.append(codes[first] + rng.uniform() * (codes[second] - codes[first]))
+    return np.array(drawn).reshape(count, codes.shape[1])
 
 
 def interpolate(start: np.ndarray, end: np.ndarray, steps: int) -> np.ndarray:

@@ -27,11 +27,13 @@ from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, face_normals
 from drapeline.models.smplicit.fields import Field
 from drapeline.models.smplicit.files import body_file, load_training_codes
+from drapeline.models.smplicit.latent import draw_between
 from drapeline.models.smplicit.load import load_field
 from drapeline.models.smplicit.network_field import NetworkField
 from drapeline.models.smplicit.sheet import extract_sheet
 from drapeline.models.smplicit.variants import FIELD_MODELS, Box
 from drapeline.models.smplicit.walls import Grid, extract_walls
+from drapeline.seeding import rng_for
 
 # No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
 REACH_M = 0.35
@@ -48,7 +50,7 @@ class Meshing:
     """
 
     cell_m: float = 0.012
-    threshold_m: float = 0.008
+    threshold_m: float = 0.01
 
 
 class FieldGarment(NamedTuple):
@@ -100,6 +102,10 @@ class SmplicitModel:
     def bodies(self) -> dict[str, BodyModel]:
         """The bodies that it was trained on, by gender."""
         return {gender: load_body(body_file(self.folder, gender)) for gender in GENDERS}
+
+    def sample(self, count: int, *, seed: int = 0) -> np.ndarray:
+        """(count, cut + style) codes of new garments; see `draw_between`."""
+        return draw_between(self.codes.z, self.codes.garment, rng_for(seed, "samples"), count)
 
     def field(self, z: np.ndarray, *, gender: str, shape: Sequence[float]) -> NetworkField:
         """The distance field of a code on a body.

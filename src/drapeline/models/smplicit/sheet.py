@@ -21,7 +21,7 @@ from drapeline.geometry.smoothing import averaging_matrix, blur, smooth
 from drapeline.metrics.garment import piece_indices
 from drapeline.models.smplicit.fields import Field
 
-SMALLEST_OPENING_M = 0.12  # around, at the walls; sleeves have 0.3 m
+SMALLEST_OPENING_M = 0.2  # around; sleeves have 0.3 m
 _SMALLEST_PIECE = 0.1  # of the largest one's number of vertices
 # How sides are told apart.
 _AGREEMENT_EDGES = 10.0  # how far vertices on the same wall help each other, in edges

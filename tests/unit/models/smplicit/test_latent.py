@@ -7,6 +7,7 @@ from drapeline.errors import InputError
 from drapeline.models.smplicit.latent import (
     PropertyEdits,
     correlations,
+    draw_between,
     explained_share,
     group_means,
     interpolate,
@@ -52,6 +53,28 @@ def test_the_seed_decides_what_is_drawn():
     first, again, other = (gaussian.draw(rng_for(seed, "draws"), 4) for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.allclose(first, other)
+
+
+def test_new_codes_lie_between_one_of_their_kind_and_a_close_one():
+    kinds = np.repeat([0, 1], [40, 20])
+    for z in draw_between(CODES, kinds, rng_for(3, "draws"), 200):
+        least = np.inf
+        for kind in (0, 1):
+            codes = CODES[kinds == kind]
+            away = np.linalg.norm(codes[:, None] - codes[None], axis=2)
+            for first, row in enumerate(away):
+                for second in np.argsort(row)[1:6]:
+                    over = np.linalg.norm(z - codes[first]) + np.linalg.norm(z - codes[second])
+                    least = min(least, over - row[second])
+        assert least < 1e-9
+
+
+def test_more_draws_keep_the_first_and_a_garment_without_others_of_its_kind_stays():
+    kinds = np.array([7, *[3] * 59])
+    few, many = (draw_between(CODES, kinds, rng_for(0, "draws"), n) for n in (20, 400))
+    assert np.array_equal(few, many[:20])
+    alone = np.abs(many - CODES[0]).max(axis=1).min()
+    assert alone == 0
 
 
 def test_axes_of_the_first_numbers_leave_the_others_at_their_mean():
@@ -184,6 +207,7 @@ def test_too_few_garments_explain_nothing():
     [
         (lambda: single_gaussian(CODES[:1]), "expected two codes or more"),
         (lambda: principal_gaussian(CODES[0]), "expected two codes or more"),
+        (lambda: draw_between(CODES[:1], np.zeros(1), RNG, 1), "expected two codes or more"),
         (lambda: principal_gaussian(CODES * np.nan), "not finite"),
         (lambda: interpolate(CODES[0], CODES[1], 1), "steps: 1, expected at least 2"),
         (lambda: interpolate(CODES[0], CODES[1, :3], 4), "7 and 3 numbers"),

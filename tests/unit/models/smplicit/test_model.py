@@ -98,3 +98,13 @@ def test_wrong_arguments_are_named(model, changes, message):
     arguments = {"z": model.mean_code, **WEARER, **changes}
     with pytest.raises(InputError, match=message):
         model.field(**arguments)
+
+
+def test_samples_are_codes_of_the_models_and_follow_the_seed(model):
+    codes = model.sample(3, seed=1)
+    assert codes.shape == (3, model.latent)
+    assert np.array_equal(codes, model.sample(4, seed=1)[:3])
+    assert not np.array_equal(codes, model.sample(3, seed=2))
+    low, high = model.codes.z.min(axis=0), model.codes.z.max(axis=0)
+    assert (codes >= low - 1e-6).all()
+    assert (codes <= high + 1e-6).all()
