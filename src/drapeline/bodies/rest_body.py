@@ -18,16 +18,18 @@ def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:
 
 
 def rest_basis(bodies: Mapping[str, BodyModel]) -> np.ndarray:
-    """(2 * 11, V, 3) metres: per gender the rest body and its change per unit of each shape value.
+    """(2 * 11, V, 3) metres: `shape_basis` of each gender, one after the other."""
+    return np.concatenate([shape_basis(bodies[gender]) for gender in GENDERS])
+
+
+def shape_basis(body: BodyModel) -> np.ndarray:
+    """(11, V, 3) metres: the rest body and its change per unit of each shape value.
 
     In a fixed pose, joints and vertices are affine in shape, so this is exact.
     """
-    basis = []
-    for gender in GENDERS:
-        shapes = np.vstack([np.zeros(SHAPES), np.eye(SHAPES)])
-        posed = [posed_vertices(bodies[gender], s, REST_POSE[None])[0][0] for s in shapes]
-        basis += [posed[0], *(p - posed[0] for p in posed[1:])]
-    return np.stack(basis)
+    shapes = np.vstack([np.zeros(SHAPES), np.eye(SHAPES)])
+    posed = [posed_vertices(body, shape, REST_POSE[None])[0][0] for shape in shapes]
+    return np.stack([posed[0], *(one - posed[0] for one in posed[1:])])
 
 
 def rest_to_pose(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:

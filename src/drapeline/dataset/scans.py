@@ -38,10 +38,12 @@ class Scan(NamedTuple):
     Attributes:
         points: (n, 3) float32 metres.
         triangles: (F, 3) int32 if the scan is a mesh, else None.
+        labels: (n,) integers of a segmented scan, else None.
     """
 
     points: np.ndarray
     triangles: np.ndarray | None
+    labels: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,14 @@ class BodyParameters:
         trans: (F, 3) positions of the root joint.
         shape: (10,) shape coefficients.
         gender: "female" or "male".
+        joints: (F, 24, 3) predicted positions of the joints, or None.
     """
 
     poses: np.ndarray
     trans: np.ndarray
     shape: np.ndarray
     gender: str
+    joints: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -116,10 +120,12 @@ def read_scans(
     Args:
         frames: folder of `.ply`, `.obj` or `.npz` files, or a single `.npz` with `points`
             (F, P, 3), or with the `points` (n, 3) of all frames and the `counts` (F,) of points
-            per frame; world coordinates in metres.
+            per frame; world coordinates in metres. Segmented scans have an integer `label` for
+            each vertex of a `.ply`, or `labels` (n,) or (F, P) in an `.npz`.
         parameters: `.npz` with `poses` (F, 72) in radians, `shape` (10,), `gender` ("female",
             "male", 0 or 1) and either `trans` (F, 3), world positions of the root joint, or
-            `transl` (F, 3), SMPL's translation of the body.
+            `transl` (F, 3), SMPL's translation of the body; `joints` (F, 24, 3) if they were
+            predicted apart from the pose.
         bodies: body models by gender.
         up: the axis that points up in both files; "y" for CAPE.
         fps: frames per second of both files, a multiple of 30; every (fps / 30)-th frame is kept.
@@ -139,9 +145,10 @@ def read_scans(
         )
     step = fps // FPS
     scans = scans[::step]
-    body = replace(body, poses=body.poses[::step], trans=body.trans[::step])
+    joints = None if body.joints is None else body.joints[::step]
+    body = replace(body, poses=body.poses[::step], trans=body.trans[::step], joints=joints)
     if up == "y":
-        scans = [Scan(_to_z_up(scan.points), scan.triangles) for scan in scans]
+        scans = [scan._replace(points=_to_z_up(scan.points)) for scan in scans]
         body = _turn_to_z_up(body)
     return _place_on_body(frames, scans, body, bodies)
 
@@ -183,7 +190,10 @@ def _place_on_body(
     points = [scan.points - root for scan, root in zip(scans, body.trans, strict=True)]
     _check_distance(name, points, body, bodies[body.gender])
     return ScanSequence(
-        tuple(Scan(p.astype(np.float32), s.triangles) for p, s in zip(points, scans, strict=True)),
+        tuple(
+            scan._replace(points=relative.astype(np.float32))
+            for relative, scan in zip(points, scans, strict=True)
+        ),
         body,
     )
 
@@ -197,7 +207,8 @@ def _turn_to_z_up(body: BodyParameters) -> BodyParameters:
     turn = Rotation.from_euler("x", 90, degrees=True)
     poses = body.poses.copy()
     poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
-    return replace(body, poses=poses, trans=_to_z_up(body.trans))
+    joints = None if body.joints is None else _to_z_up(body.joints)
+    return replace(body, poses=poses, trans=_to_z_up(body.trans), joints=joints)
 
 
 def _check_distance(
@@ -241,6 +252,8 @@ def _parse_body_parameters(
         )
     frames = len(np.atleast_1d(arrays["poses"]))
     shapes = {"poses": (frames, 72), trans_key: (frames, 3), "shape": (10,)}
+    if "joints" in arrays:
+        shapes["joints"] = (frames, 24, 3)
     for key, expected in shapes.items():
         value = arrays[key]
         if value.shape != expected or value.dtype.kind not in "fiu":
@@ -257,7 +270,8 @@ def _parse_body_parameters(
     trans = arrays[trans_key].astype(np.float64)
     if trans_key == "transl":
         trans = trans + shape_body(bodies[gender], shape)[1][0]  # SMPL turns about the root joint
-    return BodyParameters(arrays["poses"].astype(np.float64), trans, shape, gender)
+    joints = arrays["joints"].astype(np.float64) if "joints" in arrays else None
+    return BodyParameters(arrays["poses"].astype(np.float64), trans, shape, gender, joints)
 
 
 def _gender(path: str | Path, value: np.ndarray) -> str:
@@ -283,7 +297,7 @@ def read_frames(path: str | Path) -> list[Scan]:
             raise InputError(f"{path}: contains no {', '.join(SUFFIXES)}, expected one per frame")
         scans = {str(file): _read_frame(file) for file in files}
     elif path.suffix == ".npz":
-        scans = {f"{path}: frame {i}": Scan(p, None) for i, p in enumerate(_read_frames(path), 1)}
+        scans = {f"{path}: frame {i}": scan for i, scan in enumerate(_read_frames(path), 1)}
     else:
         raise InputError(f"{path}: no such folder, expected a folder of scans or an .npz of points")
     for name, scan in scans.items():
@@ -298,8 +312,8 @@ def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
     ]
 
 
-def _read_frames(path: Path) -> list[np.ndarray]:
-    """Points of all frames in a single `.npz`."""
+def _read_frames(path: Path) -> list[Scan]:
+    """Points of all frames in a single `.npz`, with their labels if it has some."""
     arrays = load_npz(path, "points")
     points = arrays["points"]
     if points.dtype.kind not in "fiu":
@@ -310,7 +324,7 @@ def _read_frames(path: Path) -> list[np.ndarray]:
                 f"{path}: points have shape {points.shape}, expected (F, P, 3),"
                 " or (n, 3) with counts (F,)"
             )
-        frames = list(points)
+        ends = None
     else:
         counts = arrays["counts"]
         if (
@@ -325,10 +339,25 @@ def _read_frames(path: Path) -> list[np.ndarray]:
                 f"{path}: points have shape {points.shape} and counts {counts.shape} sum up to"
                 f" {counts.sum()}, expected (n, 3) and counts that sum up to n"
             )
-        frames = np.split(points, np.cumsum(counts)[:-1])
-    if not frames:
+        ends = np.cumsum(counts)[:-1]
+    if not len(points if ends is None else arrays["counts"]):
         raise InputError(f"{path}: no frames, expected at least one")
-    return frames
+    labels = arrays.get("labels")
+    if labels is not None and labels.shape != points.shape[:-1]:
+        raise InputError(
+            f"{path}: labels have shape {labels.shape}, expected {points.shape[:-1]}, one for each"
+            " point"
+        )
+    parts = [None if one is None else _split(one, ends) for one in (points, labels)]
+    return [
+        Scan(frame, None, None if parts[1] is None else parts[1][index])
+        for index, frame in enumerate(parts[0])
+    ]
+
+
+def _split(array: np.ndarray, ends: np.ndarray | None) -> list[np.ndarray]:
+    """Frames of an array (F, P, ...), or of one (n, ...) that they end at."""
+    return list(array) if ends is None else np.split(array, ends)
 
 
 def _read_frame(path: Path) -> Scan:
@@ -339,7 +368,7 @@ def _read_frame(path: Path) -> Scan:
             raise InputError(
                 f"{path}: holds {', '.join(sorted(arrays))}, expected {' or '.join(_POINT_KEYS)}"
             )
-        return Scan(arrays[key], arrays.get("faces"))
+        return Scan(arrays[key], arrays.get("faces"), arrays.get("labels"))
     if path.suffix == ".obj":
         text = path.read_text(errors="replace")
         if re.search(r"^f\s", text, re.MULTILINE):
@@ -351,11 +380,20 @@ def _read_frame(path: Path) -> Scan:
         raise InputError(f"{path}: not readable as {path.suffix[1:]} ({error})") from error
     vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
     triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
-    return Scan(vertices, triangles.astype(np.int32) if len(triangles) else None)
+    triangles = triangles.astype(np.int32) if len(triangles) else None
+    return Scan(vertices, triangles, _ply_labels(geometry))
+
+
+def _ply_labels(geometry: trimesh.Geometry) -> np.ndarray | None:
+    """(n,) the property `label` of a `.ply`'s vertices; None if there is none."""
+    data = geometry.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    # Columns by name in text files, records in binary ones.
+    names = data if isinstance(data, Mapping) else getattr(data, "dtype", np.dtype(int)).names or ()
+    return np.asarray(data["label"]).ravel() if "label" in names else None
 
 
 def _check_scan(name: str, scan: Scan) -> None:
-    points, triangles = scan
+    points, triangles, labels = scan
     if points.dtype.kind not in "fiu" or points.ndim != 2 or points.shape[1] != 3:
         raise InputError(
             f"{name}: points have shape {points.shape} and type {points.dtype},"
@@ -378,6 +416,11 @@ def _check_scan(name: str, scan: Scan) -> None:
     ):
         raise InputError(
             f"{name}: the faces do not match the {len(points)} vertices, expected (F, 3) indices"
+        )
+    if labels is not None and (labels.shape != (len(points),) or labels.dtype.kind not in "iu"):
+        raise InputError(
+            f"{name}: labels have shape {labels.shape} and type {labels.dtype}, expected"
+            f" {len(points)} integers, one for each point"
         )
     # Up to two percent of the points may be outliers of the scanner.
     low, high = np.percentile(points, (1, 99), axis=0)

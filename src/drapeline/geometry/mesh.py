@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
+_SLIVER_M2 = 1e-9  # twice the area of a triangle without a plane
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -144,3 +146,15 @@ def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     for corner in range(3):
         np.add.at(normals, triangles[:, corner], cross)
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
+
+
+def barycentric(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(P, 3) shares of the corners (P, 3, 3) of triangles in points (P, 3) on them."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = points - corners[:, 0]
+    aa, ab, bb = (np.einsum("pi,pi->p", u, v) for u, v in ((a, a), (a, b), (b, b)))
+    pa, pb = np.einsum("pi,pi->p", p, a), np.einsum("pi,pi->p", p, b)
+    area = np.maximum(aa * bb - ab**2, _SLIVER_M2**2)
+    second, third = (bb * pa - ab * pb) / area, (aa * pb - ab * pa) / area
+    shares = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
+    return shares / shares.sum(axis=1, keepdims=True)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.geometry.mesh import (
+    barycentric,
     boundary_edges,
     boundary_loops,
     edge_counts,
@@ -122,3 +123,13 @@ def test_edge_lengths_of_a_rectangle():
 def test_normals_of_faces_without_area_are_zero():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     assert not face_normals(vertices, np.array([[0, 1, 2]])).any()
+
+
+def test_barycentric_shares_give_the_points_back():
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(50, 3, 3))
+    shares = rng.dirichlet(np.ones(3), 50)
+    points = (corners * shares[..., None]).sum(1)
+    np.testing.assert_allclose(barycentric(points, corners), shares, atol=1e-9)
+    flat = np.zeros((1, 3, 3))
+    assert np.isfinite(barycentric(np.zeros((1, 3)), flat)).all()

@@ -12,6 +12,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import barycentric
 from drapeline.geometry.sparse import symmetric_factor
 from drapeline.models.garment4d.springs import spring_lengths, springs
 from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
@@ -216,18 +217,6 @@ def point_pull(
     usual = np.repeat(chosen.sum(1) / count, count)
     total = np.maximum(np.bincount(corners.ravel(), weight.ravel(), frames * count), usual)
     return (gather.T @ offset / np.maximum(total, _SMALL_M)[:, None]).reshape(garment.shape)
-
-
-def barycentric(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(P, 3) shares of the corners (P, 3, 3) of triangles in points (P, 3) on them."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = points - corners[:, 0]
-    aa, ab, bb = (np.einsum("pi,pi->p", u, v) for u, v in ((a, a), (a, b), (b, b)))
-    pa, pb = np.einsum("pi,pi->p", p, a), np.einsum("pi,pi->p", p, b)
-    area = np.maximum(aa * bb - ab**2, _SMALL_M**2)
-    second, third = (bb * pa - ab * pb) / area, (aa * pb - ab * pa) / area
-    shares = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
-    return shares / shares.sum(axis=1, keepdims=True)
 
 
 def body_push(

@@ -143,8 +143,11 @@ class Decoder(torch.nn.Module):
             points: (B, P, 3).
             weight, bias: of `fold`.
         """
-        query = torch.relu(points @ weight.mT + bias[:, None])
-        query = torch.relu(self.fc1_query(query))
+        return self.query_of(points @ weight.mT + bias[:, None])
+
+    def query_of(self, first: torch.Tensor) -> torch.Tensor:
+        """The same for sums (B, P, H) of the first query layer, before its ReLU."""
+        query = torch.relu(self.fc1_query(torch.relu(first)))
         _, weight = self._joint_split()
         return query @ weight.T
 

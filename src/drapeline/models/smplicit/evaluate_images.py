@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
@@ -28,7 +29,6 @@ from drapeline.models.smplicit.fit_pictures import (
     shown_labels,
     shown_person,
 )
-from drapeline.models.smplicit.image_points import PosedBody, pose_body
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import (
     BACKGROUND,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
+from drapeline.bodies.follow import PosedBody, pose_body, pose_garment
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -14,15 +15,9 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
-from drapeline.models.smplicit.image_points import (
-    PosedBody,
-    SeenPoints,
-    pose_body,
-    seen_points,
-    space_points,
-)
+from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
-from drapeline.models.smplicit.worn import pose_sheet, wear_in_layers
+from drapeline.models.smplicit.worn import wear_in_layers
 from drapeline.rendering.camera import Camera
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, save_npz
@@ -244,7 +239,7 @@ def dress(
         for model, z in codes.values()
     ]
     posed = [
-        pose_sheet(sheet, body, neighbours=settings.neighbours, smoothing=settings.smoothing)
+        pose_garment(sheet, body, neighbours=settings.neighbours, smoothing=settings.smoothing)
         if len(sheet.faces)
         else sheet
         for sheet in sheets

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drapeline.bodies.follow import pose_body
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
@@ -21,7 +22,6 @@ from drapeline.models.smplicit.fit_pictures import (
     dress,
     fit_codes_to_views,
 )
-from drapeline.models.smplicit.image_points import pose_body
 from drapeline.models.smplicit.model import Meshing, SmplicitModel, check_gender, finite
 from drapeline.rendering.camera import Camera
 

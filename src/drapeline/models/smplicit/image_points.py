@@ -11,73 +11,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import KDTree
 
-from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.bodies.follow import PosedBody, follow, move
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import face_normals
 from drapeline.geometry.rays import rays_hit
 from drapeline.rendering.camera import Camera
 
-_SMALL_M = 1e-3  # keeps a single vertex from outweighing all others
 _SKIN_M = 2e-3  # rays towards the camera start this far off, so that the skin hides none of its own
 _FAR_M = 1e4
-
-
-class PosedBody(NamedTuple):
-    """A body at rest and in the pose of a picture.
-
-    Attributes:
-        rest: (V, 3) metres, in `drapeline.frames.REST_POSE`, root joint at the origin.
-        posed: (V, 3) metres, in the world of the camera.
-        turns: (V, 3, 3) linear part of each vertex's motion from the one to the other.
-        faces: (F, 3).
-    """
-
-    rest: np.ndarray
-    posed: np.ndarray
-    turns: np.ndarray
-    faces: np.ndarray
-
-
-def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.ndarray) -> PosedBody:
-    """A body at rest and in a pose.
-
-    Args:
-        body: of the wearer's gender.
-        shape: (10,).
-        pose: (72,) axis-angle, rad; its root rotation leads to the world of the camera.
-        trans: (3,) the root joint there, metres.
-    """
-    posed, _ = posed_vertices(body, shape, pose[None], trans[None])
-    motions = rest_to_pose(body, shape, pose[None])[0]
-    turns = np.einsum("vj,jab->vab", body.weights, motions[..., :3])
-    return PosedBody(rest_body(body, shape), posed[0].astype(np.float64), turns, body.faces)
-
-
-def follow(points: np.ndarray, body: PosedBody, neighbours: int) -> np.ndarray:
-    """(P, 4, 3) affine motions of points at rest into the pose: shift, then the linear part's rows.
-
-    A point keeps its place relative to the closest vertices of the body, each of which counts by
-    the inverse square of its distance; with one neighbour this is the paper's motion.
-    """
-    distance, near = KDTree(body.rest).query(points, k=neighbours)
-    shape = (len(points), neighbours)
-    share = 1 / np.maximum(distance.reshape(shape), _SMALL_M) ** 2
-    share /= share.sum(axis=1, keepdims=True)
-    rows = np.arange(len(points) + 1) * neighbours
-    blend = sp.csr_matrix((share.ravel(), near.ravel(), rows), shape=(len(points), len(body.rest)))
-    shift = body.posed - np.einsum("vab,vb->va", body.turns, body.rest)
-    motion = np.concatenate([shift, body.turns.reshape(-1, 9)], axis=1)
-    return (blend @ motion).reshape(-1, 4, 3)
-
-
-def move(points: np.ndarray, motions: np.ndarray) -> np.ndarray:
-    """(P, 3) points after the motions (P, 4, 3) of `follow`."""
-    return motions[:, 0] + np.einsum("pab,pb->pa", motions[:, 1:], points)
 
 
 def space_points(

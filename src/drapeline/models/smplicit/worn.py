@@ -5,31 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
+from drapeline.bodies.follow import PosedBody
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.collision import Solid
 from drapeline.geometry.mesh import Mesh, boundary_edges, face_normals
-from drapeline.geometry.smoothing import averaging_matrix, blur, spread_pushes
-from drapeline.models.smplicit.image_points import PosedBody, follow, move
+from drapeline.geometry.smoothing import averaging_matrix, spread_pushes
 
 _GAP_M = 0.004  # between layers of cloth
 _LAYER_M = 0.05  # cloth deeper than this below another layer is not meant to be over it
 _ROUNDS, _SPREAD = 3, 4
-
-
-def pose_sheet(sheet: Mesh, body: PosedBody, *, neighbours: int, smoothing: int) -> Mesh:
-    """A sheet at rest, moved into the pose of its wearer.
-
-    Args:
-        sheet: triangles, on `body.rest`.
-        body: the wearer.
-        neighbours: vertices of the body that a vertex follows; 1 in the paper.
-        smoothing: passes that smooth the motions over the sheet, which otherwise jump from one leg
-            to the other; none in the paper.
-    """
-    motions = follow(sheet.vertices, body, neighbours)
-    average = averaging_matrix(sheet.faces, len(sheet.vertices))
-    motions = blur(motions.reshape(-1, 12), average, smoothing).reshape(-1, 4, 3)
-    return Mesh(move(sheet.vertices, motions).astype(np.float32), sheet.faces)
 
 
 def wear_in_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:

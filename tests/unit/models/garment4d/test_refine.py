@@ -8,7 +8,6 @@ from drapeline.models.garment4d.refine import (
     Cloth,
     RefineSettings,
     SpaceTime,
-    barycentric,
     body_push,
     fit_to_points,
     point_pull,
@@ -257,13 +256,3 @@ def test_a_garment_is_taken_out_of_the_body():
     after = (np.linalg.norm(made[..., :2], axis=-1) < 0.119).mean()
     assert before == 1
     assert after < 0.2
-
-
-def test_barycentric_shares_give_the_points_back():
-    rng = rng_for(0, "shares")
-    corners = rng.normal(size=(50, 3, 3))
-    shares = rng.dirichlet(np.ones(3), 50)
-    points = (corners * shares[..., None]).sum(1)
-    np.testing.assert_allclose(barycentric(points, corners), shares, atol=1e-9)
-    flat = np.zeros((1, 3, 3))
-    assert np.isfinite(barycentric(np.zeros((1, 3)), flat)).all()

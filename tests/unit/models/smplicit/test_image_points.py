@@ -1,21 +1,11 @@
 import numpy as np
 import pytest
 
-from drapeline.bodies.model import posed_vertices
-from drapeline.frames import REST_POSE
-from drapeline.models.smplicit.image_points import (
-    PosedBody,
-    follow,
-    hidden_by_body,
-    move,
-    pose_body,
-    seen_points,
-    space_points,
-)
+from drapeline.bodies.follow import PosedBody
+from drapeline.models.smplicit.image_points import hidden_by_body, seen_points, space_points
 from drapeline.rendering.camera import Camera
 from smplicit_toys import tube
 
-TRANS = np.array([0.2, -0.1, 1.0])
 BODY = tube(0.15, -0.5, 0.5, around=64, rings=41)
 
 
@@ -33,21 +23,6 @@ def camera_in_front(size=100, focal=100.0, away=2.0):
     to_camera[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     to_camera[2, 3] = away
     return Camera(intrinsics, to_camera, size, size)
-
-
-def test_skin_follows_itself_into_the_pose(toy_body):
-    pose = REST_POSE + np.random.default_rng(0).normal(scale=0.2, size=72)
-    shape = np.linspace(-1, 1, 10)
-    body = pose_body(toy_body, shape, pose, TRANS)
-    expected, _ = posed_vertices(toy_body, shape, pose[None], TRANS[None])
-    found = move(body.rest, follow(body.rest, body, 1))
-    np.testing.assert_allclose(found, expected[0], atol=1e-4)
-
-
-def test_at_rest_points_only_shift(toy_body):
-    body = pose_body(toy_body, np.zeros(10), REST_POSE.copy(), TRANS)
-    points = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 3))
-    np.testing.assert_allclose(move(points, follow(points, body, 8)), points + TRANS, atol=1e-4)
 
 
 def test_points_of_space_are_outside_the_body_and_within_reach():

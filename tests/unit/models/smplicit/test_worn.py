@@ -1,8 +1,8 @@
 import numpy as np
 
+from drapeline.bodies.follow import PosedBody
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.image_points import PosedBody
-from drapeline.models.smplicit.worn import pose_sheet, wear_in_layers
+from drapeline.models.smplicit.worn import wear_in_layers
 from smplicit_toys import tube
 
 CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
@@ -17,12 +17,6 @@ def shifted():
 
 def radius(mesh):
     return np.linalg.norm((mesh.vertices - SHIFT)[:, :2], axis=1)
-
-
-def test_sheets_move_with_the_body():
-    sheet = tube(0.2, -0.2, 0.2)
-    posed = pose_sheet(sheet, shifted(), neighbours=8, smoothing=20)
-    np.testing.assert_allclose(posed.vertices, sheet.vertices + SHIFT, atol=1e-5)
 
 
 def test_layers_lie_over_one_another_and_over_the_body():

@@ -1,0 +1,96 @@
+"""Points of the space around a body that follow it from the rest pose into another, and back.
+
+They keep their places relative to the closest vertices of the body. P points, V vertices of it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import KDTree
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.smoothing import averaging_matrix, blur
+
+_SMALL_M = 1e-3  # keeps a single vertex from outweighing all others
+
+
+class PosedBody(NamedTuple):
+    """A body at rest and in another pose.
+
+    Attributes:
+        rest: (V, 3) metres, in `drapeline.frames.REST_POSE`, root joint at the origin.
+        posed: (V, 3) metres, in the world.
+        turns: (V, 3, 3) linear part of each vertex's motion from the one to the other.
+        faces: (F, 3).
+    """
+
+    rest: np.ndarray
+    posed: np.ndarray
+    turns: np.ndarray
+    faces: np.ndarray
+
+
+def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.ndarray) -> PosedBody:
+    """A body at rest and in a pose.
+
+    Args:
+        body: of the wearer's gender.
+        shape: (10,).
+        pose: (72,) axis-angle, rad; its root rotation leads to the world.
+        trans: (3,) the root joint there, metres.
+    """
+    posed, _ = posed_vertices(body, shape, pose[None], trans[None])
+    motions = rest_to_pose(body, shape, pose[None])[0]
+    turns = np.einsum("vj,jab->vab", body.weights, motions[..., :3])
+    return PosedBody(rest_body(body, shape), posed[0].astype(np.float64), turns, body.faces)
+
+
+def near_vertices(
+    points: np.ndarray, vertices: np.ndarray, neighbours: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The closest vertices (P, K) of points (P, 3), and how much each counts (P, K).
+
+    That is by the inverse square of its distance; the shares of a point sum to 1.
+    """
+    distance, near = KDTree(vertices).query(points, k=neighbours)
+    shape = (len(points), neighbours)
+    share = 1 / np.maximum(distance.reshape(shape), _SMALL_M) ** 2
+    return near.reshape(shape), share / share.sum(axis=1, keepdims=True)
+
+
+def follow(points: np.ndarray, body: PosedBody, neighbours: int) -> np.ndarray:
+    """(P, 4, 3) affine motions of points at rest into the pose: shift, then the linear part's rows.
+
+    A point keeps its place relative to the closest vertices of the body, see `near_vertices`; with
+    one neighbour this is SMPLicit's motion.
+    """
+    near, share = near_vertices(points, body.rest, neighbours)
+    rows = np.arange(len(points) + 1) * neighbours
+    blend = sp.csr_matrix((share.ravel(), near.ravel(), rows), shape=(len(points), len(body.rest)))
+    shift = body.posed - np.einsum("vab,vb->va", body.turns, body.rest)
+    motion = np.concatenate([shift, body.turns.reshape(-1, 9)], axis=1)
+    return (blend @ motion).reshape(-1, 4, 3)
+
+
+def move(points: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(P, 3) points after the motions (P, 4, 3) of `follow`."""
+    return motions[:, 0] + np.einsum("pab,pb->pa", motions[:, 1:], points)
+
+
+def pose_garment(garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: int) -> Mesh:
+    """A garment at rest, moved into the pose of its wearer.
+
+    Args:
+        garment: triangles, on `body.rest`.
+        body: the wearer.
+        neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
+        smoothing: passes that smooth the motions over the garment, which otherwise jump from one
+            leg to the other; none in the paper.
+    """
+    motions = follow(garment.vertices, body, neighbours)
+    average = averaging_matrix(garment.faces, len(garment.vertices))
+    motions = blur(motions.reshape(-1, 12), average, smoothing).reshape(-1, 4, 3)
+    return Mesh(move(garment.vertices, motions).astype(np.float32), garment.faces)

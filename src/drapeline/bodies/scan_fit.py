@@ -1,0 +1,218 @@
+"""The body in a segmented scan: pose, place and shape by least squares (SMPLicit 4.2).
+
+The paper minimises the Chamfer distance between scan and body, the distance between joints and
+predicted ones, and a prior. The points of a segmented scan are known to be skin or cloth, so here
+those of the skin are on the body and those of cloth are not inside it. The prior keeps the body
+close to its first estimate, and its shape close to the mean.
+
+Absolute distances are minimised as weighted squares, by damped Gauss-Newton steps.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.moved_body import PLACE, SHAPE, TURNS, UNKNOWNS, BodyState, MovedBody
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import barycentric, face_normals, vertex_normals
+
+_REACH_M = 0.1  # skin further from the scan has not been seen
+_GAP_M = 0.003  # cloth is this far off the skin
+_FLOOR_M = 0.003  # below it, absolute distances are taken for squares
+_DAMPING = 1e-3
+
+
+@dataclass(frozen=True)
+class BodyFit:
+    """How a body is fitted to a scan.
+
+    Attributes:
+        joint_steps: of least squares for joints and priors alone, which bring the body close enough
+            for its surface to be compared with the scan.
+        steps: for all terms.
+        points: of skin and of cloth, and vertices of the body, that count.
+        weight: of skin, as a number of independent points.
+        skin_m: how far points of the skin are from the body, metres.
+        joints_m: how far predicted joints are from the body's, metres.
+        pose_rad: how far the rotations of joints are from the first estimate.
+        shape: standard deviation of the numbers of a shape.
+    """
+
+    joint_steps: int = 5
+    steps: int = 10
+    points: int = 1500
+    weight: float = 200.0
+    skin_m: float = 0.005
+    joints_m: float = 0.03
+    pose_rad: float = 0.15
+    shape: float = 1.5
+
+
+class LeastSquares:
+    """Normal equations of weighted residuals.
+
+    Args:
+        size: number of unknowns.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.matrix, self.right = np.zeros((size, size)), np.zeros(size)
+
+    def add(
+        self, slopes: np.ndarray, residual: np.ndarray, weight: np.ndarray | float, *places: slice
+    ) -> None:
+        """Add squares.
+
+        Args:
+            slopes: (P, n) derivatives by some of the unknowns.
+            residual: (P,).
+            weight: (P,) of the squares, or one for all.
+            places: which unknowns the columns are, in order; the first n if not given.
+        """
+        if not places:
+            places = (slice(0, slopes.shape[1]),)
+        columns = np.concatenate([np.arange(len(self.right))[place] for place in places])
+        weighted = slopes.T * weight
+        self.matrix[np.ix_(columns, columns)] += weighted @ slopes
+        self.right[columns] += weighted @ residual
+
+    def add_prior(self, place: slice, residual: np.ndarray, weight: np.ndarray | float) -> None:
+        """Add squares of the unknowns themselves, which are at `residual` now."""
+        index = np.arange(len(self.right))[place]
+        self.matrix[index, index] += weight
+        self.right[index] += weight * residual
+
+    def step(self, damping: float = _DAMPING) -> np.ndarray:
+        """The change of the unknowns that leads to the least sum."""
+        damped = self.matrix + damping * np.diag(self.matrix.diagonal())
+        return -np.linalg.solve(damped, self.right)
+
+
+def absolute_weights(residual: np.ndarray, floor: float) -> np.ndarray:
+    """Weights by which squares of residuals stand for their absolute values."""
+    return 1 / np.maximum(np.abs(residual), floor)
+
+
+class BodyTerms:
+    """What a scan says about the body in it.
+
+    Args:
+        points: (P, 3) metres, in the world.
+        skin: (P,) whether each is skin; all others are cloth.
+        first: the first estimate.
+        joints: (24, 3) predicted in the world, or None.
+        settings: weights.
+        rng: draws the points that count.
+    """
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        skin: np.ndarray,
+        first: BodyState,
+        joints: np.ndarray | None,
+        settings: BodyFit,
+        rng: np.random.Generator,
+    ) -> None:
+        self._first, self._joints, self._settings = first, joints, settings
+        self._tree, self._is_skin, self._all = KDTree(points), skin, points.astype(np.float64)
+        self._skin, self._cloth = (
+            self._all[np.flatnonzero(part)][_some(int(part.sum()), settings.points, rng)]
+            for part in (skin, ~skin)
+        )
+        self._rng = rng
+
+    def add_to(self, equations: LeastSquares, body: MovedBody) -> None:
+        """Add all terms for a body as it is now."""
+        self.add_joints(equations, body)
+        self._add_skin(equations, body)
+        self._add_vertices(equations, body)
+        self._add_cloth(equations, body)
+
+    def add_joints(self, equations: LeastSquares, body: MovedBody) -> None:
+        """Add the terms of joints, and the priors."""
+        settings, state = self._settings, body.state
+        if self._joints is not None:
+            away = (body.joints - self._joints).ravel()
+            equations.add(body.joint_slopes(), away, settings.joints_m**-2)
+        turned = state.turns_from(self._first)
+        equations.add_prior(TURNS, turned, settings.pose_rad**-2)
+        equations.add_prior(SHAPE, state.shape, settings.shape**-2)
+        equations.add_prior(PLACE, state.trans - self._first.trans, 1.0)
+
+    def _add_skin(self, equations: LeastSquares, body: MovedBody) -> None:
+        """Points of the skin are on the body."""
+        if len(self._skin):
+            place, normal, corners, share = _on_surface(self._skin, body)
+            away = np.einsum("pi,pi->p", place - self._skin, normal)
+            slopes = body.slopes(body.points_of_faces(corners, share), normal)
+            equations.add(slopes, away, self._weights(away))
+
+    def _add_vertices(self, equations: LeastSquares, body: MovedBody) -> None:
+        """Vertices of the body next to skin of the scan are on it."""
+        count = len(body.vertices)
+        ids = _some(count, self._settings.points, self._rng)
+        distance, near = self._tree.query(body.vertices[ids], distance_upper_bound=_REACH_M)
+        seen = np.isfinite(distance)
+        seen[seen] = self._is_skin[near[seen]]
+        ids, near = ids[seen], near[seen]
+        if len(ids):
+            normal = vertex_normals(body.vertices, body.model.faces)[ids]
+            away = np.einsum("pi,pi->p", body.vertices[ids] - self._all[near], normal)
+            slopes = body.slopes(body.points_of_vertices(ids), normal)
+            equations.add(slopes, away, self._weights(away))
+
+    def _add_cloth(self, equations: LeastSquares, body: MovedBody) -> None:
+        """The body is below the cloth."""
+        if len(self._cloth):
+            place, normal, corners, share = _on_surface(self._cloth, body)
+            deep = np.einsum("pi,pi->p", place - self._cloth, normal) + _GAP_M
+            below = deep > 0
+            slopes = body.slopes(body.points_of_faces(corners[below], share[below]), normal[below])
+            weights = self._weights(deep[below]) * below.mean()
+            equations.add(slopes, deep[below], weights)
+
+    def _weights(self, away: np.ndarray) -> np.ndarray:
+        settings = self._settings
+        total = settings.weight / settings.skin_m
+        return total * absolute_weights(away, _FLOOR_M) / max(len(away), 1)
+
+
+def fit_body(
+    model: BodyModel,
+    points: np.ndarray,
+    skin: np.ndarray,
+    first: BodyState,
+    joints: np.ndarray | None,
+    settings: BodyFit,
+    rng: np.random.Generator,
+) -> BodyState:
+    """The body in a scan; see `BodyTerms` for the arguments."""
+    terms, state = BodyTerms(points, skin, first, joints, settings, rng), first
+    for add in [terms.add_joints] * settings.joint_steps + [terms.add_to] * settings.steps:
+        equations = LeastSquares(UNKNOWNS)
+        add(equations, MovedBody(model, state))
+        state = state.step(equations.step())
+    return state
+
+
+def _on_surface(
+    points: np.ndarray, body: MovedBody
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Closest places (P, 3) on a body, normals there, and the faces (P, 3) with weights (P, 3)."""
+    faces = body.model.faces
+    place, face = closest_points(points, body.vertices, faces)
+    place = place.astype(np.float64)
+    corners = faces[face]
+    return (
+        place,
+        face_normals(body.vertices, corners),
+        corners,
+        barycentric(place, body.vertices[corners]),
+    )
+
+
+def _some(count: int, wanted: int, rng: np.random.Generator) -> np.ndarray:
+    return rng.choice(count, min(count, wanted), replace=False)

@@ -1,0 +1,238 @@
+"""Segmented scans: points of a dressed person, each known to be skin or cloth of a garment.
+
+They come from simulated samples, with noise and a body that is off by as much as an estimate, or
+from a user's files. P points of a scan.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.labels import BODY, LABELS
+from drapeline.dataset.point_clouds import CloudRngs, CloudSampler, CloudSettings
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.scans import ScanSequence
+from drapeline.errors import InputError
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.seeding import rng_for
+from drapeline.storage import load_npz, save_npz
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """How samples are scanned, and how far estimates of the body are off.
+
+    Attributes:
+        frames: of each sample, evenly spread.
+        points: of a scan.
+        noise_m: standard deviation of each coordinate of a point.
+        pose_rad: of each joint's rotation about each axis.
+        place_m: of each coordinate of the root joint.
+        joints_m: of each coordinate of predicted joints.
+    """
+
+    frames: int = 2
+    points: int = 20_000
+    noise_m: float = 0.002
+    pose_rad: float = 0.06
+    place_m: float = 0.03
+    joints_m: float = 0.02
+
+
+@dataclass(frozen=True)
+class SegmentedScan:
+    """One frame of a dressed person.
+
+    Attributes:
+        name: unique among scans.
+        frame: its number in the sample or in the user's scans.
+        points: (P, 3) float32 metres, in a world whose Z is up.
+        labels: (P,) uint8, indices into `LABELS`.
+        garments: the types that the person wears, from the innermost to the outermost.
+        gender: "female" or "male".
+        estimate: the body as estimated, in the same world.
+        joints: (24, 3) predicted there, or None.
+    """
+
+    name: str
+    frame: int
+    points: np.ndarray
+    labels: np.ndarray
+    garments: tuple[str, ...]
+    gender: str
+    estimate: BodyState
+    joints: np.ndarray | None
+
+    @property
+    def skin(self) -> np.ndarray:
+        """(P,) whether each point is skin."""
+        return self.labels == LABELS.index(BODY)
+
+    def points_of(self, garment: str) -> np.ndarray:
+        """(n, 3) points of a garment."""
+        return self.points[self.labels == LABELS.index(garment)]
+
+    def points_beside(self, garment: str) -> np.ndarray:
+        """(n, 3) points where the garment is known not to be.
+
+        That is skin, and cloth that it would cover. What covers it may hide it.
+        """
+        below = (BODY, *self.garments[: self.garments.index(garment)])
+        return self.points[np.isin(self.labels, [LABELS.index(name) for name in below])]
+
+
+def scan_sample(
+    sample: Sample, body: BodyModel, settings: ScanSettings, seed: int
+) -> list[SegmentedScan]:
+    """Scans of some frames of a simulated sample, relative to the root joint.
+
+    Estimates have the mean shape, and joints and rotations that are off at random.
+
+    Args:
+        sample: accepted.
+        body: of the wearer.
+        settings: how many, and how far estimates are off.
+        seed: of noise, points and estimates.
+    """
+    clouds = CloudSettings(points=settings.points, noise_m=settings.noise_m, seed=seed)
+    meshes = [sample.body_mesh(), *map(sample.mesh, sample.garments)]
+    names = (BODY, *sample.garments)
+    sampler = CloudSampler(
+        [(mesh.triangles, label) for mesh, label in zip(meshes, names, strict=True)], clouds
+    )
+    scans = []
+    for index in range(settings.frames):
+        frame = (2 * index + 1) * sample.frame_count // (2 * settings.frames)
+        parts = [
+            sample.body_vertices(frame, frame + 1, frame="root")[0],
+            *(sample.vertices(name, frame, frame + 1, "root")[0] for name in sample.garments),
+        ]
+        rngs = CloudRngs(*(rng_for(seed, "scan", sample.id, frame, part) for part in range(2)))
+        points, labels = sampler.sample(parts, rngs)
+        pose, shape = sample.info.poses[frame].astype(float), sample.info.shape
+        rng = rng_for(seed, "scan", sample.id, frame, "estimate")
+        _, joints = posed_vertices(body, shape, pose[None])
+        scans.append(
+            SegmentedScan(
+                f"{sample.id}_{frame:03d}",
+                frame,
+                points,
+                labels,
+                tuple(sample.garments),
+                sample.gender,
+                BodyState.of(
+                    pose + rng.normal(scale=settings.pose_rad, size=72),
+                    rng.normal(scale=settings.place_m, size=3),
+                    np.zeros(10),
+                ),
+                joints[0] + rng.normal(scale=settings.joints_m, size=(24, 3)),
+            )
+        )
+    return scans
+
+
+def segment_scans(
+    scans: ScanSequence, garments: Sequence[str], *, name: str, subject: str
+) -> list[SegmentedScan]:
+    """A user's scans with labels, as segmented scans.
+
+    Args:
+        scans: whose frames have labels.
+        garments: what the person wears, from the innermost to the outermost; the points' labels
+            are 0 for skin, 1 for the first of them and so on.
+        name: of the scans, for errors.
+        subject: begins the names of the scans.
+
+    Raises:
+        InputError: a garment is not known or there is none, or a frame has no labels, labels that
+            stand for nothing, or no points of some garment.
+    """
+    unknown = [one for one in garments if one not in GARMENTS]
+    if unknown or not garments:
+        raise InputError(
+            f"{name}: garments are {', '.join(garments) or 'not named'}, expected some of"
+            f" {', '.join(GARMENTS)}"
+        )
+    codes = np.array([LABELS.index(one) for one in (BODY, *garments)], dtype=np.uint8)
+    found = []
+    for frame, scan in enumerate(scans.scans):
+        where = f"{name}: frame {frame + 1}"
+        if scan.labels is None:
+            raise InputError(f"{where}: points have no labels, expected one for each point")
+        bad = np.flatnonzero((scan.labels < 0) | (scan.labels >= len(codes)))
+        if len(bad):
+            raise InputError(
+                f"{where}: point {bad[0] + 1} has the label {scan.labels[bad[0]]}, expected 0 for"
+                f" skin or up to {len(garments)} for {', '.join(garments)}"
+            )
+        counts = np.bincount(scan.labels, minlength=len(codes))
+        if not counts[1:].all():
+            missing = garments[int(np.argmin(counts[1:]))]
+            raise InputError(f"{where}: no point is labelled as {missing}, expected some")
+        body = scans.body
+        state = BodyState.of(body.poses[frame], np.zeros(3), body.shape)
+        found.append(
+            SegmentedScan(
+                f"{subject}_{frame + 1:03d}",
+                frame,
+                scan.points,
+                codes[scan.labels],
+                tuple(garments),
+                body.gender,
+                state,
+                None if body.joints is None else body.joints[frame] - body.trans[frame],
+            )
+        )
+    return found
+
+
+def save_scans(
+    path: str | Path, scans: Sequence[SegmentedScan], bodies: Sequence[BodyState]
+) -> None:
+    """Write scans with the bodies that were fitted to them, which `load_scans` reads."""
+    arrays: dict[str, object] = {"names": np.array([scan.name for scan in scans], dtype=np.str_)}
+    for scan, body in zip(scans, bodies, strict=True):
+        part = {
+            "frame": scan.frame,
+            "points": scan.points,
+            "labels": scan.labels,
+            "garments": np.array(scan.garments, dtype=np.str_),
+            "gender": scan.gender,
+            "joints": np.zeros((0, 3)) if scan.joints is None else scan.joints,
+        }
+        part |= {f"estimate/{key}": value for key, value in scan.estimate._asdict().items()}
+        part |= {f"body/{key}": value for key, value in body._asdict().items()}
+        arrays |= {f"{scan.name}/{key}": value for key, value in part.items()}
+    save_npz(path, **arrays)
+
+
+def load_scans(path: str | Path) -> list[tuple[SegmentedScan, BodyState]]:
+    """Scans with the bodies that were fitted to them.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    arrays = load_npz(path, "names")
+    return [_scan(arrays, str(name)) for name in arrays["names"]]
+
+
+def _scan(arrays: Mapping[str, np.ndarray], name: str) -> tuple[SegmentedScan, BodyState]:
+    def state(key: str) -> BodyState:
+        return BodyState(*(arrays[f"{name}/{key}/{part}"] for part in BodyState._fields))
+
+    part = {key: arrays[f"{name}/{key}"] for key in ("frame", "garments", "gender", "joints")}
+    scan = SegmentedScan(
+        name,
+        int(part["frame"]),
+        arrays[f"{name}/points"],
+        arrays[f"{name}/labels"],
+        tuple(map(str, part["garments"])),
+        str(part["gender"]),
+        state("estimate"),
+        part["joints"] if len(part["joints"]) else None,
+    )
+    return scan, state("body")

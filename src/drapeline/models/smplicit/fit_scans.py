@@ -1,0 +1,330 @@
+"""Codes of the garments in a scan, and the body under them (SMPLicit 4.2, equation 5).
+
+The points of a scan are moved back to the rest pose by the body, where each garment's field has to
+have the distances that the points have from the garment's. Codes come first, from the training code
+that fits best, with the body as it is; then codes and body together.
+
+As in the fit of codes to known fields, absolute differences are minimised as weighted squares by
+damped Gauss-Newton steps. The network is gone through backwards once for all derivatives: what the
+point, the wearer's shape and the code change in it are sums in its first layers.
+
+The paper's prior is |z|; here it is the mean square of w, see `CodePrior`.
+
+P points, H and H0 sums of the decoder's first query layer and first joint layer, Z numbers of a
+code, U unknowns of the body.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.bodies.follow import near_vertices, pose_body
+from drapeline.bodies.moved_body import SHAPE, UNKNOWNS, BodyState, MovedBody
+from drapeline.bodies.rest_body import SHAPES, shape_basis
+from drapeline.bodies.scan_fit import BodyFit, BodyTerms, LeastSquares, absolute_weights
+from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.models.smplicit.fit_images import code_prior, spread_codes
+from drapeline.models.smplicit.scan_points import FieldPoints, field_points
+from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
+from drapeline.seeding import rng_for
+
+if TYPE_CHECKING:
+    from drapeline.models.smplicit.model import SmplicitModel
+
+_FLOOR = 0.1  # of d_max: below it, absolute differences are taken for squares
+_DAMPING, _MORE, _LESS = 0.1, 10.0, 3.0
+
+
+@dataclass(frozen=True)
+class FitScan:
+    """How codes are fitted to a scan.
+
+    Attributes:
+        body: how the body is fitted, before and with the codes.
+        on, off: points on each garment and off it, see `field_points`.
+        spread_m: of those in space.
+        starts: training codes that are tried as a start, beside their mean.
+        steps: for codes alone.
+        joint_steps: for body and codes.
+        weight: of a garment's points, as a number of independent ones.
+        field_m: how far fields are off the scan's distances, metres.
+        neighbours: vertices of the body that a point follows; 1 in the paper.
+        smoothing: passes that smooth the motions of a sheet into the pose.
+    """
+
+    body: BodyFit = field(default_factory=BodyFit)
+    on: int = 500
+    off: int = 750
+    spread_m: float = 0.02
+    starts: int = 32
+    steps: int = 15
+    joint_steps: int = 8
+    weight: float = 100.0
+    field_m: float = 0.005
+    neighbours: int = 1
+    smoothing: int = 20
+
+
+class FittedScan(NamedTuple):
+    """What was found in a scan.
+
+    Attributes:
+        codes: garment -> (Z,).
+        body: that wears them.
+    """
+
+    codes: dict[str, np.ndarray]
+    body: BodyState
+
+
+class Look(NamedTuple):
+    """A field at a scan's points.
+
+    Attributes:
+        residual: (P,) differences of distances, in units of d_max.
+        by_place: (P, 3) derivatives by the points at rest, per metre.
+        by_shape: (P, 10) derivatives by the wearer's shape, at fixed points.
+        by_code: (P, Z) derivatives by w.
+    """
+
+    residual: np.ndarray
+    by_place: np.ndarray
+    by_shape: np.ndarray
+    by_code: np.ndarray
+
+
+class GarmentTerms:
+    """What a scan says about one garment in it.
+
+    Args:
+        model: of the garment.
+        points: of the scan.
+        gender: of the wearer.
+        settings: of the fit.
+    """
+
+    def __init__(
+        self, model: "SmplicitModel", points: FieldPoints, gender: str, settings: FitScan
+    ) -> None:
+        self._network, self._settings = model.network, settings
+        self._decoder = model.network.decoder
+        self.prior, self._codes = code_prior(model.codes.z), model.codes.z
+        self.points = points
+        true = np.minimum(points.distance_m / model.network.d_max_m, 1)
+        self._true = torch.from_numpy(true.astype(np.float32))
+        start = GENDERS.index(gender) * (1 + SHAPES)
+        basis = model.network.place_basis[start : start + 1 + SHAPES]
+        self._mean_places, self._basis = basis[0], basis[1:]
+        with torch.no_grad():
+            weight = self._decoder.fc0_query.weight
+            self._bias_by_shape = -(self._basis.flatten(1) @ weight.T)  # (10, H)
+
+    @property
+    def numbers(self) -> int:
+        """Z."""
+        return len(self.prior.mean)
+
+    def look(self, places: np.ndarray, shape: np.ndarray, w: np.ndarray) -> Look:
+        """The field of a code at points at rest.
+
+        Args:
+            places: (P, 3) metres.
+            shape: (10,) of the wearer.
+            w: (Z,) of the code.
+        """
+        decoder = self._decoder
+        shape = torch.from_numpy(shape.astype(np.float32))
+        points = torch.from_numpy(places.astype(np.float32))[None]
+        with torch.no_grad():
+            clusters = self._mean_places + torch.tensordot(shape, self._basis, 1)
+            z = self.prior.codes(torch.from_numpy(w.astype(np.float32))[None])
+            z_cut, z_style = z.split([decoder.cut, decoder.style], 1)
+            weight, bias = decoder.fold(clusters[None])
+            first = points @ weight.mT + bias[:, None]
+            base, slopes = decoder.base(z_cut, z_style), decoder.base_slopes(z_style)[0]
+        with torch.enable_grad():
+            hidden = decoder.query_of(first.requires_grad_(True)) + base[:, None]
+            predicted = decoder.joint(hidden)
+            by_first, by_hidden = torch.autograd.grad(predicted.sum(), (first, hidden))
+        return Look(
+            (predicted.detach()[0] - self._true).numpy().astype(np.float64),
+            (by_first[0] @ weight[0]).numpy().astype(np.float64),
+            (by_first[0] @ self._bias_by_shape.T).numpy().astype(np.float64),
+            (by_hidden[0] @ slopes @ self.prior.factor).numpy().astype(np.float64),
+        )
+
+    def weights(self, residual: np.ndarray) -> np.ndarray:
+        """(P,) of the squares of residuals."""
+        total = self._settings.weight * self._network.d_max_m / self._settings.field_m
+        return total * absolute_weights(residual, _FLOOR) / len(residual)
+
+    def loss(self, residual: np.ndarray, w: np.ndarray) -> float:
+        """What steps of the code alone make smaller."""
+        total = self._settings.weight * self._network.d_max_m / self._settings.field_m
+        return float(total * np.abs(residual).mean() + (w**2).sum() / 2)
+
+    def best_start(self, places: np.ndarray, shape: np.ndarray) -> np.ndarray:
+        """(Z,) w of the training code, or of their mean, with the least loss."""
+        starts = torch.from_numpy(spread_codes(self._codes, self._settings.starts))
+        every = self.prior.whiten(starts).numpy().astype(np.float64)
+        losses = [self.loss(self.look(places, shape, w).residual, w) for w in every]
+        return every[int(np.argmin(losses))]
+
+    def fit(self, places: np.ndarray, shape: np.ndarray) -> np.ndarray:
+        """(Z,) w that fits the points at rest on a body that stays as it is."""
+        w, damping = self.best_start(places, shape), _DAMPING
+        known = self.look(places, shape, w)
+        for _ in range(self._settings.steps):
+            equations = LeastSquares(self.numbers)
+            equations.add(known.by_code, known.residual, self.weights(known.residual))
+            equations.add_prior(slice(None), w, 1.0)
+            tried_w = w + equations.step(damping)
+            tried = self.look(places, shape, tried_w)
+            if self.loss(tried.residual, tried_w) < self.loss(known.residual, w):
+                w, known, damping = tried_w, tried, damping / _LESS
+            else:
+                damping *= _MORE
+        return w
+
+    def code(self, w: np.ndarray) -> np.ndarray:
+        """(Z,) the code of w."""
+        return self.prior.codes(torch.from_numpy(w.astype(np.float32))[None])[0].numpy()
+
+
+class PointsAtRest:
+    """Points of a scan moved back to the rest pose, with derivatives by the body.
+
+    A point follows the closest vertices of the posed body, in the paper the closest one.
+
+    Args:
+        points: (P, 3) in the scan's world.
+        body: posed.
+        neighbours: K vertices that it follows.
+
+    Attributes:
+        places: (P, 3) at rest.
+    """
+
+    def __init__(self, points: np.ndarray, body: MovedBody, neighbours: int) -> None:
+        state = body.state
+        posed = pose_body(body.model, state.shape, state.pose, state.trans)
+        near, self._share = near_vertices(points, posed.posed, neighbours)
+        self._body, self._near = body, near
+        self._back = np.linalg.inv(posed.turns[near])  # (P, K, 3, 3)
+        self._offsets = np.einsum("pkab,pkb->pka", self._back, points[:, None] - posed.posed[near])
+        self.places = np.einsum("pk,pka->pa", self._share, posed.rest[near] + self._offsets)
+
+    def slopes(self, along: np.ndarray, rest_by_shape: np.ndarray) -> np.ndarray:
+        """(P, U) derivatives of along . place by the body, for which vertices are closest kept.
+
+        Args:
+            along: (P, 3).
+            rest_by_shape: (10, V, 3) change of the body at rest per unit of shape.
+        """
+        total = np.zeros((len(along), UNKNOWNS))
+        for column in range(self._near.shape[1]):
+            ids, share = self._near[:, column], self._share[:, column, None]
+            back = np.einsum("pab,pa->pb", self._back[:, column], along)
+            points = self._body.points_of_vertices(ids)
+            total -= share * self._body.slopes(points, back, self._offsets[:, column])
+            total[:, SHAPE] += share * np.einsum("mpa,pa->pm", rest_by_shape[:, ids], along)
+        return total
+
+
+def fit_scan(
+    scan: SegmentedScan,
+    models: Mapping[str, "SmplicitModel"],
+    body: BodyState,
+    settings: FitScan,
+    seed: int,
+    *,
+    garments: Sequence[str] | None = None,
+) -> tuple[FittedScan, FittedScan]:
+    """Codes of the garments in a scan with the body kept, and with the body fitted again.
+
+    Args:
+        scan: segmented.
+        models: by their names of `FIELD_MODELS`.
+        body: fitted to the scan, see `fit_body`.
+        settings: of the fit.
+        seed: of the points that count.
+        garments: types to look for; all that the person wears and a model knows if None.
+
+    Raises:
+        InputError: no garment is known to a model, or one has too few points.
+    """
+    wanted = [
+        name
+        for name in (scan.garments if garments is None else garments)
+        if MODEL_OF_GARMENT[name] in models
+    ]
+    if not wanted:
+        raise InputError(
+            f"{scan.name}: shows {' and '.join(scan.garments)}, expected a garment of the models"
+            f" {', '.join(models)}"
+        )
+    terms = {
+        name: GarmentTerms(
+            models[MODEL_OF_GARMENT[name]],
+            field_points(
+                scan,
+                name,
+                rng_for(seed, "scan points", scan.name, name),
+                on=settings.on,
+                off=settings.off,
+                spread_m=settings.spread_m,
+            ),
+            scan.gender,
+            settings,
+        )
+        for name in wanted
+    }
+    model = models[MODEL_OF_GARMENT[wanted[0]]].bodies[scan.gender]
+    moved = MovedBody(model, body)
+    codes = {}
+    for name, part in terms.items():
+        at_rest = PointsAtRest(part.points.places, moved, settings.neighbours)
+        codes[name] = part.fit(at_rest.places, body.shape)
+    kept = FittedScan({name: terms[name].code(w) for name, w in codes.items()}, body)
+    codes, body = _fit_jointly(scan, terms, codes, moved, settings, seed)
+    return kept, FittedScan({name: terms[name].code(w) for name, w in codes.items()}, body)
+
+
+def _fit_jointly(
+    scan: SegmentedScan,
+    terms: Mapping[str, GarmentTerms],
+    codes: Mapping[str, np.ndarray],
+    body: MovedBody,
+    settings: FitScan,
+    seed: int,
+) -> tuple[dict[str, np.ndarray], BodyState]:
+    rng = rng_for(seed, "scan body", scan.name, "jointly")
+    body_terms = BodyTerms(scan.points, scan.skin, scan.estimate, scan.joints, settings.body, rng)
+    ends = UNKNOWNS + np.cumsum([0, *(part.numbers for part in terms.values())])
+    places = {
+        name: slice(start, stop)
+        for name, start, stop in zip(terms, ends[:-1], ends[1:], strict=True)
+    }
+    rest_by_shape = shape_basis(body.model)[1:]
+    codes = dict(codes)
+    for _ in range(settings.joint_steps):
+        equations = LeastSquares(int(ends[-1]))
+        body_terms.add_to(equations, body)
+        for name, part in terms.items():
+            at_rest = PointsAtRest(part.points.places, body, settings.neighbours)
+            look = part.look(at_rest.places, body.state.shape, codes[name])
+            by_body = at_rest.slopes(look.by_place, rest_by_shape)
+            by_body[:, SHAPE] += look.by_shape
+            slopes = np.concatenate([by_body, look.by_code], axis=1)
+            weights = part.weights(look.residual)
+            equations.add(slopes, look.residual, weights, slice(0, UNKNOWNS), places[name])
+            equations.add_prior(places[name], codes[name], 1.0)
+        change = equations.step(_DAMPING)
+        codes = {name: w + change[places[name]] for name, w in codes.items()}
+        body = MovedBody(body.model, body.state.step(change[:UNKNOWNS]))
+    return codes, body.state

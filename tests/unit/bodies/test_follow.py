@@ -1,0 +1,41 @@
+import numpy as np
+
+from drapeline.bodies.follow import PosedBody, follow, move, near_vertices, pose_body, pose_garment
+from drapeline.bodies.model import posed_vertices
+from drapeline.frames import REST_POSE
+from smplicit_toys import tube
+
+TRANS = np.array([0.2, -0.1, 1.0])
+CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
+SHIFT = np.array([1.0, 2.0, 3.0])
+
+
+def test_skin_follows_itself_into_the_pose(toy_body):
+    pose = REST_POSE + np.random.default_rng(0).normal(scale=0.2, size=72)
+    shape = np.linspace(-1, 1, 10)
+    body = pose_body(toy_body, shape, pose, TRANS)
+    expected, _ = posed_vertices(toy_body, shape, pose[None], TRANS[None])
+    found = move(body.rest, follow(body.rest, body, 1))
+    np.testing.assert_allclose(found, expected[0], atol=1e-4)
+
+
+def test_at_rest_points_only_shift(toy_body):
+    body = pose_body(toy_body, np.zeros(10), REST_POSE.copy(), TRANS)
+    points = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 3))
+    np.testing.assert_allclose(move(points, follow(points, body, 8)), points + TRANS, atol=1e-4)
+
+
+def test_near_vertices_count_by_the_inverse_square_of_their_distance():
+    vertices = np.array([[0.0, 0, 0], [3, 0, 0], [9, 0, 0]])
+    near, share = near_vertices(np.array([[1.0, 0, 0]]), vertices, 2)
+    assert near.tolist() == [[0, 1]]
+    np.testing.assert_allclose(share, [[0.8, 0.2]])
+
+
+def test_garments_move_with_the_body():
+    turns = np.repeat(np.eye(3)[None], len(CORE.vertices), axis=0)
+    rest = CORE.vertices.astype(float)
+    body = PosedBody(rest, rest + SHIFT, turns, CORE.faces)
+    garment = tube(0.2, -0.2, 0.2)
+    posed = pose_garment(garment, body, neighbours=8, smoothing=20)
+    np.testing.assert_allclose(posed.vertices, garment.vertices + SHIFT, atol=1e-5)

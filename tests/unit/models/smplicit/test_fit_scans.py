@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+import torch
+
+from drapeline.bodies.moved_body import UNKNOWNS, BodyState, MovedBody
+from drapeline.bodies.rest_body import shape_basis
+from drapeline.frames import REST_POSE
+from drapeline.models.smplicit.fit_scans import FitScan, GarmentTerms, PointsAtRest
+from drapeline.models.smplicit.scan_points import FieldPoints
+
+STEP = 1e-3
+STATE = BodyState.of(
+    REST_POSE + np.random.default_rng(0).normal(scale=0.1, size=72),
+    np.array([0.1, 0.2, 1.0]),
+    np.linspace(-0.5, 0.5, 10),
+)
+
+
+def around_hips(count):
+    """(count, 3) metres, around the hips of `STATE`."""
+    turn, height = np.random.default_rng(1).uniform([0, -0.3], [2 * np.pi, 0], (count, 2)).T
+    circle = 0.25 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return STATE.trans + np.column_stack([circle, height])
+
+
+@pytest.fixture(scope="module")
+def terms(fitting_model):
+    places = around_hips(40)
+    points = FieldPoints(places, np.linspace(0, 0.05, 40))
+    return GarmentTerms(fitting_model, points, "male", FitScan())
+
+
+def differences(value, at):
+    """(..., n) derivatives of a function by central differences."""
+    columns = [(value(at + s) - value(at - s)) / (2 * STEP) for s in STEP * np.eye(len(at))]
+    return np.stack(columns, axis=-1)
+
+
+def test_the_field_is_the_models(terms, fitting_model):
+    places, shape, w = around_hips(40) - STATE.trans, np.linspace(-1, 1, 10), np.ones(5)
+    field = fitting_model.field(terms.code(w), gender="male", shape=shape)
+    true = np.minimum(terms.points.distance_m / fitting_model.network.d_max_m, 1)
+    expected = field.distances(places) / fitting_model.network.d_max_m - true
+    np.testing.assert_allclose(terms.look(places, shape, w).residual, expected, atol=1e-4)
+
+
+def test_slopes_of_the_field_are_those_of_autograd(terms, fitting_model):
+    places, shape, w = around_hips(40) - STATE.trans, np.linspace(-1, 1, 10), np.full(5, 0.3)
+    network = fitting_model.network
+
+    def distances(places, shape, w):
+        clusters = network.places(shape[None], torch.tensor([1]))
+        return network.predict(places[None], clusters, terms.prior.codes(w[None]))[0]
+
+    given = tuple(torch.from_numpy(part.astype(np.float32)) for part in (places, shape, w))
+    by_place, by_shape, by_code = torch.autograd.functional.jacobian(distances, given)
+    look = terms.look(places, shape, w)
+    own = by_place[torch.arange(40), torch.arange(40)]
+    for found, expected in (
+        (look.by_place, own),
+        (look.by_shape, by_shape),
+        (look.by_code, by_code),
+    ):
+        scale = float(expected.abs().max())
+        np.testing.assert_allclose(found, expected.numpy(), atol=1e-3 * scale)
+
+
+@pytest.mark.parametrize("neighbours", [1, 4])
+def test_points_come_back_to_where_they_were_at_rest(toy_body, neighbours):
+    rest = MovedBody(toy_body, BodyState.of(REST_POSE, np.zeros(3), STATE.shape))
+    points = around_hips(30)
+    found = PointsAtRest(points - STATE.trans, rest, neighbours)
+    np.testing.assert_allclose(found.places, points - STATE.trans, atol=1e-5)
+
+
+def test_slopes_of_points_at_rest_are_the_differences(toy_body):
+    points, along = around_hips(30), np.random.default_rng(2).normal(size=(30, 3))
+
+    def value(change):
+        moved = MovedBody(toy_body, STATE.step(change))
+        return (PointsAtRest(points, moved, 1).places * along).sum(axis=1)
+
+    body = MovedBody(toy_body, STATE)
+    found = PointsAtRest(points, body, 1).slopes(along, shape_basis(toy_body)[1:])
+    expected = differences(value, np.zeros(UNKNOWNS))
+    # Another vertex may become the closest within a step.
+    away = np.abs(found - expected) > 0.02 * np.abs(expected).max()
+    assert away.any(axis=1).mean() < 0.2
