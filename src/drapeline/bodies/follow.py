@@ -80,6 +80,36 @@ def move(points: np.ndarray, motions: np.ndarray) -> np.ndarray:
     return motions[:, 0] + np.einsum("pab,pb->pa", motions[:, 1:], points)
 
 
+class PlacesAtRest(NamedTuple):
+    """Points of the posed body's space, moved back to rest.
+
+    Attributes:
+        places: (P, 3) metres, at rest.
+        near: (P, K) vertices that each point follows, the closest ones in the pose.
+        share: (P, K) how much each of them counts.
+        back: (P, K, 3, 3) linear parts of their motions back.
+        offsets: (P, K, 3) of the point from each of them, at rest.
+    """
+
+    places: np.ndarray
+    near: np.ndarray
+    share: np.ndarray
+    back: np.ndarray
+    offsets: np.ndarray
+
+
+def move_to_rest(points: np.ndarray, body: PosedBody, neighbours: int) -> PlacesAtRest:
+    """Points (P, 3) around a posed body, moved back to rest by its K closest vertices.
+
+    With one neighbour this is SMPLicit's motion (4.2).
+    """
+    near, share = near_vertices(points, body.posed, neighbours)
+    back = np.linalg.inv(body.turns[near])
+    offsets = np.einsum("pkab,pkb->pka", back, points[:, None] - body.posed[near])
+    places = np.einsum("pk,pka->pa", share, body.rest[near] + offsets)
+    return PlacesAtRest(places, near, share, back, offsets)
+
+
 def pose_garment(garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: int) -> Mesh:
     """A garment at rest, moved into the pose of its wearer.
 

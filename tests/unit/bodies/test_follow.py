@@ -1,6 +1,14 @@
 import numpy as np
 
-from drapeline.bodies.follow import PosedBody, follow, move, near_vertices, pose_body, pose_garment
+from drapeline.bodies.follow import (
+    PosedBody,
+    follow,
+    move,
+    move_to_rest,
+    near_vertices,
+    pose_body,
+    pose_garment,
+)
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from smplicit_toys import tube
@@ -39,3 +47,19 @@ def test_garments_move_with_the_body():
     garment = tube(0.2, -0.2, 0.2)
     posed = pose_garment(garment, body, neighbours=8, smoothing=20)
     np.testing.assert_allclose(posed.vertices, garment.vertices + SHIFT, atol=1e-5)
+
+
+def test_points_on_the_skin_come_back_to_it(toy_body):
+    pose = REST_POSE + np.random.default_rng(2).normal(scale=0.2, size=72)
+    body = pose_body(toy_body, np.linspace(-1, 1, 10), pose, TRANS)
+    found = move_to_rest(body.posed, body, 1)
+    np.testing.assert_allclose(found.places, body.rest, atol=1e-4)
+    np.testing.assert_allclose(found.offsets, 0, atol=1e-9)
+
+
+def test_points_near_the_skin_come_back_to_where_they_were(toy_body):
+    pose = REST_POSE + np.random.default_rng(3).normal(scale=0.05, size=72)
+    body = pose_body(toy_body, np.zeros(10), pose, TRANS)
+    points = body.rest[::29] + 0.001
+    posed = move(points, follow(points, body, 1))
+    np.testing.assert_allclose(move_to_rest(posed, body, 1).places, points, atol=1e-3)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from drapeline.bodies.follow import near_vertices, pose_body
+from drapeline.bodies.follow import move_to_rest, pose_body
 from drapeline.bodies.moved_body import SHAPE, UNKNOWNS, BodyState, MovedBody
 from drapeline.bodies.rest_body import SHAPES, shape_basis
 from drapeline.bodies.scan_fit import BodyFit, BodyTerms, LeastSquares, absolute_weights
@@ -213,11 +213,8 @@ class PointsAtRest:
     def __init__(self, points: np.ndarray, body: MovedBody, neighbours: int) -> None:
         state = body.state
         posed = pose_body(body.model, state.shape, state.pose, state.trans)
-        near, self._share = near_vertices(points, posed.posed, neighbours)
-        self._body, self._near = body, near
-        self._back = np.linalg.inv(posed.turns[near])  # (P, K, 3, 3)
-        self._offsets = np.einsum("pkab,pkb->pka", self._back, points[:, None] - posed.posed[near])
-        self.places = np.einsum("pk,pka->pa", self._share, posed.rest[near] + self._offsets)
+        self._body, self._moved = body, move_to_rest(points, posed, neighbours)
+        self.places = self._moved.places
 
     def slopes(self, along: np.ndarray, rest_by_shape: np.ndarray) -> np.ndarray:
         """(P, U) derivatives of along . place by the body, for which vertices are closest kept.
@@ -226,12 +223,12 @@ class PointsAtRest:
             along: (P, 3).
             rest_by_shape: (10, V, 3) change of the body at rest per unit of shape.
         """
-        total = np.zeros((len(along), UNKNOWNS))
-        for column in range(self._near.shape[1]):
-            ids, share = self._near[:, column], self._share[:, column, None]
-            back = np.einsum("pab,pa->pb", self._back[:, column], along)
+        total, moved = np.zeros((len(along), UNKNOWNS)), self._moved
+        for column in range(moved.near.shape[1]):
+            ids, share = moved.near[:, column], moved.share[:, column, None]
+            back = np.einsum("pab,pa->pb", moved.back[:, column], along)
             points = self._body.points_of_vertices(ids)
-            total -= share * self._body.slopes(points, back, self._offsets[:, column])
+            total -= share * self._body.slopes(points, back, moved.offsets[:, column])
             total[:, SHAPE] += share * np.einsum("mpa,pa->pm", rest_by_shape[:, ids], along)
         return total
 

@@ -12,6 +12,7 @@ from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.metrics.properties import PROPERTIES, measure_properties, properties_of
 from drapeline.models.smplicit.evaluate import loop_count
 from drapeline.models.smplicit.files import TrainingCodes
 from drapeline.models.smplicit.latent import (
@@ -26,12 +27,7 @@ from drapeline.models.smplicit.latent import (
     single_gaussian,
 )
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.properties import (
-    PROPERTIES,
-    kind_members,
-    measure_properties,
-    properties_of,
-)
+from drapeline.models.smplicit.properties import kind_members, region_of
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
@@ -130,7 +126,7 @@ def training_measures(model: SmplicitModel, outfits: Sequence[StaticOutfit]) -> 
         for name, _, outfit in outfits
         for garment in outfit.garments
     }
-    codes = model.codes
+    codes, region = model.codes, region_of(model.name)
     rows, openings = [], []
     for index in progress(range(len(codes.z)), total=len(codes.z), label="training garments"):
         key = str(codes.outfit[index]), GARMENTS[codes.garment[index]]
@@ -140,10 +136,10 @@ def training_measures(model: SmplicitModel, outfits: Sequence[StaticOutfit]) -> 
                 " outfits; train it anew"
             )
         body = model.bodies[GENDERS[codes.gender[index]]]
-        rows.append(measure_properties(model.name, meshes[key], body, codes.shape[index]))
+        rows.append(measure_properties(region, meshes[key], body, codes.shape[index]))
         openings.append(loop_count(meshes[key].faces))
     return TrainingMeasures(
-        {name: np.array([row[name] for row in rows]) for name in properties_of(model.name)},
+        {name: np.array([row[name] for row in rows]) for name in properties_of(region)},
         np.array(openings),
     )
 

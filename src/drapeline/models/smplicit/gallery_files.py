@@ -14,10 +14,11 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
 from drapeline.metrics.predictions import GalleryGarment
+from drapeline.metrics.properties import PROPERTIES, measure_properties, properties_of
 from drapeline.models.smplicit.evaluate import loop_count
 from drapeline.models.smplicit.gallery import CodeSpace, Shown, nearest_type
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from drapeline.models.smplicit.properties import PROPERTIES, measure_properties, properties_of
+from drapeline.models.smplicit.properties import region_of
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, load_npz, save_npz
 
@@ -174,12 +175,12 @@ def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: M
     body = _wearer(model.bodies[item.gender], wearer["shape"])
     garment = nearest_type(item.z, model.codes)
     parts = [still_part("Body", body, BODY_COLOUR)]
-    properties = dict.fromkeys(properties_of(model.name), np.nan)
+    properties = dict.fromkeys(properties_of(region_of(model.name)), np.nan)
     if len(mesh.faces):
         save_obj(folder / f"{name}.obj", mesh)
         parts.append(still_part(garment, mesh, PLAIN_COLOUR))
         properties = measure_properties(
-            model.name, mesh, model.bodies[item.gender], wearer["shape"]
+            region_of(model.name), mesh, model.bodies[item.gender], wearer["shape"]
         )
     write_glb(folder / f"{name}.glb", parts)
     measures = shape_measures(mesh, body.vertices, body.faces)

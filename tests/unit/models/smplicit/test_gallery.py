@@ -6,6 +6,7 @@ import pytest
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
+from drapeline.metrics.properties import properties_of
 from drapeline.models.smplicit.gallery import (
     SHEETS,
     TrainingMeasures,
@@ -15,7 +16,6 @@ from drapeline.models.smplicit.gallery import (
     training_measures,
 )
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.properties import properties_of
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 from gallery_toys import LATENT, save_toy_model, toy_outfits, training_codes
@@ -187,7 +187,7 @@ def test_properties_are_measured_on_the_training_garments(tmp_path, toy_body):
     save_toy_model(tmp_path / "skirt", toy_body, few)
     model = SmplicitModel(tmp_path / "skirt")
     found, openings = training_measures(model, toy_outfits(CODES))
-    assert list(found) == list(properties_of("skirt"))
+    assert list(found) == list(properties_of("lower"))
     assert openings.tolist() == [2] * 4
     slope = np.diff(found["leg"]) / np.diff(few.z[:, 0])
     assert slope == pytest.approx(np.full(3, slope[0]), rel=1e-3)
