@@ -11,14 +11,18 @@ A model has a folder of its own, `models/<name>/`, and imports no other model. T
 - for figures, what `report/` draws, as files or in types of `metrics/` such as `WornGarment` of
   `metrics.predictions`; `report/` does not import models;
 - `representation.py`: each way in which the model holds a garment, as a `Representation`, by which
-  all models are compared on the same garments.
+  all models are compared on the same garments;
+- if its garments can be fitted to points, `scan_fitter.py`: a `ScanFitter`, by which models are
+  compared on the same segmented scans.
 
 docs/how-to/extending.md lists what it has outside its folder.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
 
 
@@ -60,3 +64,19 @@ class Representation(Protocol):
 
     def code_numbers(self, garment: str) -> int | None:
         """How many numbers the code of a garment of this type has; None if there is no code."""
+
+
+class ScanFitter(Protocol):
+    """Finds the garments in segmented scans, whose bodies are known by then."""
+
+    def fit(self, scan: SegmentedScan, body: BodyState) -> Mapping[str, Mapping[str, Mesh]]:
+        """The garments in a scan, in each of the ways that the model has.
+
+        Args:
+            scan: segmented.
+            body: fitted to it.
+
+        Returns:
+            Variant, which no other model has -> garment type -> posed triangles in the scan's
+            world; only garments of the scan that the model knows.
+        """

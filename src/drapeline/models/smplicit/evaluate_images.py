@@ -253,7 +253,7 @@ class PictureEvaluation:
 
     def _dress(self, known: KnownPicture, codes: Mapping[str, np.ndarray]) -> Outfit:
         chosen = {name: (self._model(name), z) for name, z in codes.items()}
-        return dress(known.body, known.wearer, chosen, self._fit, self._meshing)
+        return dress(known.body, known.wearer, chosen, self._fit.wearing, self._meshing)
 
     def _nearest(self, known: KnownPicture) -> Outfit:
         """Of each garment the training code with the least loss."""

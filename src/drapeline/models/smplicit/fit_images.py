@@ -22,6 +22,7 @@ import torch
 
 from drapeline.models.smplicit.image_points import RayPoints, SeenPoints
 from drapeline.models.smplicit.network import GarmentField
+from drapeline.outfits.worn import Wearing
 
 _START_RAYS, _START_POINTS = 150, 8  # of either kind, and on each, that starts are compared at
 _BATCH = 8  # starts that are looked at together
@@ -63,6 +64,11 @@ class FitImage:
     clearance: bool = True
     least_px: int = 50
     smoothing: int = 20
+
+    @property
+    def wearing(self) -> Wearing:
+        """How sheets follow the body."""
+        return Wearing(self.neighbours, self.smoothing)
 
 
 class CodePrior(NamedTuple):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from drapeline.bodies.follow import PosedBody, pose_body, pose_garment
+from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -17,7 +17,7 @@ from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
-from drapeline.models.smplicit.worn import wear_in_layers
+from drapeline.outfits.worn import Wearing, wear
 from drapeline.rendering.camera import Camera
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, save_npz
@@ -201,7 +201,7 @@ def fit_picture(
                 name: (models[GARMENT_CLASSES[name].model], codes[i, name])
                 for name in person.garments
             },
-            settings,
+            settings.wearing,
             meshing,
         )
         for i, (person, body) in enumerate(zip(picture.people, bodies, strict=True))
@@ -222,7 +222,7 @@ def dress(
     body: PosedBody,
     wearer: Wearer,
     codes: Mapping[str, tuple["SmplicitModel", np.ndarray]],
-    settings: FitImage,
+    wearing: Wearing,
     meshing: "Meshing",
 ) -> dict[str, FittedGarment]:
     """Sheets of codes, at rest and worn in layers.
@@ -231,24 +231,15 @@ def dress(
         body: the wearer, at rest and posed.
         wearer: gender and shape.
         codes: model and code of each garment, from the innermost to the outermost.
-        settings: how sheets follow the body.
+        wearing: how sheets follow the body.
         meshing: how sheets are extracted.
     """
-    sheets = [
-        model.decode(z, gender=wearer.gender, shape=wearer.shape, meshing=meshing).sheet
-        for model, z in codes.values()
-    ]
-    posed = [
-        pose_garment(sheet, body, neighbours=settings.neighbours, smoothing=settings.smoothing)
-        if len(sheet.faces)
-        else sheet
-        for sheet in sheets
-    ]
-    worn = wear_in_layers(posed, body)
-    return {
-        name: FittedGarment(z, sheet, over)
-        for (name, (_, z)), sheet, over in zip(codes.items(), sheets, worn, strict=True)
+    sheets = {
+        name: model.decode(z, gender=wearer.gender, shape=wearer.shape, meshing=meshing).sheet
+        for name, (model, z) in codes.items()
     }
+    worn = wear(sheets, body, wearing)
+    return {name: FittedGarment(z, sheets[name], worn[name]) for name, (_, z) in codes.items()}
 
 
 def write_fitted(

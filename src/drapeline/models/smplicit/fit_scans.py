@@ -53,8 +53,7 @@ class FitScan:
         joint_steps: for body and codes.
         weight: of a garment's points, as a number of independent ones.
         field_m: how far fields are off the scan's distances, metres.
-        neighbours: vertices of the body that a point follows; 1 in the paper.
-        smoothing: passes that smooth the motions of a sheet into the pose.
+        neighbours: vertices of the body that a point follows back to rest; 1 in the paper.
     """
 
     body: BodyFit = field(default_factory=BodyFit)
@@ -67,7 +66,6 @@ class FitScan:
     weight: float = 100.0
     field_m: float = 0.005
     neighbours: int = 1
-    smoothing: int = 20
 
 
 class FittedScan(NamedTuple):
@@ -80,6 +78,20 @@ class FittedScan(NamedTuple):
 
     codes: dict[str, np.ndarray]
     body: BodyState
+
+
+class ScanFits(NamedTuple):
+    """What was found in a scan, step by step.
+
+    Attributes:
+        nearest: the training codes that fit best.
+        code: fitted codes, on the same body.
+        joint: codes and body, fitted jointly.
+    """
+
+    nearest: FittedScan
+    code: FittedScan
+    joint: FittedScan
 
 
 class Look(NamedTuple):
@@ -175,10 +187,9 @@ class GarmentTerms:
         losses = [self.loss(self.look(places, shape, w).residual, w) for w in every]
         return every[int(np.argmin(losses))]
 
-    def fit(self, places: np.ndarray, shape: np.ndarray) -> np.ndarray:
-        """(Z,) w that fits the points at rest on a body that stays as it is."""
-        w, damping = self.best_start(places, shape), _DAMPING
-        known = self.look(places, shape, w)
+    def fit(self, places: np.ndarray, shape: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """(Z,) w that fits points at rest, from a start, on a body that stays as it is."""
+        known, damping = self.look(places, shape, w), _DAMPING
         for _ in range(self._settings.steps):
             equations = LeastSquares(self.numbers)
             equations.add(known.by_code, known.residual, self.weights(known.residual))
@@ -241,8 +252,8 @@ def fit_scan(
     seed: int,
     *,
     garments: Sequence[str] | None = None,
-) -> tuple[FittedScan, FittedScan]:
-    """Codes of the garments in a scan with the body kept, and with the body fitted again.
+) -> ScanFits:
+    """Codes of the garments in a scan, with the body kept and with the body fitted again.
 
     Args:
         scan: segmented.
@@ -283,13 +294,18 @@ def fit_scan(
     }
     model = models[MODEL_OF_GARMENT[wanted[0]]].bodies[scan.gender]
     moved = MovedBody(model, body)
-    codes = {}
+    starts, codes = {}, {}
     for name, part in terms.items():
-        at_rest = PointsAtRest(part.points.places, moved, settings.neighbours)
-        codes[name] = part.fit(at_rest.places, body.shape)
-    kept = FittedScan({name: terms[name].code(w) for name, w in codes.items()}, body)
-    codes, body = _fit_jointly(scan, terms, codes, moved, settings, seed)
-    return kept, FittedScan({name: terms[name].code(w) for name, w in codes.items()}, body)
+        places = PointsAtRest(part.points.places, moved, settings.neighbours).places
+        starts[name] = part.best_start(places, body.shape)
+        codes[name] = part.fit(places, body.shape, starts[name])
+    jointly, again = _fit_jointly(scan, terms, codes, moved, settings, seed)
+    return ScanFits(
+        *(
+            FittedScan({name: terms[name].code(w) for name, w in every.items()}, state)
+            for every, state in ((starts, body), (codes, body), (jointly, again))
+        )
+    )
 
 
 def _fit_jointly(

@@ -64,4 +64,4 @@ class FittingModel(SmplicitModel):
         unsure = np.zeros_like(shown) if unsure is None else unsure
         views, settings = [View(shown, unsure, camera, body)], FitImage()
         (z,) = fit_codes_to_views(self, views, [wearer], [self.name], settings, seed)
-        return dress(body, wearer, {self.name: (self, z)}, settings, Meshing())[self.name]
+        return dress(body, wearer, {self.name: (self, z)}, settings.wearing, Meshing())[self.name]

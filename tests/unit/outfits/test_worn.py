@@ -2,7 +2,7 @@ import numpy as np
 
 from drapeline.bodies.follow import PosedBody
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.worn import wear_in_layers
+from drapeline.outfits.worn import Wearing, wear, wear_in_layers
 from smplicit_toys import tube
 
 CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
@@ -35,3 +35,11 @@ def test_what_is_inside_the_body_comes_out():
     posed = Mesh((sheet.vertices + SHIFT).astype(np.float32), sheet.faces)
     (worn,) = wear_in_layers([posed], shifted())
     assert radius(worn).min() > 0.1485
+
+
+def test_garments_at_rest_are_posed_and_come_back_by_name():
+    none = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    sheet = tube(0.2, -0.2, 0.2)
+    worn = wear({"Skirt": sheet, "Top": none}, shifted(), Wearing())
+    np.testing.assert_allclose(worn["Skirt"].vertices, sheet.vertices + SHIFT, atol=1e-5)
+    assert len(worn["Top"].faces) == 0

@@ -1,11 +1,12 @@
-"""Garments that were found at rest, worn in the pose of a picture, in layers (SMPLicit 4.3)."""
+"""Garments at rest, worn in a pose, in layers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from drapeline.bodies.follow import PosedBody
+from drapeline.bodies.follow import PosedBody, pose_garment
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.collision import Solid
 from drapeline.geometry.mesh import Mesh, boundary_edges, face_normals
@@ -14,6 +15,36 @@ from drapeline.geometry.smoothing import averaging_matrix, spread_pushes
 _GAP_M = 0.004  # between layers of cloth
 _LAYER_M = 0.05  # cloth deeper than this below another layer is not meant to be over it
 _ROUNDS, _SPREAD = 3, 4
+
+
+@dataclass(frozen=True)
+class Wearing:
+    """How garments follow the body, see `pose_garment`.
+
+    Attributes:
+        neighbours: vertices of the body that a vertex follows; 1 in SMPLicit's paper.
+        smoothing: passes that smooth the motions over a garment; none in the paper.
+    """
+
+    neighbours: int = 8
+    smoothing: int = 20
+
+
+def wear(garments: Mapping[str, Mesh], body: PosedBody, wearing: Wearing) -> dict[str, Mesh]:
+    """Garments at rest, posed and in layers.
+
+    Args:
+        garments: by name, from the innermost to the outermost; some may have no faces.
+        body: the wearer.
+        wearing: how they follow it.
+    """
+    posed = [
+        pose_garment(one, body, neighbours=wearing.neighbours, smoothing=wearing.smoothing)
+        if len(one.faces)
+        else one
+        for one in garments.values()
+    ]
+    return dict(zip(garments, wear_in_layers(posed, body), strict=True))
 
 
 def wear_in_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:

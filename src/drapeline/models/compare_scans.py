@@ -1,0 +1,160 @@
+"""All models compared: garments fitted to the same segmented scans (SMPLicit 4.2 and table 2)."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
+from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.metrics.fitted_scans import CLASSES, scan_class
+from drapeline.metrics.garment import area_distances_mm
+from drapeline.metrics.properties import measure_properties
+from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.models.contract import ScanFitter
+from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+
+MODEL = "scan"
+# Bodies that have rows of their own.
+ESTIMATED, FITTED = "scan_body_estimated", "scan_body_fitted"
+
+
+class KnownScan(NamedTuple):
+    """A scan of a simulated sample.
+
+    Attributes:
+        scan: with what is known of it.
+        body: fitted to it.
+        sample: name of the sample.
+        true: garment -> simulated triangles, in the scan's world.
+        classes: garment -> one of `CLASSES`.
+        true_body: (V, 3) vertices of the simulated body.
+    """
+
+    scan: SegmentedScan
+    body: BodyState
+    sample: str
+    true: dict[str, Mesh]
+    classes: dict[str, str]
+    true_body: np.ndarray
+
+
+def known_scans(
+    path: str | Path, sample: Sample, bodies: Mapping[str, BodyModel]
+) -> list[KnownScan]:
+    """Scans of a sample, with the truth.
+
+    Args:
+        path: scans with fitted bodies, as `save_scans` wrote them.
+        sample: that they were taken of.
+        bodies: by gender.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    known, body, shape = [], bodies[sample.gender], sample.info.shape
+    classes = {}
+    for name in sample.garments:
+        mesh, region = sample.mesh(name), GARMENT_TYPES[name].region
+        rest = Mesh(mesh.vertices, triangulate(mesh.faces))
+        classes[name] = scan_class(region, measure_properties(region, rest, body, shape))
+    for scan, fitted in load_scans(path):
+        frame = scan.frame
+        true = {
+            name: Mesh(
+                sample.vertices(name, frame, frame + 1, "root")[0],
+                triangulate(sample.mesh(name).faces),
+            )
+            for name in sample.garments
+        }
+        pose = sample.info.poses[frame].astype(np.float64)
+        vertices, _ = posed_vertices(body, shape, pose[None])
+        known.append(KnownScan(scan, fitted, sample.id, true, classes, vertices[0]))
+    return known
+
+
+def compare_scan_fits(
+    scans: Sequence[KnownScan], fitters: Sequence[ScanFitter], *, split: str, seed: int
+) -> tuple[list[MetricRow], dict[str, dict[str, dict[str, Mesh]]]]:
+    """Distances between simulated and fitted garments, by variant and class, over their area.
+
+    Args:
+        scans: to fit.
+        fitters: of a model.
+        split: of the samples, named in the rows.
+        seed: of the intervals, which are over samples.
+
+    Returns:
+        Rows, and scan's name -> variant -> garment -> fitted triangles.
+    """
+    measures: dict[str, list[dict[str, float]]] = {}
+    of: dict[str, list[tuple[str, str]]] = {}
+    found: dict[str, dict[str, dict[str, Mesh]]] = {}
+    for known in progress(scans, total=len(scans), label="scans"):
+        scan = known.scan
+        for fitter in fitters:
+            for variant, garments in fitter.fit(scan, known.body).items():
+                found.setdefault(scan.name, {})[variant] = dict(garments)
+                for name, mesh in garments.items():
+                    to_true, to_surface = area_distances_mm(mesh, known.true[name])
+                    row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
+                    measures.setdefault(variant, []).append(row)
+                    of.setdefault(variant, []).append((known.classes[name], known.sample))
+    rows = []
+    for variant, part in measures.items():
+        classes, samples = zip(*of[variant], strict=True)
+        rows += _summary(part, classes, samples, variant, split, seed)
+    return rows, found
+
+
+def body_rows(
+    scans: Sequence[KnownScan], bodies: Mapping[str, BodyModel], *, split: str, seed: int
+) -> list[MetricRow]:
+    """Distances between the vertices of simulated and estimated, and of simulated and fitted bodies."""
+    rows = []
+    for variant, states in (
+        (ESTIMATED, [known.scan.estimate for known in scans]),
+        (FITTED, [known.body for known in scans]),
+    ):
+        measures = [
+            {"vertex_error_mm": body_error_mm(known, state, bodies)}
+            for known, state in zip(scans, states, strict=True)
+        ]
+        every = [CLASSES[-1]] * len(scans)
+        samples = [known.sample for known in scans]
+        made = _summary(measures, every, samples, variant, split, seed)
+        rows += [row for row in made if row.garment != CLASSES[-1]]
+    return rows
+
+
+def body_error_mm(known: KnownScan, state: BodyState, bodies: Mapping[str, BodyModel]) -> float:
+    """Mean distance between the vertices of the simulated body and of one in a state."""
+    body = bodies[known.scan.gender]
+    found, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
+    return float(1000 * np.linalg.norm(found[0] - known.true_body, axis=1).mean())
+
+
+def _summary(
+    measures: Sequence[Mapping[str, float]],
+    classes: Sequence[str],
+    samples: Sequence[str],
+    variant: str,
+    split: str,
+    seed: int,
+) -> list[MetricRow]:
+    return summary_rows(
+        rng_for(seed, "intervals", MODEL, variant, split),
+        measures,
+        classes,
+        samples,
+        model=MODEL,
+        variant=variant,
+        split=split,
+        seed=seed,
+    )
