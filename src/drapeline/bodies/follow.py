@@ -110,6 +110,15 @@ def move_to_rest(points: np.ndarray, body: PosedBody, neighbours: int) -> Places
     return PlacesAtRest(places, near, share, back, offsets)
 
 
+def garment_motions(
+    garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: int
+) -> np.ndarray:
+    """(V, 4, 3) motions of a garment's vertices into the pose; see `pose_garment` and `move`."""
+    motions = follow(garment.vertices, body, neighbours)
+    average = averaging_matrix(garment.faces, len(garment.vertices))
+    return blur(motions.reshape(-1, 12), average, smoothing).reshape(-1, 4, 3)
+
+
 def pose_garment(garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: int) -> Mesh:
     """A garment at rest, moved into the pose of its wearer.
 
@@ -120,7 +129,5 @@ def pose_garment(garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: 
         smoothing: passes that smooth the motions over the garment, which otherwise jump from one
             leg to the other; none in the paper.
     """
-    motions = follow(garment.vertices, body, neighbours)
-    average = averaging_matrix(garment.faces, len(garment.vertices))
-    motions = blur(motions.reshape(-1, 12), average, smoothing).reshape(-1, 4, 3)
+    motions = garment_motions(garment, body, neighbours=neighbours, smoothing=smoothing)
     return Mesh(move(garment.vertices, motions).astype(np.float32), garment.faces)

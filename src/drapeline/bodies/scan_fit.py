@@ -16,12 +16,12 @@ from scipy.spatial import KDTree
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.moved_body import PLACE, SHAPE, TURNS, UNKNOWNS, BodyState, MovedBody
 from drapeline.geometry.closest import closest_points
+from drapeline.geometry.least_squares import LeastSquares, absolute_weights
 from drapeline.geometry.mesh import barycentric, face_normals, vertex_normals
 
 _REACH_M = 0.1  # skin further from the scan has not been seen
 _GAP_M = 0.003  # cloth is this far off the skin
 _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
-_DAMPING = 1e-3
 
 
 @dataclass(frozen=True)
@@ -48,51 +48,6 @@ class BodyFit:
     joints_m: float = 0.03
     pose_rad: float = 0.15
     shape: float = 1.5
-
-
-class LeastSquares:
-    """Normal equations of weighted residuals.
-
-    Args:
-        size: number of unknowns.
-    """
-
-    def __init__(self, size: int) -> None:
-        self.matrix, self.right = np.zeros((size, size)), np.zeros(size)
-
-    def add(
-        self, slopes: np.ndarray, residual: np.ndarray, weight: np.ndarray | float, *places: slice
-    ) -> None:
-        """Add squares.
-
-        Args:
-            slopes: (P, n) derivatives by some of the unknowns.
-            residual: (P,).
-            weight: (P,) of the squares, or one for all.
-            places: which unknowns the columns are, in order; the first n if not given.
-        """
-        if not places:
-            places = (slice(0, slopes.shape[1]),)
-        columns = np.concatenate([np.arange(len(self.right))[place] for place in places])
-        weighted = slopes.T * weight
-        self.matrix[np.ix_(columns, columns)] += weighted @ slopes
-        self.right[columns] += weighted @ residual
-
-    def add_prior(self, place: slice, residual: np.ndarray, weight: np.ndarray | float) -> None:
-        """Add squares of the unknowns themselves, which are at `residual` now."""
-        index = np.arange(len(self.right))[place]
-        self.matrix[index, index] += weight
-        self.right[index] += weight * residual
-
-    def step(self, damping: float = _DAMPING) -> np.ndarray:
-        """The change of the unknowns that leads to the least sum."""
-        damped = self.matrix + damping * np.diag(self.matrix.diagonal())
-        return -np.linalg.solve(damped, self.right)
-
-
-def absolute_weights(residual: np.ndarray, floor: float) -> np.ndarray:
-    """Weights by which squares of residuals stand for their absolute values."""
-    return 1 / np.maximum(np.abs(residual), floor)
 
 
 class BodyTerms:

@@ -158,6 +158,7 @@ def to_scans(
     parameters: Mapping[str, object],
     bodies: Mapping[str, BodyModel],
     *,
+    labels: Sequence[np.ndarray] | None = None,
     name: str = "points",
 ) -> ScanSequence:
     """The same of arrays: point clouds at 30 frames per second, Z up.
@@ -166,12 +167,16 @@ def to_scans(
         points: F clouds (n, 3), world coordinates in metres; n may differ.
         parameters: of the body, by the keys that `read_scans` describes.
         bodies: body models by gender.
+        labels: F arrays (n,) of integers, if the clouds are segmented.
         name: of the clouds, for errors.
 
     Raises:
         InputError: says what is wrong and what was expected.
     """
-    scans = [Scan(np.asarray(cloud), None) for cloud in points]
+    given = [None] * len(points) if labels is None else map(np.asarray, labels)
+    scans = [
+        Scan(np.asarray(cloud), None, label) for cloud, label in zip(points, given, strict=True)
+    ]
     for frame, scan in enumerate(scans, 1):
         _check_scan(f"{name}: frame {frame}", scan)
     arrays = {key: np.asarray(value) for key, value in parameters.items()}

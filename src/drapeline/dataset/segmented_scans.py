@@ -21,6 +21,8 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
 
+OTHER = 255  # label of cloth of garments that are not looked for
+
 
 @dataclass(frozen=True)
 class ScanSettings:
@@ -51,7 +53,7 @@ class SegmentedScan:
         name: unique among scans.
         frame: its number in the sample or in the user's scans.
         points: (P, 3) float32 metres, in a world whose Z is up.
-        labels: (P,) uint8, indices into `LABELS`.
+        labels: (P,) uint8, indices into `LABELS`, or `OTHER`.
         garments: the types that the person wears, from the innermost to the outermost.
         gender: "female" or "male".
         estimate: the body as estimated, in the same world.
@@ -136,16 +138,15 @@ def scan_sample(
 
 
 def segment_scans(
-    scans: ScanSequence, garments: Sequence[str], *, name: str, subject: str
+    scans: ScanSequence, garments: Sequence[str], *, name: str
 ) -> list[SegmentedScan]:
-    """A user's scans with labels, as segmented scans.
+    """A user's scans with labels, as segmented scans in the user's world.
 
     Args:
-        scans: whose frames have labels.
-        garments: what the person wears, from the innermost to the outermost; the points' labels
-            are 0 for skin, 1 for the first of them and so on.
-        name: of the scans, for errors.
-        subject: begins the names of the scans.
+        scans: whose frames have labels: 0 for skin, 1 for the first garment and so on, 255 for
+            cloth of others.
+        garments: what the person wears, from the innermost to the outermost.
+        name: of the scans, also in errors.
 
     Raises:
         InputError: a garment is not known or there is none, or a frame has no labels, labels that
@@ -157,37 +158,41 @@ def segment_scans(
             f"{name}: garments are {', '.join(garments) or 'not named'}, expected some of"
             f" {', '.join(GARMENTS)}"
         )
-    codes = np.array([LABELS.index(one) for one in (BODY, *garments)], dtype=np.uint8)
-    found = []
+    codes = np.full(OTHER + 1, OTHER, dtype=np.uint8)
+    codes[: 1 + len(garments)] = [LABELS.index(one) for one in (BODY, *garments)]
+    body, found = scans.body, []
     for frame, scan in enumerate(scans.scans):
         where = f"{name}: frame {frame + 1}"
-        if scan.labels is None:
-            raise InputError(f"{where}: points have no labels, expected one for each point")
-        bad = np.flatnonzero((scan.labels < 0) | (scan.labels >= len(codes)))
-        if len(bad):
-            raise InputError(
-                f"{where}: point {bad[0] + 1} has the label {scan.labels[bad[0]]}, expected 0 for"
-                f" skin or up to {len(garments)} for {', '.join(garments)}"
-            )
-        counts = np.bincount(scan.labels, minlength=len(codes))
-        if not counts[1:].all():
-            missing = garments[int(np.argmin(counts[1:]))]
-            raise InputError(f"{where}: no point is labelled as {missing}, expected some")
-        body = scans.body
-        state = BodyState.of(body.poses[frame], np.zeros(3), body.shape)
+        labels = _checked_labels(where, scan.labels, garments)
+        root = body.trans[frame]
         found.append(
             SegmentedScan(
-                f"{subject}_{frame + 1:03d}",
+                f"{Path(name).stem}_{frame + 1:03d}",
                 frame,
-                scan.points,
-                codes[scan.labels],
+                (scan.points + root).astype(np.float32),
+                codes[labels],
                 tuple(garments),
                 body.gender,
-                state,
-                None if body.joints is None else body.joints[frame] - body.trans[frame],
+                BodyState.of(body.poses[frame], root, body.shape),
+                None if body.joints is None else body.joints[frame],
             )
         )
     return found
+
+
+def _checked_labels(where: str, labels: np.ndarray | None, garments: Sequence[str]) -> np.ndarray:
+    if labels is None:
+        raise InputError(f"{where}: points have no labels, expected one for each point")
+    bad = np.flatnonzero((labels != OTHER) & ((labels < 0) | (labels > len(garments))))
+    if len(bad):
+        raise InputError(
+            f"{where}: point {bad[0] + 1} has the label {labels[bad[0]]}, expected 0 for skin, 1 to"
+            f" {len(garments)} for {', '.join(garments)}, or {OTHER} for other cloth"
+        )
+    for code, garment in enumerate(garments, 1):
+        if not (labels == code).any():
+            raise InputError(f"{where}: no point is labelled as {garment}, expected some")
+    return labels
 
 
 def save_scans(

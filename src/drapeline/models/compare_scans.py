@@ -11,10 +11,10 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.metrics.fitted_scans import CLASSES, scan_class
+from drapeline.metrics.fitted_scans import BODY, TRUE, Fits, scan_class
 from drapeline.metrics.garment import area_distances_mm
 from drapeline.metrics.properties import measure_properties
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.table import ALL, MetricRow, summary_rows
 from drapeline.models.contract import ScanFitter
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.rule_log import progress
@@ -80,32 +80,30 @@ def known_scans(
 
 
 def compare_scan_fits(
-    scans: Sequence[KnownScan], fitters: Sequence[ScanFitter], *, split: str, seed: int
-) -> tuple[list[MetricRow], dict[str, dict[str, dict[str, Mesh]]]]:
+    scans: Sequence[KnownScan], fitter: ScanFitter, *, split: str, seed: int
+) -> tuple[list[MetricRow], dict[str, Fits]]:
     """Distances between simulated and fitted garments, by variant and class, over their area.
 
     Args:
         scans: to fit.
-        fitters: of a model.
+        fitter: of a model.
         split: of the samples, named in the rows.
         seed: of the intervals, which are over samples.
 
     Returns:
-        Rows, and scan's name -> variant -> garment -> fitted triangles.
+        Rows, and scan's name -> fits.
     """
     measures: dict[str, list[dict[str, float]]] = {}
     of: dict[str, list[tuple[str, str]]] = {}
-    found: dict[str, dict[str, dict[str, Mesh]]] = {}
+    found: dict[str, Fits] = {}
     for known in progress(scans, total=len(scans), label="scans"):
-        scan = known.scan
-        for fitter in fitters:
-            for variant, garments in fitter.fit(scan, known.body).items():
-                found.setdefault(scan.name, {})[variant] = dict(garments)
-                for name, mesh in garments.items():
-                    to_true, to_surface = area_distances_mm(mesh, known.true[name])
-                    row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
-                    measures.setdefault(variant, []).append(row)
-                    of.setdefault(variant, []).append((known.classes[name], known.sample))
+        fits = found[known.scan.name] = fitter.fit(known.scan, known.body)
+        for variant, garments in fits.items():
+            for name, mesh in garments.items():
+                to_true, to_surface = area_distances_mm(mesh, known.true[name])
+                row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
+                measures.setdefault(variant, []).append(row)
+                of.setdefault(variant, []).append((known.classes[name], known.sample))
     rows = []
     for variant, part in measures.items():
         classes, samples = zip(*of[variant], strict=True)
@@ -113,29 +111,44 @@ def compare_scan_fits(
     return rows, found
 
 
+def truth_shown(known: KnownScan, body: BodyModel) -> Fits:
+    """Simulated garments of a scan, and the body that was fitted to it, for figures."""
+    state = known.body
+    vertices, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
+    return {TRUE: known.true, BODY: {BODY: Mesh(vertices[0], body.faces)}}
+
+
 def body_rows(
-    scans: Sequence[KnownScan], bodies: Mapping[str, BodyModel], *, split: str, seed: int
+    scans: Sequence[KnownScan],
+    states: Mapping[str, Sequence[BodyState]],
+    bodies: Mapping[str, BodyModel],
+    *,
+    split: str,
+    seed: int,
 ) -> list[MetricRow]:
-    """Distances between the vertices of simulated and estimated, and of simulated and fitted bodies."""
+    """Mean distances of bodies' vertices from the simulated ones.
+
+    Args:
+        scans: that bodies were fitted to.
+        states: variant -> the body of each scan.
+        bodies: by gender.
+        split: of the samples, named in the rows.
+        seed: of the intervals, which are over samples.
+    """
     rows = []
-    for variant, states in (
-        (ESTIMATED, [known.scan.estimate for known in scans]),
-        (FITTED, [known.body for known in scans]),
-    ):
+    for variant, every in states.items():
         measures = [
-            {"vertex_error_mm": body_error_mm(known, state, bodies)}
-            for known, state in zip(scans, states, strict=True)
+            {"vertex_error_mm": body_error_mm(known, state, bodies[known.scan.gender])}
+            for known, state in zip(scans, every, strict=True)
         ]
-        every = [CLASSES[-1]] * len(scans)
         samples = [known.sample for known in scans]
-        made = _summary(measures, every, samples, variant, split, seed)
-        rows += [row for row in made if row.garment != CLASSES[-1]]
+        made = _summary(measures, [BODY] * len(scans), samples, variant, split, seed)
+        rows += [row for row in made if row.garment == ALL]
     return rows
 
 
-def body_error_mm(known: KnownScan, state: BodyState, bodies: Mapping[str, BodyModel]) -> float:
+def body_error_mm(known: KnownScan, state: BodyState, body: BodyModel) -> float:
     """Mean distance between the vertices of the simulated body and of one in a state."""
-    body = bodies[known.scan.gender]
     found, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
     return float(1000 * np.linalg.norm(found[0] - known.true_body, axis=1).mean())
 

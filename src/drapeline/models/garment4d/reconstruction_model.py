@@ -81,6 +81,8 @@ class ReconstructionModel:
         garment: the type.
         stage: trained networks.
         bodies: of both genders.
+        points: of a cloud that the networks were trained on.
+        worn_statistics: of the training sequences; None where there were none.
 
     Raises:
         InputError: a file is missing or damaged, or holds a network of another stage.
@@ -90,7 +92,7 @@ class ReconstructionModel:
         self.folder = stage_folder(folder)
         stage = load_stage(self.folder, PosedStage)
         self.stage: PosedStage = stage.to(device or fastest_device())
-        self.bodies, self._points, self._worn_statistics = load_posed_files(self.folder)
+        self.bodies, self.points, self.worn_statistics = load_posed_files(self.folder)
         self.garment = LABELS[stage.label]
 
     def reconstruct(
@@ -170,7 +172,7 @@ class ReconstructionModel:
             InputError: there are fewer frames than in a window, or fewer of the garment's points.
         """
         motion, stage = scans.body, self.stage
-        clouds = scans.points(self._points, seed=seed)
+        clouds = scans.points(self.points, seed=seed)
         body = self.bodies.of(GENDERS.index(motion.gender), motion.shape)
         made = reconstruct(stage, clouds, motion.poses, body)
         check_labels(name, made.labels == stage.label, self.garment, least_share)
@@ -184,7 +186,7 @@ class ReconstructionModel:
                 stage.label,
                 stage.space.faces,
                 refining,
-                self._worn_statistics,
+                self.worn_statistics,
             )
         return Steps(clouds, body, made, final)
 

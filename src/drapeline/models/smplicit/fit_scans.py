@@ -14,8 +14,8 @@ P points, H and H0 sums of the decoder's first query layer and first joint layer
 code, U unknowns of the body.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,10 +24,11 @@ import torch
 from drapeline.bodies.follow import move_to_rest, pose_body
 from drapeline.bodies.moved_body import SHAPE, UNKNOWNS, BodyState, MovedBody
 from drapeline.bodies.rest_body import SHAPES, shape_basis
-from drapeline.bodies.scan_fit import BodyFit, BodyTerms, LeastSquares, absolute_weights
+from drapeline.bodies.scan_fit import BodyFit, BodyTerms
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
+from drapeline.geometry.least_squares import LeastSquares, absolute_weights
 from drapeline.models.smplicit.fit_images import code_prior, spread_codes
 from drapeline.models.smplicit.scan_points import FieldPoints, field_points
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
@@ -45,7 +46,6 @@ class FitScan:
     """How codes are fitted to a scan.
 
     Attributes:
-        body: how the body is fitted, before and with the codes.
         on, off: points on each garment and off it, see `field_points`.
         spread_m: of those in space.
         starts: training codes that are tried as a start, beside their mean.
@@ -56,7 +56,6 @@ class FitScan:
         neighbours: vertices of the body that a point follows back to rest; 1 in the paper.
     """
 
-    body: BodyFit = field(default_factory=BodyFit)
     on: int = 500
     off: int = 750
     spread_m: float = 0.02
@@ -248,10 +247,9 @@ def fit_scan(
     scan: SegmentedScan,
     models: Mapping[str, "SmplicitModel"],
     body: BodyState,
+    body_fit: BodyFit,
     settings: FitScan,
     seed: int,
-    *,
-    garments: Sequence[str] | None = None,
 ) -> ScanFits:
     """Codes of the garments in a scan, with the body kept and with the body fitted again.
 
@@ -259,18 +257,14 @@ def fit_scan(
         scan: segmented.
         models: by their names of `FIELD_MODELS`.
         body: fitted to the scan, see `fit_body`.
+        body_fit: how the body is fitted again.
         settings: of the fit.
         seed: of the points that count.
-        garments: types to look for; all that the person wears and a model knows if None.
 
     Raises:
         InputError: no garment is known to a model, or one has too few points.
     """
-    wanted = [
-        name
-        for name in (scan.garments if garments is None else garments)
-        if MODEL_OF_GARMENT[name] in models
-    ]
+    wanted = [name for name in scan.garments if MODEL_OF_GARMENT[name] in models]
     if not wanted:
         raise InputError(
             f"{scan.name}: shows {' and '.join(scan.garments)}, expected a garment of the models"
@@ -299,7 +293,9 @@ def fit_scan(
         places = PointsAtRest(part.points.places, moved, settings.neighbours).places
         starts[name] = part.best_start(places, body.shape)
         codes[name] = part.fit(places, body.shape, starts[name])
-    jointly, again = _fit_jointly(scan, terms, codes, moved, settings, seed)
+    rng = rng_for(seed, "scan body", scan.name, "jointly")
+    body_terms = BodyTerms(scan.points, scan.skin, scan.estimate, scan.joints, body_fit, rng)
+    jointly, again = _fit_jointly(body_terms, terms, codes, moved, settings)
     return ScanFits(
         *(
             FittedScan({name: terms[name].code(w) for name, w in every.items()}, state)
@@ -309,15 +305,12 @@ def fit_scan(
 
 
 def _fit_jointly(
-    scan: SegmentedScan,
+    body_terms: BodyTerms,
     terms: Mapping[str, GarmentTerms],
     codes: Mapping[str, np.ndarray],
     body: MovedBody,
     settings: FitScan,
-    seed: int,
 ) -> tuple[dict[str, np.ndarray], BodyState]:
-    rng = rng_for(seed, "scan body", scan.name, "jointly")
-    body_terms = BodyTerms(scan.points, scan.skin, scan.estimate, scan.joints, settings.body, rng)
     ends = UNKNOWNS + np.cumsum([0, *(part.numbers for part in terms.values())])
     places = {
         name: slice(start, stop)

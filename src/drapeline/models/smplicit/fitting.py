@@ -9,11 +9,16 @@ It is what `load` returns; rules that only decode use `SmplicitModel`.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from drapeline.bodies.follow import pose_body
+from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.rest_body import SHAPES
+from drapeline.bodies.scan_fit import BodyFit
+from drapeline.dataset.scans import to_scans
+from drapeline.dataset.segmented_scans import segment_scans
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
@@ -22,8 +27,26 @@ from drapeline.models.smplicit.fit_pictures import (
     dress,
     fit_codes_to_views,
 )
+from drapeline.models.smplicit.fit_scans import FitScan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel, check_gender, finite
+from drapeline.models.smplicit.own_scans import find_garments
 from drapeline.rendering.camera import Camera
+
+
+class ScannedGarment(NamedTuple):
+    """A garment that a scan shows, and the body under it.
+
+    Attributes:
+        garment: code, sheet at rest and posed sheet.
+        pose: (72,) axis-angles of the body, rad.
+        trans: (3,) its root joint, metres.
+        shape: (10,).
+    """
+
+    garment: FittedGarment
+    pose: np.ndarray
+    trans: np.ndarray
+    shape: np.ndarray
 
 
 class FittingModel(SmplicitModel):
@@ -65,3 +88,51 @@ class FittingModel(SmplicitModel):
         views, settings = [View(shown, unsure, camera, body)], FitImage()
         (z,) = fit_codes_to_views(self, views, [wearer], [self.name], settings, seed)
         return dress(body, wearer, {self.name: (self, z)}, settings.wearing, Meshing())[self.name]
+
+    def fit_points(
+        self,
+        points: np.ndarray,
+        labels: np.ndarray,
+        garment: str | None = None,
+        *,
+        gender: str,
+        pose: Sequence[float],
+        trans: Sequence[float],
+        shape: Sequence[float] = (0.0,) * SHAPES,
+        joints: np.ndarray | None = None,
+        seed: int = 0,
+    ) -> ScannedGarment:
+        """The garment in a segmented scan, and the body under it; see `find_garments`.
+
+        Args:
+            points: (P, 3) of the dressed person, metres, Z up.
+            labels: (P,) 0 for skin, 1 for the garment, 255 for other cloth.
+            garment: its type, the first of `garments` if None.
+            gender: of the wearer, "female" or "male".
+            pose: (72,) axis-angle, rad, as estimated; its root rotation takes the body from Y up to
+                Z up.
+            trans: (3,) the root joint in the scan, as estimated, metres.
+            shape: (10,) as estimated; the mean one if not given.
+            joints: (24, 3) positions of the joints in the scan, if they were predicted apart.
+            seed: of the points that count.
+
+        Raises:
+            InputError: an argument has another size, the points are not in metres, not near the
+                body or not labelled, or too few are the garment's.
+        """
+        check_gender(gender)
+        name = garment or self.garments[0]
+        parameters = {
+            "poses": finite("pose", pose, 72)[None],
+            "trans": finite("trans", trans, 3)[None],
+            "shape": finite("shape", shape, SHAPES),
+            "gender": gender,
+        }
+        if joints is not None:
+            parameters["joints"] = np.asarray(joints)[None]
+        scans = to_scans([points], parameters, self.bodies, labels=[labels])
+        (scan,) = segment_scans(scans, [name], name="points")
+        models = {self.name: self}
+        found = find_garments(scan, models, BodyFit(), FitScan(), Meshing(), seed)
+        state: BodyState = found.body
+        return ScannedGarment(found.garments[name], state.pose, state.trans, state.shape)

@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from drapeline.bodies.follow import pose_body
 from drapeline.bodies.moved_body import BodyState
+from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.fit_pictures import FittedGarment, Wearer, dress
 from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.own_scans import dress_scan
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
-from drapeline.outfits.worn import Wearing
 
 START, NEAREST, CODE, JOINT = (
     f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint")
@@ -27,7 +24,7 @@ class SmplicitScanFitter:
 
     Args:
         models: by their names of `FIELD_MODELS`.
-        settings: of the fit.
+        body_fit, settings: of the fits.
         meshing: how sheets are extracted.
         seed: of the points that count.
 
@@ -38,20 +35,22 @@ class SmplicitScanFitter:
     def __init__(
         self,
         models: Mapping[str, SmplicitModel],
+        body_fit: BodyFit,
         settings: FitScan,
         meshing: Meshing,
         seed: int,
     ) -> None:
-        self._models, self._settings = models, settings
+        self._models, self._body_fit, self._settings = models, body_fit, settings
         self._meshing, self._seed = meshing, seed
         self.bodies: dict[str, BodyState] = {}
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
         """The garments of the start and of each fit."""
+        self.bodies[scan.name] = body
         names = [name for name in scan.garments if MODEL_OF_GARMENT[name] in self._models]
         if not names:
             return {}
-        found = fit_scan(scan, self._models, body, self._settings, self._seed)
+        found = fit_scan(scan, self._models, body, self._body_fit, self._settings, self._seed)
         self.bodies[scan.name] = found.joint.body
         mean = {name: self._models[MODEL_OF_GARMENT[name]].mean_code for name in names}
         ways = {
@@ -61,25 +60,11 @@ class SmplicitScanFitter:
             JOINT: (found.joint.codes, found.joint.body),
         }
         return {
-            variant: {name: one.posed for name, one in self._dress(scan, *way).items()}
+            variant: {
+                name: garment.posed
+                for name, garment in dress_scan(
+                    scan, self._models, *way, self._meshing
+                ).garments.items()
+            }
             for variant, way in ways.items()
         }
-
-    def _dress(
-        self, scan: SegmentedScan, codes: Mapping[str, np.ndarray], body: BodyState
-    ) -> dict[str, FittedGarment]:
-        return dress_scan(scan, self._models, codes, body, self._meshing)
-
-
-def dress_scan(
-    scan: SegmentedScan,
-    models: Mapping[str, SmplicitModel],
-    codes: Mapping[str, np.ndarray],
-    body: BodyState,
-    meshing: Meshing,
-) -> dict[str, FittedGarment]:
-    """Sheets of codes, at rest and worn in layers by a body in a scan."""
-    chosen = {name: (models[MODEL_OF_GARMENT[name]], z) for name, z in codes.items()}
-    model = next(iter(chosen.values()))[0].bodies[scan.gender]
-    posed = pose_body(model, body.shape, body.pose, body.trans)
-    return dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)

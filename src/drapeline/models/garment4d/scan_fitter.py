@@ -1,0 +1,186 @@
+"""Garment4D's garments in segmented scans: its components fitted to the points, and its networks.
+
+P points, N vertices and D components of a type's template.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from drapeline.bodies import follow
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.labels import LABELS
+from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.frames import GENDERS
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.least_squares import LeastSquares, absolute_weights
+from drapeline.geometry.mesh import Mesh, barycentric
+from drapeline.models.garment4d.reconstruct import reconstruct, refine
+from drapeline.models.garment4d.reconstruction_model import DEFAULT_REFINING, ReconstructionModel
+from drapeline.outfits.worn import Wearing, wear
+from drapeline.registration.to_template.garment_space import GarmentSpace
+from drapeline.seeding import rng_for
+
+PCA, POSED, REFINED = (f"garment4d_scan_{name}" for name in ("pca", "posed", "ours"))
+_FLOOR_M = 0.003  # below it, absolute distances are taken for squares
+
+
+@dataclass(frozen=True)
+class FitTemplate:
+    """How the components of a template are fitted to points.
+
+    Attributes:
+        steps: of least squares, after each of which points find new places on the garment.
+        points: of the garment that count, and vertices of the template.
+        weight: of the points, as a number of independent ones.
+        points_m: how far garments are off the points, metres.
+        wearing: how the template follows the body.
+    """
+
+    steps: int = 15
+    points: int = 1500
+    weight: float = 100.0
+    points_m: float = 0.005
+    wearing: Wearing = field(default_factory=Wearing)
+
+
+class Garment4dScanFitter:
+    """Fulfils `ScanFitter`.
+
+    The components alone are fitted to the garment's points. The networks are given the scan as a
+    body that stands still, with its labels; what they find is shown as it is and after the final
+    step, which fits it to the points.
+
+    Args:
+        models: trained, of the types that they know.
+        settings: of the fit of components.
+        seed: of the points that are chosen.
+    """
+
+    def __init__(
+        self, models: Mapping[str, ReconstructionModel], settings: FitTemplate, seed: int
+    ) -> None:
+        self._models, self._settings, self._seed = models, settings, seed
+
+    def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
+        """The garments that models know, in three ways."""
+        found: dict[str, dict[str, Mesh]] = {PCA: {}, POSED: {}, REFINED: {}}
+        at_rest: dict[str, Mesh] = {}
+        for name in scan.garments:
+            if name in self._models:
+                model = self._models[name]
+                faces = model.stage.space.faces
+                wearer = model.bodies.models[scan.gender]
+                rng = rng_for(self._seed, "template", scan.name, name)
+                fitted = fit_template(
+                    model.stage.space, scan, name, wearer, body, self._settings, rng
+                )
+                at_rest[name] = Mesh(fitted, faces)
+                posed, refined = self._networks(model, scan, body)
+                found[POSED][name], found[REFINED][name] = Mesh(posed, faces), Mesh(refined, faces)
+        if at_rest:
+            posed = follow.pose_body(wearer, body.shape, body.pose, body.trans)
+            found[PCA] = wear(at_rest, posed, self._settings.wearing)
+        return {variant: garments for variant, garments in found.items() if garments}
+
+    def _networks(
+        self, model: ReconstructionModel, scan: SegmentedScan, body: BodyState
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) of the networks, and after the final step, in the scan's world."""
+        frames = model.stage.settings.training.frames
+        rng = rng_for(self._seed, "networks", scan.name, model.garment)
+        count = model.points
+        chosen = np.stack(
+            [
+                rng.choice(len(scan.points), count, replace=len(scan.points) < count)
+                for _ in range(frames)
+            ]
+        )
+        clouds = (scan.points[chosen] - body.trans).astype(np.float32)
+        poses = np.tile(body.pose, (frames, 1))
+        wearer = model.bodies.of(GENDERS.index(scan.gender), body.shape)
+        made = reconstruct(
+            model.stage, clouds, poses, wearer, labels=scan.labels[chosen], consecutive=True
+        )._replace(labels=scan.labels[chosen])
+        final = refine(
+            made,
+            clouds,
+            poses,
+            wearer,
+            LABELS.index(model.garment),
+            model.stage.space.faces,
+            DEFAULT_REFINING,
+            model.worn_statistics,
+        )
+        middle = frames // 2
+        return tuple((part[middle] + body.trans).astype(np.float32) for part in (made.final, final))
+
+
+def fit_template(
+    space: GarmentSpace,
+    scan: SegmentedScan,
+    garment: str,
+    wearer: BodyModel,
+    body: BodyState,
+    settings: FitTemplate,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(N, 3) float32 at rest, of the components that fit the points of a garment.
+
+    Points come to lie on the garment, and vertices on the points, but for those next to a garment
+    that may hide them. Each component has a normal prior, with the variance of training garments.
+
+    Args:
+        space: of the type.
+        scan: with the garment.
+        garment: its type.
+        wearer: model of the wearer's body.
+        body: its state.
+        settings: of the fit.
+        rng: draws points.
+    """
+    posed_body = follow.pose_body(wearer, body.shape, body.pose, body.trans)
+    own = scan.points_of(garment).astype(np.float64)
+    over = scan.garments[scan.garments.index(garment) + 1 :]
+    hiding = np.isin(scan.labels, [LABELS.index(name) for name in over])
+    tree, own_tree = KDTree(scan.points), KDTree(own)
+    points = own[rng.choice(len(own), min(len(own), settings.points), replace=False)]
+    size = len(space.components)
+    vertices = rng.choice(len(space.mean), min(len(space.mean), settings.points), replace=False)
+    alpha = np.zeros(size)
+    for _ in range(settings.steps):
+        rest = space.vertices(alpha)
+        motions = follow.garment_motions(
+            Mesh(rest, space.faces),
+            posed_body,
+            neighbours=settings.wearing.neighbours,
+            smoothing=settings.wearing.smoothing,
+        )
+        posed = follow.move(rest, motions)
+        slopes = np.einsum("nab,dnb->nad", motions[:, 1:], space.components)
+        place, face = closest_points(points, posed, space.faces)
+        corners = space.faces[face]
+        share = barycentric(place.astype(np.float64), posed[corners])
+        equations = LeastSquares(size)
+        on_surface = np.einsum("pc,pcad->pad", share, slopes[corners])
+        _add_offsets(equations, place - points, on_surface, settings)
+        seen = vertices[~hiding[tree.query(posed[vertices])[1]]]
+        if len(seen):
+            to_points = posed[seen] - own[own_tree.query(posed[seen])[1]]
+            _add_offsets(equations, to_points, slopes[seen], settings)
+        equations.add_prior(slice(None), alpha, 1.0)
+        alpha = alpha + equations.step()
+    return space.vertices(alpha)
+
+
+def _add_offsets(
+    equations: LeastSquares, offsets: np.ndarray, slopes: np.ndarray, settings: FitTemplate
+) -> None:
+    """Lengths of offsets (P, 3) with derivatives (P, 3, D)."""
+    length = np.linalg.norm(offsets, axis=1)
+    total = settings.weight / settings.points_m / len(offsets)
+    weight = np.repeat(total * absolute_weights(length, _FLOOR_M), 3)
+    equations.add(slopes.reshape(-1, slopes.shape[-1]), offsets.ravel(), weight)

@@ -1,0 +1,151 @@
+"""A user's segmented scans: bodies and garments that were found in them, in files (SMPLicit 4.2)."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.bodies.follow import pose_body
+from drapeline.bodies.moved_body import BodyState
+from drapeline.bodies.scan_fit import BodyFit, fit_body
+from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.dataset.tables import write_table
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import save_obj
+from drapeline.metrics.fitted_scans import BODY, Fits
+from drapeline.metrics.garment import distances_mm
+from drapeline.models.smplicit.fit_pictures import FittedGarment, Wearer, dress
+from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
+from drapeline.outfits.worn import Wearing
+from drapeline.rule_log import progress
+from drapeline.seeding import rng_for
+from drapeline.storage import atomic_folder, save_npz
+
+
+class DressedScan(NamedTuple):
+    """What was found in a scan.
+
+    Attributes:
+        body: its state.
+        skin: its posed triangles, in the scan's world.
+        garments: type -> code and sheets.
+    """
+
+    body: BodyState
+    skin: Mesh
+    garments: dict[str, FittedGarment]
+
+
+def find_garments(
+    scan: SegmentedScan,
+    models: Mapping[str, SmplicitModel],
+    body_fit: BodyFit,
+    settings: FitScan,
+    meshing: Meshing,
+    seed: int,
+) -> DressedScan:
+    """The body in a scan, then its garments and the body once more.
+
+    Args:
+        scan: segmented.
+        models: by their names of `FIELD_MODELS`.
+        body_fit, settings: of the fits.
+        meshing: how sheets are extracted.
+        seed: of the points that count.
+
+    Raises:
+        InputError: no model knows a garment of the scan, or one has too few points.
+    """
+    model = next(iter(models.values())).bodies[scan.gender]
+    rng = rng_for(seed, "scan body", scan.name)
+    body = fit_body(model, scan.points, scan.skin, scan.estimate, scan.joints, body_fit, rng)
+    found = fit_scan(scan, models, body, body_fit, settings, seed).joint
+    return dress_scan(scan, models, found.codes, found.body, meshing)
+
+
+def dress_scan(
+    scan: SegmentedScan,
+    models: Mapping[str, SmplicitModel],
+    codes: Mapping[str, np.ndarray],
+    body: BodyState,
+    meshing: Meshing,
+) -> DressedScan:
+    """Sheets of codes, at rest and worn in layers by a body in a scan."""
+    chosen = {name: (models[MODEL_OF_GARMENT[name]], z) for name, z in codes.items()}
+    model = next(iter(models.values())).bodies[scan.gender]
+    posed = pose_body(model, body.shape, body.pose, body.trans)
+    garments = dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)
+    return DressedScan(body, Mesh(posed.posed.astype(np.float32), posed.faces), garments)
+
+
+def find_in_scans(
+    scans: Sequence[SegmentedScan],
+    models: Mapping[str, SmplicitModel],
+    body_fit: BodyFit,
+    settings: FitScan,
+    meshing: Meshing,
+    seed: int,
+) -> list[DressedScan]:
+    """What `find_garments` finds in each of the scans."""
+    return [
+        find_garments(scan, models, body_fit, settings, meshing, seed)
+        for scan in progress(scans, total=len(scans), label="scans")
+    ]
+
+
+def write_found(
+    folder: str | Path, scans: Sequence[SegmentedScan], found: Sequence[DressedScan]
+) -> None:
+    """Write what was found in scans.
+
+    For each scan and garment `{scan}_{garment}_rest.obj` and `{scan}_{garment}.obj`, posed, and
+    `{scan}_body.obj`; codes in `codes.npz`; `body.npz` as bodies of scans are given; and
+    `garments.tsv` with the distances from the points.
+
+    Args:
+        folder: to write; replaces an earlier one.
+        scans: of one person.
+        found: in each of them.
+    """
+    rows, codes = [], {}
+    with atomic_folder(folder) as scratch:
+        for scan, one in zip(scans, found, strict=True):
+            save_obj(scratch / f"{scan.name}_body.obj", one.skin)
+            for name, garment in one.garments.items():
+                stem = f"{scan.name}_{name}"
+                save_obj(scratch / f"{stem}_rest.obj", garment.sheet)
+                save_obj(scratch / f"{stem}.obj", garment.posed)
+                codes[stem] = garment.z
+                points = scan.points_of(name)
+                away = float("nan")
+                if len(garment.posed.faces):
+                    away = float(distances_mm(points, garment.posed).mean())
+                rows.append(
+                    {
+                        "scan": scan.name,
+                        "garment": name,
+                        "points": len(points),
+                        "vertices": len(garment.posed.vertices),
+                        "points_to_garment_mm": round(away, 3),
+                    }
+                )
+        save_npz(scratch / "codes.npz", **codes)
+        states = [one.body for one in found]
+        save_npz(
+            scratch / "body.npz",
+            poses=np.stack([state.pose for state in states]),
+            trans=np.stack([state.trans for state in states]),
+            shape=np.mean([state.shape for state in states], axis=0),
+            shapes=np.stack([state.shape for state in states]),
+            gender=scans[0].gender,
+        )
+        write_table(scratch / "garments.tsv", rows)
+
+
+def shown_scan(found: DressedScan, variant: str) -> Fits:
+    """The body and the garments of a variant, for figures."""
+    garments = {name: garment.posed for name, garment in found.garments.items()}
+    return {BODY: {BODY: found.skin}, variant: garments}
