@@ -20,6 +20,7 @@ include: "workflow/rules/dataset.smk"
 include: "workflow/rules/renders.smk"
 include: "workflow/rules/registration.smk"
 include: "workflow/rules/learning_data.smk"
+include: "workflow/rules/scans.smk"
 # One line for each model, which adds itself to the tables of metrics, the report and `all`.
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/garment4d.smk"

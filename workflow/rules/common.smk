@@ -87,7 +87,13 @@ EVALUATED_SPLITS = ["test"]
 # Rules files add to these two: what `all` makes, and which files of metrics each table holds, in
 # this order.
 DEFAULT_TARGETS = []
-METRIC_TABLES = {"metrics": [], "representations": []}
+METRIC_TABLES = {"metrics": [], "representations": [], "scans": []}
+# Held-out samples whose scans all models are fitted to.
+SCANNED_SAMPLES = [
+    sample
+    for sample, planned in SAMPLES.items()
+    if planned.split == EVALUATED_SPLITS[0]
+]
 # Garment types that every model learns, on which they are compared.
 COMPARED_GARMENTS = config["garment4d"]["garments"]
 

@@ -1,5 +1,7 @@
-METRIC_TABLES["metrics"] += METRIC_TABLES["representations"]
+METRIC_TABLES["metrics"] += METRIC_TABLES["representations"] + METRIC_TABLES["scans"]
 DEFAULT_TARGETS += [f"{RESULTS}/metrics.tsv", f"{RESULTS}/report/representations.html"]
+if SCANNED_SAMPLES:
+    DEFAULT_TARGETS += [f"{RESULTS}/report/scans.html", f"{RESULTS}/report/scans.png"]
 
 
 rule collect_metrics:
@@ -49,3 +51,61 @@ rule tabulate_representations:
         code=source_hash("tabulate_representations"),
     script:
         "../../scripts/tabulate_representations.py"
+
+
+rule tabulate_scans:
+    input:
+        f"{RESULTS}/scans.tsv",
+    output:
+        report(
+            f"{RESULTS}/report/scans.html",
+            caption="../report/scans.rst",
+            category="Models",
+            labels={"shows": "all models fitted to the same scans"},
+        ),
+    log:
+        f"{LOGS}/tabulate_scans.log",
+    benchmark:
+        f"{BENCHMARKS}/tabulate_scans.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=10,
+    params:
+        code=source_hash("tabulate_scans"),
+    script:
+        "../../scripts/tabulate_scans.py"
+
+
+rule plot_scans:
+    input:
+        scans=expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES),
+        fits=[
+            f"{RESULTS}/{table.removeprefix('scans_')}/fitted_scans.npz"
+            for table in METRIC_TABLES["scans"]
+        ],
+    output:
+        report(
+            f"{RESULTS}/report/scans.png",
+            caption="../report/scans_sheet.rst",
+            category="Models",
+            labels={"shows": "garments fitted to scans by all models"},
+        ),
+    log:
+        f"{LOGS}/plot_scans.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_scans.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=20,
+    params:
+        most=6,
+        rays=lookup(dpath="renders/rays", within=config),
+        code=source_hash("plot_scans"),
+    script:
+        "../../scripts/plot_scans.py"

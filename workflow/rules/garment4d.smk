@@ -270,5 +270,32 @@ rule compare_garment4d:
         "../../scripts/compare_garment4d.py"
 
 
+rule evaluate_scans_garment4d:
+    input:
+        **WHOLE_BODIES,
+        scans=expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES),
+        samples=expand(f"{RESULTS}/samples/{{sample}}", sample=SCANNED_SAMPLES),
+        models=expand(f"{G4D}/{{garment}}/posed", garment=G4D_GARMENTS),
+    output:
+        metrics=f"{RESULTS}/metrics/scans_garment4d.tsv",
+        shown=f"{RESULTS}/garment4d/fitted_scans.npz",
+    log:
+        f"{LOGS}/evaluate_scans_garment4d.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_scans_garment4d.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=240,
+    params:
+        split=EVALUATED_SPLITS[0],
+        seed=config["seed"],
+        code=source_hash("evaluate_scans_garment4d"),
+    script:
+        "../../scripts/evaluate_scans_garment4d.py"
+
+
 include: "garment4d_figures.smk"
 include: "garment4d_reconstruct.smk"

@@ -293,4 +293,31 @@ rule compare_gcvae:
         "../../scripts/compare_gcvae.py"
 
 
+rule evaluate_scans_gcvae:
+    input:
+        **WHOLE_BODIES,
+        scans=expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES),
+        samples=expand(f"{RESULTS}/samples/{{sample}}", sample=SCANNED_SAMPLES),
+        models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/static_ppca"],
+    output:
+        metrics=f"{RESULTS}/metrics/scans_gcvae.tsv",
+        shown=f"{RESULTS}/gcvae/fitted_scans.npz",
+    log:
+        f"{LOGS}/evaluate_scans_gcvae.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate_scans_gcvae.tsv"
+    conda:
+        "../../envs/train.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=240,
+    params:
+        split=EVALUATED_SPLITS[0],
+        seed=config["seed"],
+        code=source_hash("evaluate_scans_gcvae"),
+    script:
+        "../../scripts/evaluate_scans_gcvae.py"
+
+
 include: "gcvae_figures.smk"

@@ -27,6 +27,9 @@ PICTURED_SAMPLES = [
 ]
 if PICTURED_SAMPLES:
     METRIC_TABLES["metrics"] += ["smplicit_images"]
+if SCANNED_SAMPLES:
+    METRIC_TABLES["scans"] += ["scans_smplicit"]
+SEGMENTED = config["smplicit"]["scans"]
 try:
     # The user's own, by name.
     PICTURES = {
@@ -102,3 +105,26 @@ def own_pictures(wildcards):
         [f"{SMPLICIT}/images/{{picture}}", f"{SMPLICIT}/images/{{picture}}.png"],
         picture=PICTURES,
     )
+
+
+def segmented_scans(wildcards):
+    """Input function: the user's segmented scans and the body in them."""
+    missing = [key for key in ("points", "body") if SEGMENTED[key] is None]
+    if missing:
+        raise WorkflowError(
+            f"smplicit.scans.{missing[0]} is not set, expected a path; docs/how-to/own-scans.md"
+            " says what belongs there"
+        )
+    return {key: SEGMENTED[key] for key in ("points", "body")}
+
+
+def scan_models(wildcards):
+    """Input function: the models of the garments in the user's scans."""
+    wanted = {MODEL_OF_GARMENT[garment] for garment in SEGMENTED["garments"]}
+    missing = sorted(wanted - set(SMPLICIT_MODELS))
+    if missing or not wanted:
+        raise WorkflowError(
+            f"smplicit.scans.garments is {SEGMENTED['garments']}, expected garments of the models"
+            f" in smplicit.models: {', '.join(SMPLICIT_MODELS)}"
+        )
+    return expand(f"{SMPLICIT}/{{field}}", field=sorted(wanted))

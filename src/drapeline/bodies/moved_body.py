@@ -144,7 +144,7 @@ class MovedBody:
         linear = np.einsum("pj,jab,pa->pb", points.weights, self._turns, along)
         shape = np.einsum("pb,pbm->pm", linear, points.by_shape)
         shape += np.einsum("pj,jam,pa->pm", points.weights, self._shift_by_shape, along)
-        return np.concatenate([turns.reshape(len(along), -1), along, shape], axis=1)
+        return np.concatenate([turns.reshape(len(along), 72), along, shape], axis=1)
 
     def joint_slopes(self) -> np.ndarray:
         """(72, U) derivatives of the posed joints' coordinates."""

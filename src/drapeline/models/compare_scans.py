@@ -21,8 +21,6 @@ from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 
 MODEL = "scan"
-# Bodies that have rows of their own.
-ESTIMATED, FITTED = "scan_body_estimated", "scan_body_fitted"
 
 
 class KnownScan(NamedTuple):
@@ -46,32 +44,42 @@ class KnownScan(NamedTuple):
 
 
 def known_scans(
-    path: str | Path, sample: Sample, bodies: Mapping[str, BodyModel]
+    scans: Sequence[str | Path], samples: Sequence[str | Path], bodies: Mapping[str, BodyModel]
 ) -> list[KnownScan]:
-    """Scans of a sample, with the truth.
+    """Scans of samples, with the truth.
 
     Args:
-        path: scans with fitted bodies, as `save_scans` wrote them.
-        sample: that they were taken of.
+        scans: files of scans with fitted bodies, as `save_scans` wrote them.
+        samples: folders of the samples that they were taken of.
         bodies: by gender.
 
     Raises:
-        InputError: the file is missing or lacks an array.
+        InputError: a file is missing or lacks an array.
     """
-    known, body, shape = [], bodies[sample.gender], sample.info.shape
-    classes = {}
+    known = []
+    for path, folder in zip(scans, samples, strict=True):
+        taken = load_scans(path)
+        if taken:
+            with Sample(folder) as sample:
+                known += _known(taken, sample, bodies[sample.gender])
+    return known
+
+
+def _known(
+    taken: Sequence[tuple[SegmentedScan, BodyState]], sample: Sample, body: BodyModel
+) -> list[KnownScan]:
+    shape, rest, classes = sample.info.shape, {}, {}
     for name in sample.garments:
         mesh, region = sample.mesh(name), GARMENT_TYPES[name].region
-        rest = Mesh(mesh.vertices, triangulate(mesh.faces))
-        classes[name] = scan_class(region, measure_properties(region, rest, body, shape))
-    for scan, fitted in load_scans(path):
+        rest[name] = Mesh(mesh.vertices, triangulate(mesh.faces))
+        properties = measure_properties(region, rest[name], body, shape)
+        classes[name] = scan_class(region, properties)
+    known = []
+    for scan, fitted in taken:
         frame = scan.frame
         true = {
-            name: Mesh(
-                sample.vertices(name, frame, frame + 1, "root")[0],
-                triangulate(sample.mesh(name).faces),
-            )
-            for name in sample.garments
+            name: Mesh(sample.vertices(name, frame, frame + 1, "root")[0], mesh.faces)
+            for name, mesh in rest.items()
         }
         pose = sample.info.poses[frame].astype(np.float64)
         vertices, _ = posed_vertices(body, shape, pose[None])
@@ -111,9 +119,9 @@ def compare_scan_fits(
     return rows, found
 
 
-def truth_shown(known: KnownScan, body: BodyModel) -> Fits:
+def truth_shown(known: KnownScan, bodies: Mapping[str, BodyModel]) -> Fits:
     """Simulated garments of a scan, and the body that was fitted to it, for figures."""
-    state = known.body
+    state, body = known.body, bodies[known.scan.gender]
     vertices, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
     return {TRUE: known.true, BODY: {BODY: Mesh(vertices[0], body.faces)}}
 

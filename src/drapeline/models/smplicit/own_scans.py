@@ -1,4 +1,4 @@
-"""A user's segmented scans: bodies and garments that were found in them, in files (SMPLicit 4.2)."""
+"""What was found in a user's segmented scans, in files: bodies and garments (SMPLicit 4.2)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

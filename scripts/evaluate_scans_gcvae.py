@@ -1,0 +1,30 @@
+"""Rule `evaluate_scans_gcvae`: codes of garment VAEs and masked PCA for held-out scans."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+
+from drapeline.bodies.model import load_body
+from drapeline.frames import GENDERS
+from drapeline.metrics.fitted_scans import save_fitted_scans
+from drapeline.metrics.table import write_metrics
+from drapeline.models.compare_scans import compare_scan_fits, known_scans
+from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.scan_fitter import CodeScanFitter, FitCode
+from drapeline.models.training.module import BEST
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params, made = snakemake.input, snakemake.params, snakemake.output
+    torch.set_num_threads(snakemake.threads)
+    bodies = {gender: load_body(given[gender]) for gender in GENDERS}
+    models = {f"{Path(path).name}_scan": load_codec(Path(path) / BEST) for path in given.models}
+    scans = known_scans(given.scans, given.samples, bodies)
+    fitter = CodeScanFitter(models, bodies, FitCode())
+    rows, found = compare_scan_fits(scans, fitter, split=params.split, seed=params.seed)
+    write_metrics(made.metrics, rows)
+    save_fitted_scans(made.shown, found)

@@ -1,0 +1,43 @@
+"""Rule `evaluate_scans_smplicit`: SMPLicit's garments in scans of held-out samples."""
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from drapeline.bodies.scan_fit import BodyFit
+from drapeline.metrics.fitted_scans import save_fitted_scans
+from drapeline.metrics.table import write_metrics
+from drapeline.models.compare_scans import (
+    body_rows,
+    compare_scan_fits,
+    known_scans,
+    truth_shown,
+)
+from drapeline.models.smplicit.fit_scans import FitScan
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.scan_fitter import SmplicitScanFitter
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params, made = snakemake.input, snakemake.params, snakemake.output
+    torch.set_num_threads(snakemake.threads)
+    models = {model.name: model for model in map(SmplicitModel, given.models)}
+    bodies = next(iter(models.values())).bodies
+    scans = known_scans(given.scans, given.samples, bodies)
+    fits = BodyFit(**params.body), FitScan(**params.fit), Meshing(**params.meshing)
+    fitter = SmplicitScanFitter(models, *fits, params.seed)
+    about = {"split": params.split, "seed": params.seed}
+    rows, found = compare_scan_fits(scans, fitter, **about)
+    states = {
+        "scan_body_estimated": [known.scan.estimate for known in scans],
+        "scan_body_fitted": [known.body for known in scans],
+        "scan_body_joint": [fitter.bodies[known.scan.name] for known in scans],
+    }
+    write_metrics(made.metrics, [*rows, *body_rows(scans, states, bodies, **about)])
+    shown = {
+        known.scan.name: {**found[known.scan.name], **truth_shown(known, bodies)} for known in scans
+    }
+    save_fitted_scans(made.shown, shown)

@@ -1,0 +1,34 @@
+"""Rule `fit_own_scans`: bodies and garments in a user's segmented scans."""
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from drapeline.bodies.scan_fit import BodyFit
+from drapeline.dataset.scans import read_scans
+from drapeline.dataset.segmented_scans import save_scans, segment_scans
+from drapeline.metrics.fitted_scans import save_fitted_scans
+from drapeline.models.smplicit.fit_scans import FitScan
+from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.own_scans import find_in_scans, shown_scan, write_found
+from drapeline.report.models.scans import OWN
+from drapeline.rule_log import rule_log
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with rule_log(snakemake.log[0]):
+    given, params, made = snakemake.input, snakemake.params, snakemake.output
+    torch.set_num_threads(snakemake.threads)
+    models = {model.name: model for model in map(SmplicitModel, given.models)}
+    bodies = next(iter(models.values())).bodies
+    read = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
+    scans = segment_scans(read, params.garments, name=given.points)
+    fits = BodyFit(**params.body), FitScan(**params.fit), Meshing(**params.meshing)
+    found = find_in_scans(scans, models, *fits, params.seed)
+    write_found(made.folder, scans, found)
+    save_scans(made.scans, scans, [one.body for one in found])
+    save_fitted_scans(
+        made.shown,
+        {scan.name: shown_scan(one, OWN) for scan, one in zip(scans, found, strict=True)},
+    )

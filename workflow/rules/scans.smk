@@ -1,0 +1,24 @@
+rule scan_sample:
+    # Segmented scans of some frames, and the bodies that fit them, for all models alike.
+    input:
+        sample=f"{RESULTS}/samples/{{sample}}",
+        body=sample_body,
+    output:
+        f"{RESULTS}/scans/{{sample}}.npz",
+    log:
+        f"{LOGS}/scan_sample/{{sample}}.log",
+    benchmark:
+        f"{BENCHMARKS}/scan_sample/{{sample}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        scans=lookup(dpath="scans/samples", within=config),
+        body=lookup(dpath="scans/body", within=config),
+        seed=config["seed"],
+        code=source_hash("scan_sample"),
+    script:
+        "../../scripts/scan_sample.py"
