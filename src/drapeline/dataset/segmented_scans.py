@@ -17,7 +17,7 @@ from drapeline.dataset.point_clouds import CloudRngs, CloudSampler, CloudSetting
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.scans import ScanSequence
 from drapeline.errors import InputError
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, layered
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
 
@@ -101,8 +101,9 @@ def scan_sample(
         seed: of noise, points and estimates.
     """
     clouds = CloudSettings(points=settings.points, noise_m=settings.noise_m, seed=seed)
-    meshes = [sample.body_mesh(), *map(sample.mesh, sample.garments)]
-    names = (BODY, *sample.garments)
+    garments = layered(sample.garments)
+    meshes = [sample.body_mesh(), *map(sample.mesh, garments)]
+    names = (BODY, *garments)
     sampler = CloudSampler(
         [(mesh.triangles, label) for mesh, label in zip(meshes, names, strict=True)], clouds
     )
@@ -111,7 +112,7 @@ def scan_sample(
         frame = (2 * index + 1) * sample.frame_count // (2 * settings.frames)
         parts = [
             sample.body_vertices(frame, frame + 1, frame="root")[0],
-            *(sample.vertices(name, frame, frame + 1, "root")[0] for name in sample.garments),
+            *(sample.vertices(name, frame, frame + 1, "root")[0] for name in garments),
         ]
         rngs = CloudRngs(*(rng_for(seed, "scan", sample.id, frame, part) for part in range(2)))
         points, labels = sampler.sample(parts, rngs)
@@ -124,7 +125,7 @@ def scan_sample(
                 frame,
                 points,
                 labels,
-                tuple(sample.garments),
+                garments,
                 sample.gender,
                 BodyState.of(
                     pose + rng.normal(scale=settings.pose_rad, size=72),

@@ -50,6 +50,11 @@ TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 Item = TypeVar("Item")
 
 
+def layered(garments: Iterable[str]) -> tuple[str, ...]:
+    """The garments of an outfit, from the innermost to the outermost."""
+    return tuple(sorted(garments, key=lambda name: GARMENT_TYPES[name].region != "lower"))
+
+
 def first_of_each(items: Iterable[tuple[str, Item]]) -> list[Item]:
     """The first item of each garment type, in the order of `GARMENTS`.
 

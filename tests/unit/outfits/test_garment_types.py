@@ -10,6 +10,7 @@ from drapeline.outfits.garment_types import (
     TEMPLATE_TYPES,
     GarmentType,
     first_of_each,
+    layered,
 )
 
 
@@ -49,3 +50,9 @@ def test_the_first_of_each_type_comes_in_the_order_of_types_and_no_more_is_read(
     assert first_of_each(endless) == list(range(count))
     assert next(endless)[1] == count
     assert first_of_each([]) == []
+
+
+def test_upper_garments_are_worn_over_lower_ones():
+    assert layered(["Top", "Trousers"]) == ("Trousers", "Top")
+    assert layered(["Skirt", "Tshirt"]) == ("Skirt", "Tshirt")
+    assert layered(["Dress"]) == ("Dress",)

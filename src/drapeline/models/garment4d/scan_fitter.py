@@ -17,7 +17,13 @@ from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import GENDERS
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.least_squares import LeastSquares, absolute_weights
-from drapeline.geometry.mesh import Mesh, barycentric
+from drapeline.geometry.mesh import (
+    Mesh,
+    barycentric,
+    boundary_edges,
+    face_normals,
+    vertex_normals,
+)
 from drapeline.models.garment4d.reconstruct import reconstruct, refine
 from drapeline.models.garment4d.reconstruction_model import DEFAULT_REFINING, ReconstructionModel
 from drapeline.outfits.worn import Wearing, wear
@@ -26,6 +32,9 @@ from drapeline.seeding import rng_for
 
 PCA, POSED, REFINED = (f"garment4d_scan_{name}" for name in ("pca", "posed", "ours"))
 _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
+_CORNER = 1e-3  # share from which a corner takes part in a place on a face
+_BEYOND = 3.0  # distances between points, from which a vertex is off the cloud
+_SLIDE = 0.02  # weight of offsets along the cloth, where it is free to slide below the points
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,7 @@ class FitTemplate:
         wearing: how the template follows the body.
     """
 
-    steps: int = 15
+    steps: int = 20
     points: int = 1500
     weight: float = 100.0
     points_m: float = 0.005
@@ -131,7 +140,8 @@ def fit_template(
     """(N, 3) float32 at rest, of the components that fit the points of a garment.
 
     Points come to lie on the garment, and vertices on the points, but for those next to a garment
-    that may hide them. Each component has a normal prior, with the variance of training garments.
+    that may hide them. Both may slide along the cloth, except where one of them ends before the
+    other. Each component has a normal prior, with the variance of training garments.
 
     Args:
         space: of the type.
@@ -147,10 +157,13 @@ def fit_template(
     over = scan.garments[scan.garments.index(garment) + 1 :]
     hiding = np.isin(scan.labels, [LABELS.index(name) for name in over])
     tree, own_tree = KDTree(scan.points), KDTree(own)
+    spacing_m = _BEYOND * float(np.median(own_tree.query(own, k=2)[0][:, 1]))
     points = own[rng.choice(len(own), min(len(own), settings.points), replace=False)]
     size = len(space.components)
     vertices = rng.choice(len(space.mean), min(len(space.mean), settings.points), replace=False)
     alpha = np.zeros(size)
+    edge = np.zeros(len(space.mean), dtype=bool)
+    edge[boundary_edges(space.faces)] = True
     for _ in range(settings.steps):
         rest = space.vertices(alpha)
         motions = follow.garment_motions(
@@ -165,22 +178,40 @@ def fit_template(
         corners = space.faces[face]
         share = barycentric(place.astype(np.float64), posed[corners])
         equations = LeastSquares(size)
-        on_surface = np.einsum("pc,pcad->pad", share, slopes[corners])
-        _add_offsets(equations, place - points, on_surface, settings)
+        _add_offsets(
+            equations,
+            place - points,
+            np.einsum("pc,pcad->pad", share, slopes[corners]),
+            face_normals(posed, corners),
+            ((share > _CORNER) <= edge[corners]).all(axis=1),
+            settings,
+        )
         seen = vertices[~hiding[tree.query(posed[vertices])[1]]]
         if len(seen):
-            to_points = posed[seen] - own[own_tree.query(posed[seen])[1]]
-            _add_offsets(equations, to_points, slopes[seen], settings)
+            distance, nearest = own_tree.query(posed[seen])
+            normals = vertex_normals(posed, space.faces)[seen]
+            # Within the cloud, the nearest point is somewhere between others.
+            beyond = edge[seen] & (distance > spacing_m)
+            to_points = posed[seen] - own[nearest]
+            _add_offsets(equations, to_points, slopes[seen], normals, beyond, settings)
         equations.add_prior(slice(None), alpha, 1.0)
         alpha = alpha + equations.step()
     return space.vertices(alpha)
 
 
 def _add_offsets(
-    equations: LeastSquares, offsets: np.ndarray, slopes: np.ndarray, settings: FitTemplate
+    equations: LeastSquares,
+    offsets: np.ndarray,
+    slopes: np.ndarray,
+    normals: np.ndarray,
+    held: np.ndarray,
+    settings: FitTemplate,
 ) -> None:
-    """Lengths of offsets (P, 3) with derivatives (P, 3, D)."""
-    length = np.linalg.norm(offsets, axis=1)
+    """Offsets (P, 3) with derivatives (P, 3, D), along normals (P, 3) alone unless held (P,)."""
+    height = np.einsum("pi,pi->p", offsets, normals)
+    length = np.where(held, np.linalg.norm(offsets, axis=1), np.abs(height))
     total = settings.weight / settings.points_m / len(offsets)
-    weight = np.repeat(total * absolute_weights(length, _FLOOR_M), 3)
-    equations.add(slopes.reshape(-1, slopes.shape[-1]), offsets.ravel(), weight)
+    weight = total * absolute_weights(length, _FLOOR_M)
+    equations.add(np.einsum("pi,pid->pd", normals, slopes), height, weight * ~held)
+    along = np.repeat(weight * np.where(held, 1.0, _SLIDE), 3)
+    equations.add(slopes.reshape(-1, slopes.shape[-1]), offsets.ravel(), along)

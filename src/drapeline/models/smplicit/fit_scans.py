@@ -46,7 +46,7 @@ class FitScan:
     """How codes are fitted to a scan.
 
     Attributes:
-        on, off: points on each garment and off it, see `field_points`.
+        cloth, around: points on each garment and off it, see `field_points`.
         spread_m: of those in space.
         starts: training codes that are tried as a start, beside their mean.
         steps: for codes alone.
@@ -56,8 +56,8 @@ class FitScan:
         neighbours: vertices of the body that a point follows back to rest; 1 in the paper.
     """
 
-    on: int = 500
-    off: int = 750
+    cloth: int = 500
+    around: int = 750
     spread_m: float = 0.02
     starts: int = 32
     steps: int = 15
@@ -277,8 +277,8 @@ def fit_scan(
                 scan,
                 name,
                 rng_for(seed, "scan points", scan.name, name),
-                on=settings.on,
-                off=settings.off,
+                cloth=settings.cloth,
+                around=settings.around,
                 spread_m=settings.spread_m,
             ),
             scan.gender,

@@ -34,8 +34,8 @@ def field_points(
     garment: str,
     rng: np.random.Generator,
     *,
-    on: int,
-    off: int,
+    cloth: int,
+    around: int,
     spread_m: float,
 ) -> FieldPoints:
     """Points that a garment's field is compared with.
@@ -44,9 +44,9 @@ def field_points(
         scan: that shows the garment.
         garment: its type.
         rng: draws the points.
-        on: number of points on the garment.
-        off: number of points off it: a third next to it in space, the others where the scan shows
-            skin or cloth that the garment would cover.
+        cloth: number of points on the garment.
+        around: number of points off it: a third next to it in space, the others where the scan
+            shows skin or cloth that the garment would cover, half of them close to it.
         spread_m: standard deviation of the distance of those in space.
 
     Raises:
@@ -57,21 +57,20 @@ def field_points(
         raise InputError(
             f"{scan.name}: {len(own)} points are labelled as {garment}, expected at least {_LEAST}"
         )
-    near = own[rng.integers(len(own), size=off // 3)]
+    third = around // 3
+    near = own[rng.integers(len(own), size=third)]
     parts = [near + rng.normal(scale=spread_m, size=near.shape)]
     if len(beside):
-        distance, _ = KDTree(own).query(beside)
-        close = np.flatnonzero(distance < _BESIDE_M)
-        for chosen in (close, np.arange(len(beside))):
-            parts.append(
-                beside[chosen[: off // 3]]
-                if len(chosen) <= off // 3
-                else beside[rng.choice(chosen, off // 3, replace=False)]
-            )
-    around = np.concatenate(parts)
-    on_it = own[rng.choice(len(own), min(on, len(own)), replace=False)]
-    distance = np.concatenate([np.zeros(len(on_it)), cloud_distances(around, own)])
-    return FieldPoints(np.concatenate([on_it, around]).astype(np.float64), distance)
+        close = beside[KDTree(own).query(beside)[0] < _BESIDE_M]
+        parts += [_some(some, third, rng) for some in (close, beside)]
+    off = np.concatenate(parts)
+    on_it = _some(own, cloth, rng)
+    distance = np.concatenate([np.zeros(len(on_it)), cloud_distances(off, own)])
+    return FieldPoints(np.concatenate([on_it, off]).astype(np.float64), distance)
+
+
+def _some(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    return points[rng.choice(len(points), min(len(points), count), replace=False)]
 
 
 def cloud_distances(points: np.ndarray, cloud: np.ndarray) -> np.ndarray:

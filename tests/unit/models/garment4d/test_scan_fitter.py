@@ -1,0 +1,112 @@
+"""Components fitted to the points of tubes, and the networks' garments in a scan."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.moved_body import BodyState
+from drapeline.bodies.rest_body import rest_body
+from drapeline.dataset.labels import LABELS
+from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.frames import REST_POSE
+from drapeline.geometry.closest import closest_points
+from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_files import save_posed_files
+from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
+from drapeline.models.garment4d.scan_fitter import (
+    PCA,
+    POSED,
+    REFINED,
+    FitTemplate,
+    Garment4dScanFitter,
+    fit_template,
+)
+from drapeline.registration.to_template.garment_space import fit_space
+from garment4d_toys import GARMENT, skirt_faces
+from tiny_sample import tube
+
+STATE = BodyState.of(REST_POSE, np.array([0.1, -0.2, 1.0]), np.zeros(10))
+
+
+def skirt(radius, bottom):
+    return tube(radius, bottom, 0.05, 12, 5).vertices.astype(np.float64)
+
+
+def space():
+    """Skirts of all widths and lengths."""
+    rng = np.random.default_rng(0)
+    sizes = zip(rng.uniform(0.2, 0.3, 30), rng.uniform(-0.6, -0.3, 30), strict=True)
+    return fit_space(np.stack([skirt(*size) for size in sizes]), 2, skirt_faces())
+
+
+def scan(body, garments=("Skirt",), **clouds):
+    """Clouds at rest, moved to where the body stands, with skin."""
+    clouds = {"Body": rest_body(body, STATE.shape), **clouds}
+    labels = np.repeat([LABELS.index(name) for name in clouds], [len(c) for c in clouds.values()])
+    points = np.concatenate([*clouds.values()]) + STATE.trans
+    return SegmentedScan(
+        "s",
+        0,
+        points.astype(np.float32),
+        labels.astype(np.uint8),
+        garments,
+        "female",
+        STATE,
+        None,
+    )
+
+
+def on_faces(vertices, count=3000):
+    rng = np.random.default_rng(1)
+    corners = vertices[skirt_faces()[rng.integers(len(skirt_faces()), size=count)]]
+    return (corners * rng.dirichlet(np.ones(3), (count, 1)).swapaxes(1, 2)).sum(axis=1)
+
+
+def fit(body, shown):
+    rng = np.random.default_rng(2)
+    return fit_template(space(), shown, "Skirt", body, STATE, FitTemplate(points=800), rng)
+
+
+@pytest.mark.portable
+@pytest.mark.parametrize("size", [(0.22, -0.55), (0.29, -0.35)])
+def test_components_find_the_width_and_the_length_of_a_skirt(toy_body, size):
+    true = skirt(*size)
+    found = fit(toy_body, scan(toy_body, Skirt=on_faces(true)))
+    assert np.linalg.norm(found - true, axis=1).mean() < 0.006
+
+
+@pytest.mark.portable
+def test_what_an_outer_garment_hides_is_not_cut_off(toy_body):
+    """The upper half is hidden by a top; only the lower one has points."""
+    true = skirt(0.25, -0.5)
+    seen = on_faces(true)
+    shown = seen[seen[:, 2] < -0.2]
+    cover = on_faces(true * [1.1, 1.1, 1])
+    cover = cover[cover[:, 2] > -0.2]
+    found = fit(toy_body, scan(toy_body, ("Skirt", "Top"), Skirt=shown, Top=cover))
+    place, _ = closest_points(true, found, skirt_faces())
+    assert np.linalg.norm(place - true, axis=1).mean() < 0.012
+
+
+def test_the_networks_and_the_final_step_give_posed_garments(
+    trained_posed, sequences, tmp_path, toy_body
+):
+    folder = tmp_path / GARMENT
+    shutil.copytree(trained_posed, folder / "posed")
+    save_posed_files(
+        folder / "posed", sequences, load_stage(trained_posed, PosedStage).settings.skinning
+    )
+    model = ReconstructionModel(folder, "cpu")
+    fitter = Garment4dScanFitter({GARMENT: model}, FitTemplate(points=200, steps=2), 0)
+    shown = scan(toy_body, ("Skirt", "Top"), Skirt=on_faces(skirt(0.25, -0.5), 400))
+    found = fitter.fit(shown, STATE)
+    assert set(found) == {PCA, POSED, REFINED}
+    for garments in found.values():
+        assert set(garments) == {GARMENT}
+        mesh = garments[GARMENT]
+        assert np.isfinite(mesh.vertices).all()
+        # Around the hips of the body, which stands 1 m above the origin.
+        assert np.abs(mesh.vertices.mean(axis=0) - STATE.trans).max() < 0.6
+    assert fitter.fit(scan(toy_body, ("Top",), Top=on_faces(skirt(0.25, -0.5), 50)), STATE) == {}

@@ -1,0 +1,90 @@
+"""The comparison of fits to scans, with fits whose error is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.segmented_scans import ScanSettings, save_scans, scan_sample
+from drapeline.metrics.fitted_scans import BODY, TRUE
+from drapeline.metrics.table import ALL, find_value
+from drapeline.models.compare_scans import (
+    MODEL,
+    body_rows,
+    compare_scan_fits,
+    known_scans,
+    truth_shown,
+)
+from tiny_sample import write_tiny_sample
+
+
+@pytest.fixture(scope="module")
+def bodies(toy_body):
+    return {"female": toy_body, "male": toy_body}
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory, toy_body, bodies):
+    """Two scans of a sample; the fitted body is the estimated one."""
+    folder = tmp_path_factory.mktemp("scans")
+    sample = Sample(write_tiny_sample(folder, toy_body).folder)
+    scans = scan_sample(sample, toy_body, ScanSettings(points=500), 1)
+    save_scans(folder / "scans.npz", scans, [scan.estimate for scan in scans])
+    save_scans(folder / "none.npz", [], [])
+    files = [folder / "none.npz", folder / "scans.npz"]
+    return known_scans(files, [folder / "rejected", sample.folder], bodies)
+
+
+class Raised:
+    """The simulated garments of some types, a given height above themselves."""
+
+    def __init__(self, known, heights):
+        self._true = {one.scan.name: one.true for one in known}
+        self._heights = heights
+
+    def fit(self, scan, body):
+        return {
+            f"raised_{height}": {
+                name: replace(mesh, vertices=mesh.vertices + np.float32([0, 0, height]))
+                for name, mesh in self._true[scan.name].items()
+            }
+            for height in self._heights
+        }
+
+
+def test_the_truth_is_that_of_the_frame(known):
+    assert [one.scan.name for one in known] == [f"{known[0].sample}_{f:03d}" for f in (1, 4)]
+    for one in known:
+        assert set(one.true) == set(one.scan.garments) == set(one.classes)
+
+
+def test_distances_are_those_of_the_fits_by_class(known):
+    rows, found = compare_scan_fits(known, Raised(known, [0.0, 0.02]), split="test", seed=3)
+    assert {(row.model, row.split, row.seed) for row in rows} == {(MODEL, "test", 3)}
+    classes = {name for one in known for name in one.classes.values()}
+    assert {row.garment for row in rows} == {ALL, *classes}
+    exact = find_value(rows, "raised_0.0", "test", ALL, "surface_to_true_mm")
+    assert exact.value == pytest.approx(0, abs=1e-3)
+    assert exact.n == sum(len(one.true) for one in known)
+    for metric in ("surface_to_true_mm", "true_to_surface_mm"):
+        assert 0 < find_value(rows, "raised_0.02", "test", ALL, metric).value < 20.1
+    assert set(found) == {one.scan.name for one in known}
+
+
+def test_bodies_are_compared_by_their_vertices(known, bodies):
+    away = [
+        one.scan.estimate._replace(trans=one.scan.estimate.trans + [0, 0, 10.0]) for one in known
+    ]
+    states = {"near": [one.body for one in known], "far": away}
+    rows = body_rows(known, states, bodies, split="test", seed=3)
+    near, far = (find_value(rows, name, "test", ALL, "vertex_error_mm") for name in states)
+    assert 1 < near.value < 500
+    assert far.value == pytest.approx(10_000, rel=0.05)
+    assert len({row.key for row in rows}) == len(rows)
+
+
+def test_figures_get_the_simulated_garments_and_the_fitted_body(known, bodies):
+    shown = truth_shown(known[0], bodies)
+    assert shown[TRUE] is known[0].true
+    assert len(shown[BODY][BODY].vertices) == len(bodies["female"].v_template)
