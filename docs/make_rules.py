@@ -19,6 +19,7 @@ STAGES = {
     "renders": "Pictures",
     "registration": "Registration to the body",
     "learning_data": "Data for learning",
+    "scans": "Segmented scans",
     "gcvae": "Garment VAEs",
     "gcvae_figures": "Figures and samples of the garment VAEs",
     "garment4d": "Garment4D",
@@ -28,6 +29,7 @@ STAGES = {
     "smplicit_figures": "Figures of SMPLicit",
     "smplicit_gallery": "Gallery of SMPLicit",
     "smplicit_images": "SMPLicit on pictures",
+    "smplicit_scans": "SMPLicit on scans",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }
