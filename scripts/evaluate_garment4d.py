@@ -14,10 +14,10 @@ from drapeline.models.garment4d.evaluate import EvaluationSettings, evaluate
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_files import load_posed_files
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.settings import parse_settings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.training.module import fastest_device
+from drapeline.registration.to_points import RefineSettings
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
-from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.scans import reconstruct_scans
 from drapeline.models.garment4d.settings import parse_settings
+from drapeline.registration.to_points import RefineSettings
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -98,7 +98,7 @@ RERUN = {
     "models/garment4d/canonical_stage.py": TRAIN_GARMENT4D | USE_GARMENT4D,
     "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
-    "models/garment4d/refine.py": USE_GARMENT4D,
+    "registration/to_points.py": USE_GARMENT4D,
     "models/smplicit/train.py": {"train_smplicit"},
     "models/smplicit/decoder.py": {"train_smplicit"} | USE_SMPLICIT,
     "models/smplicit/sheet.py": USE_SMPLICIT,

@@ -26,11 +26,10 @@ from drapeline.models.garment4d.reconstruct import (
     reconstruct,
     refine,
 )
-from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.windows import BodySequences
-from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
+from drapeline.registration.to_points import RefineSettings, WornGarmentStatistics
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder

@@ -21,9 +21,12 @@ from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import proposals, skinning_weights
 from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.refine import RefineSettings, fit_to_points
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
+from drapeline.registration.to_points import (
+    RefineSettings,
+    WornGarmentStatistics,
+    fit_to_points,
+)
 
 _BATCH = 4  # windows at once
 

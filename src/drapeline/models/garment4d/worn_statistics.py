@@ -4,31 +4,16 @@ F frames, N vertices, K springs.
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 
 from drapeline.models.garment4d.dressed import propose_garment
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.springs import spring_lengths, springs
 from drapeline.models.garment4d.windows import BodySequences
+from drapeline.registration.springs import spring_lengths, springs
+from drapeline.registration.to_points import WornGarmentStatistics
 
 _SMALL_M = 1e-9
-
-
-class WornGarmentStatistics(NamedTuple):
-    """What `measure_worn_garments` finds.
-
-    Attributes:
-        shares: (K,) lengths of `springs` when worn, over those in the canonical
-            garment.
-        error_m: (N,) root mean square error of the proposals, metres.
-        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
-    """
-
-    shares: np.ndarray
-    error_m: np.ndarray
-    follow: np.ndarray
 
 
 def training_worn_statistics(

@@ -11,8 +11,8 @@ from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
 from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
-from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.worn_statistics import training_worn_statistics
+from drapeline.registration.to_points import RefineSettings
 from garment4d_stages import build_canonical
 from garment4d_toys import CANONICAL, fill_regression, open_toy_data, save_toy_data
 

@@ -16,8 +16,8 @@ from drapeline.models.garment4d.reconstruct import (
     reconstruct,
     refine,
 )
-from drapeline.models.garment4d.refine import RefineSettings
 from drapeline.models.garment4d.settings import SkinningSettings
+from drapeline.registration.to_points import RefineSettings
 from drapeline.seeding import rng_for
 from garment4d_toys import (
     toy_bodies,

@@ -1,11 +1,11 @@
 import numpy as np
 
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.springs import springs
 from drapeline.models.garment4d.worn_statistics import (
     measure_worn_garments,
     training_worn_statistics,
 )
+from drapeline.registration.springs import springs
 from gcvae_toys import tube, tube_faces
 
 FACES = tube_faces(False)

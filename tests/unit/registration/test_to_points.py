@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from drapeline.models.garment4d.refine import (
+from drapeline.registration.springs import springs
+from drapeline.registration.to_points import (
     Cloth,
     RefineSettings,
     SpaceTime,
+    WornGarmentStatistics,
     body_push,
     fit_to_points,
     point_pull,
 )
-from drapeline.models.garment4d.springs import springs
-from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
 from drapeline.seeding import rng_for
 from gcvae_toys import VERTICES, tube, tube_faces
 

@@ -1,11 +1,12 @@
-"""Our last step after the posed network: the garments of a whole sequence, fitted to its points.
+"""Garments moved to points: of a whole sequence, as our last step after Garment4D, or of a scan.
 
-The network's garments come from windows and need not touch the points. Cloth hardly stretches and
-moves smoothly, so the edge lengths of the canonical garment and all frames together give a system
-of equations for the vertices, which is linear and the same in every round.
+Garments that networks or codes give need not touch the points. Cloth hardly stretches and moves
+smoothly, so the edge lengths of the garment at rest and all frames together give a system of
+equations for the vertices, which is linear and the same in every round.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -14,8 +15,7 @@ from scipy.spatial import cKDTree
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import barycentric
 from drapeline.geometry.sparse import symmetric_factor
-from drapeline.models.garment4d.springs import spring_lengths, springs
-from drapeline.models.garment4d.worn_statistics import WornGarmentStatistics
+from drapeline.registration.springs import spring_lengths, springs
 
 _APART_M = 4.0  # between frames that are laid out side by side for one search
 _ROW = 16  # frames per row of that layout
@@ -25,6 +25,21 @@ _REACH_M = 0.06  # a point this far from the garment pulls half as hard as a clo
 _DEEP_M = 0.05  # the surface nearest to vertices further inside is likely another limb's
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
 _USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
+
+
+class WornGarmentStatistics(NamedTuple):
+    """How worn garments of a type differ from their skinned proposals.
+
+    Attributes:
+        shares: (K,) lengths of `springs` when worn, over those in the canonical
+            garment.
+        error_m: (N,) root mean square error of the proposals, metres.
+        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
+    """
+
+    shares: np.ndarray
+    error_m: np.ndarray
+    follow: np.ndarray
 
 
 @dataclass(frozen=True)
