@@ -27,10 +27,14 @@ from drapeline.geometry.mesh import (
 from drapeline.models.garment4d.reconstruct import reconstruct, refine
 from drapeline.models.garment4d.reconstruction_model import DEFAULT_REFINING, ReconstructionModel
 from drapeline.outfits.worn import Wearing, wear
+from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.to_scan import move_to_scan
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
 
-PCA, POSED, REFINED = (f"garment4d_scan_{name}" for name in ("pca", "posed", "ours"))
+PCA, MOVED, POSED, REFINED = (
+    f"garment4d_scan_{name}" for name in ("pca", "moved", "posed", "ours")
+)
 _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
 _CORNER = 1e-3  # share from which a corner takes part in a place on a face
 _BEYOND = 3.0  # distances between points, from which a vertex is off the cloud
@@ -59,7 +63,8 @@ class FitTemplate:
 class Garment4dScanFitter:
     """Fulfils `ScanFitter`.
 
-    The components alone are fitted to the garment's points. The networks are given the scan as a
+    The components alone are fitted to the garment's points, and the garment moved to them. The
+    networks are given the scan as a
     body that stands still, with its labels; what they find is shown as it is and after the final
     step, which fits it to the points.
 
@@ -75,7 +80,7 @@ class Garment4dScanFitter:
         self._models, self._settings, self._seed = models, settings, seed
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
-        """The garments that models know, in three ways."""
+        """The garments that models know, in four ways."""
         found: dict[str, dict[str, Mesh]] = {PCA: {}, POSED: {}, REFINED: {}}
         at_rest: dict[str, Mesh] = {}
         for name in scan.garments:
@@ -93,6 +98,7 @@ class Garment4dScanFitter:
         if at_rest:
             posed = follow.pose_body(wearer, body.shape, body.pose, body.trans)
             found[PCA] = wear(at_rest, posed, self._settings.wearing)
+            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, posed, RefineSettings())
         return {variant: garments for variant, garments in found.items() if garments}
 
     def _networks(

@@ -31,6 +31,8 @@ from drapeline.models.gcvae.sampling.draw import Request
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.worn import Wearing, wear
 from drapeline.registration.to_body.topology import topology_codes
+from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.to_scan import move_to_scan
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class CodeScanFitter:
         self._models, self._bodies, self._settings = models, bodies, settings
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
-        """All garments of the scan, by each model."""
+        """All garments of the scan, by each model, also moved to the points."""
         posed = pose_body(self._bodies[scan.gender], body.shape, body.pose, body.trans)
         rest_points = move_to_rest(scan.points, posed, 1).places
         found = {}
@@ -95,7 +97,8 @@ class CodeScanFitter:
                 rest = model.body_template.rest_body(request.cvar)
                 registered = register_points(rest, rest_points, scan, name)
                 garments[name] = self._decode(model, request, rest, registered)
-            found[variant] = wear(garments, posed, self._settings.wearing)
+            worn = found[variant] = wear(garments, posed, self._settings.wearing)
+            found[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed, RefineSettings())
         return found
 
     def _decode(

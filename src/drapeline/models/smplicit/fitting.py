@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.bodies.follow import pose_body
-from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.scans import to_scans
 from drapeline.dataset.segmented_scans import segment_scans
+from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
@@ -37,13 +37,15 @@ class ScannedGarment(NamedTuple):
     """A garment that a scan shows, and the body under it.
 
     Attributes:
-        garment: code, sheet at rest and posed sheet.
+        garment: code, sheet at rest, and sheet as worn.
+        moved: the worn sheet, moved to the points.
         pose: (72,) axis-angles of the body, rad.
         trans: (3,) its root joint, metres.
         shape: (10,).
     """
 
     garment: FittedGarment
+    moved: Mesh
     pose: np.ndarray
     trans: np.ndarray
     shape: np.ndarray
@@ -134,5 +136,6 @@ class FittingModel(SmplicitModel):
         (scan,) = segment_scans(scans, [name], name="points")
         models = {self.name: self}
         found = find_garments(scan, models, BodyFit(), FitScan(), Meshing(), seed)
-        state: BodyState = found.body
-        return ScannedGarment(found.garments[name], state.pose, state.trans, state.shape)
+        state = found.body
+        place = state.pose, state.trans, state.shape
+        return ScannedGarment(found.garments[name], found.moved[name], *place)

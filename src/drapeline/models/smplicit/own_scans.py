@@ -20,6 +20,8 @@ from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import Wearing
+from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.to_scan import move_to_scan
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, save_npz
@@ -31,12 +33,14 @@ class DressedScan(NamedTuple):
     Attributes:
         body: its state.
         skin: its posed triangles, in the scan's world.
-        garments: type -> code and sheets.
+        garments: type -> code, and sheets at rest and as worn.
+        moved: type -> worn sheet, moved to the points.
     """
 
     body: BodyState
     skin: Mesh
     garments: dict[str, FittedGarment]
+    moved: dict[str, Mesh]
 
 
 def find_garments(
@@ -73,12 +77,14 @@ def dress_scan(
     body: BodyState,
     meshing: Meshing,
 ) -> DressedScan:
-    """Sheets of codes, at rest and worn in layers by a body in a scan."""
+    """Sheets of codes, at rest, worn in layers by a body in a scan, and moved to its points."""
     chosen = {name: (models[MODEL_OF_GARMENT[name]], z) for name, z in codes.items()}
     model = next(iter(models.values())).bodies[scan.gender]
     posed = pose_body(model, body.shape, body.pose, body.trans)
     garments = dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)
-    return DressedScan(body, Mesh(posed.posed.astype(np.float32), posed.faces), garments)
+    worn, rest = ({k: getattr(g, part) for k, g in garments.items()} for part in ("posed", "sheet"))
+    moved = move_to_scan(worn, rest, scan, posed, RefineSettings())
+    return DressedScan(body, Mesh(posed.posed.astype(np.float32), posed.faces), garments, moved)
 
 
 def find_in_scans(
@@ -101,9 +107,9 @@ def write_found(
 ) -> None:
     """Write what was found in scans.
 
-    For each scan and garment `{scan}_{garment}_rest.obj` and `{scan}_{garment}.obj`, posed, and
-    `{scan}_body.obj`; codes in `codes.npz`; `body.npz` as bodies of scans are given; and
-    `garments.tsv` with the distances from the points.
+    For each scan and garment `{scan}_{garment}_rest.obj`, `{scan}_{garment}_worn.obj`, and moved to
+    the points `{scan}_{garment}.obj`; `{scan}_body.obj`; codes in `codes.npz`; `body.npz` as bodies
+    of scans are given; and `garments.tsv` with the distances from the points.
 
     Args:
         folder: to write; replaces an earlier one.
@@ -117,19 +123,18 @@ def write_found(
             for name, garment in one.garments.items():
                 stem = f"{scan.name}_{name}"
                 save_obj(scratch / f"{stem}_rest.obj", garment.sheet)
-                save_obj(scratch / f"{stem}.obj", garment.posed)
+                save_obj(scratch / f"{stem}_worn.obj", garment.posed)
+                save_obj(scratch / f"{stem}.obj", one.moved[name])
                 codes[stem] = garment.z
                 points = scan.points_of(name)
-                away = float("nan")
-                if len(garment.posed.faces):
-                    away = float(distances_mm(points, garment.posed).mean())
                 rows.append(
                     {
                         "scan": scan.name,
                         "garment": name,
                         "points": len(points),
                         "vertices": len(garment.posed.vertices),
-                        "points_to_garment_mm": round(away, 3),
+                        "points_to_worn_mm": _mean_distance_mm(points, garment.posed),
+                        "points_to_garment_mm": _mean_distance_mm(points, one.moved[name]),
                     }
                 )
         save_npz(scratch / "codes.npz", **codes)
@@ -145,7 +150,11 @@ def write_found(
         write_table(scratch / "garments.tsv", rows)
 
 
+def _mean_distance_mm(points: np.ndarray, mesh: Mesh) -> float:
+    """Rounded to a micrometre; NaN if nothing is left of the garment."""
+    return round(float(distances_mm(points, mesh).mean()), 3) if len(mesh.faces) else float("nan")
+
+
 def shown_scan(found: DressedScan, variant: str) -> Fits:
     """The body and the garments of a variant, for figures."""
-    garments = {name: garment.posed for name, garment in found.garments.items()}
-    return {BODY: {BODY: found.skin}, variant: garments}
+    return {BODY: {BODY: found.skin}, variant: found.moved}

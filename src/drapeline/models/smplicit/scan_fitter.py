@@ -11,8 +11,8 @@ from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.own_scans import dress_scan
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 
-START, NEAREST, CODE, JOINT = (
-    f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint")
+START, NEAREST, CODE, JOINT, MOVED = (
+    f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")
 )
 
 
@@ -20,7 +20,8 @@ class SmplicitScanFitter:
     """Fulfils `ScanFitter`.
 
     The start is the mean code on the body as it was estimated. On the fitted body there are the
-    training code that fits best, and the fitted code. In the end body and codes are fitted jointly.
+    training code that fits best, and the fitted code. Body and codes are then fitted jointly, and
+    in the end sheets are moved to the points.
 
     Args:
         models: by their names of `FIELD_MODELS`.
@@ -59,12 +60,12 @@ class SmplicitScanFitter:
             CODE: (found.code.codes, body),
             JOINT: (found.joint.codes, found.joint.body),
         }
-        return {
-            variant: {
-                name: garment.posed
-                for name, garment in dress_scan(
-                    scan, self._models, *way, self._meshing
-                ).garments.items()
-            }
+        dressed = {
+            variant: dress_scan(scan, self._models, *way, self._meshing)
             for variant, way in ways.items()
         }
+        worn = {
+            variant: {name: garment.posed for name, garment in one.garments.items()}
+            for variant, one in dressed.items()
+        }
+        return {**worn, MOVED: dressed[JOINT].moved}

@@ -31,7 +31,11 @@ _FITS = {
     "static_ppca_scan": "Masked PPCA: fitted code",
     "garment4d_scan_pca": "PCA of Garment4D's templates: fitted components",
     "garment4d_scan_posed": "Garment4D's networks",
-    "garment4d_scan_ours": "Garment4D's networks and our final step",
+    "smplicit_scan_moved": "SMPLicit, moved to the points",
+    "svae_scan_moved": "SVAE, moved to the points",
+    "static_ppca_scan_moved": "Masked PPCA, moved to the points",
+    "garment4d_scan_moved": "PCA of Garment4D's templates, moved to the points",
+    "garment4d_scan_ours": "Garment4D's networks, moved to the points",
 }
 _BODIES = {
     "scan_body_estimated": "as estimated",
@@ -53,12 +57,13 @@ _PAPER = [
 ]
 _COLUMNS = {
     "smplicit_scan_start": "SMPLicit:\nthe start",
-    "smplicit_scan_joint": "SMPLicit",
-    "svae_scan": "SVAE",
-    "static_ppca_scan": "Masked PPCA",
+    "smplicit_scan_joint": "SMPLicit:\ncode and body",
+    "smplicit_scan_moved": "SMPLicit:\nmoved",
+    "svae_scan": "SVAE:\ncode",
+    "static_ppca_scan": "Masked PPCA:\ncode",
     "garment4d_scan_pca": "Garment4D:\ncomponents",
     "garment4d_scan_posed": "Garment4D:\nnetworks",
-    "garment4d_scan_ours": "Garment4D:\nfinal step",
+    "garment4d_scan_ours": "Garment4D:\nmoved",
     TRUE: "simulated",
 }
 OWN = "own"

@@ -16,6 +16,7 @@ from drapeline.models.garment4d.posed_files import save_posed_files
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
 from drapeline.models.garment4d.scan_fitter import (
+    MOVED,
     PCA,
     POSED,
     REFINED,
@@ -102,7 +103,7 @@ def test_the_networks_and_the_final_step_give_posed_garments(
     fitter = Garment4dScanFitter({GARMENT: model}, FitTemplate(points=200, steps=2), 0)
     shown = scan(toy_body, ("Skirt", "Top"), Skirt=on_faces(skirt(0.25, -0.5), 400))
     found = fitter.fit(shown, STATE)
-    assert set(found) == {PCA, POSED, REFINED}
+    assert set(found) == {PCA, MOVED, POSED, REFINED}
     for garments in found.values():
         assert set(garments) == {GARMENT}
         mesh = garments[GARMENT]

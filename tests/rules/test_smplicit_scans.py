@@ -1,0 +1,149 @@
+"""The rules that scan samples and find garments in scans, on a model whose sheets are tubes."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.model import posed_vertices, save_body
+from drapeline.dataset.segmented_scans import load_scans
+from drapeline.frames import REST_POSE
+from drapeline.geometry.obj import load_obj
+from drapeline.metrics.fitted_scans import BODY, TRUE, load_fitted_scans
+from drapeline.metrics.table import read_metrics
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.storage import save_npz
+from gallery_toys import TubeField, save_toy_model, training_codes
+from tiny_sample import write_tiny_sample
+
+BODY_FIT = {"steps": 2, "joint_steps": 2, "points": 200}
+FIT = {"cloth": 60, "around": 60, "starts": 2, "steps": 2, "joint_steps": 1}
+MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
+TRANS = np.array([0.2, 0.1, 0.9])
+
+
+@pytest.fixture(scope="module")
+def skirt(tmp_path_factory, toy_body):
+    """A model's folder."""
+    folder = tmp_path_factory.mktemp("models") / "skirt"
+    save_toy_model(folder, toy_body, training_codes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+        yield folder
+
+
+@pytest.fixture
+def scanned(run_rule, tmp_path, toy_body):
+    """A sample and its scans."""
+    sample = write_tiny_sample(tmp_path, toy_body).folder
+    save_body(tmp_path / "body.npz", toy_body)
+    run_rule(
+        "scan_sample",
+        input={"sample": sample, "body": tmp_path / "body.npz"},
+        output=[tmp_path / "scans.npz"],
+        params={"scans": {"frames": 1, "points": 800}, "body": BODY_FIT, "seed": 0},
+        wildcards={"sample": sample.name},
+    )
+    return sample, tmp_path / "scans.npz"
+
+
+@pytest.mark.portable
+def test_scans_of_a_sample_have_a_fitted_body(scanned):
+    ((scan, body),) = load_scans(scanned[1])
+    assert scan.garments == ("Skirt", "Tshirt")
+    assert not np.array_equal(body.rotations, scan.estimate.rotations)
+
+
+def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, tmp_path):
+    sample, scans = scanned
+    run_rule(
+        "evaluate_scans_smplicit",
+        input={"scans": [scans], "samples": [sample], "models": [skirt]},
+        output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown.npz"},
+        params={
+            "split": "test",
+            "body": BODY_FIT,
+            "fit": FIT,
+            "meshing": MESHING,
+            "seed": 0,
+        },
+    )
+    rows = read_metrics(tmp_path / "metrics.tsv")
+    assert {row.variant for row in rows} == {
+        *(f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")),
+        *(f"scan_body_{name}" for name in ("estimated", "fitted", "joint")),
+    }
+    (shown,) = load_fitted_scans(tmp_path / "shown.npz").values()
+    assert set(shown["smplicit_scan_joint"]) == {"Skirt"}
+    assert {TRUE, BODY} <= set(shown)
+    run_rule("tabulate_scans", input=[tmp_path / "metrics.tsv"], output=[tmp_path / "page.html"])
+    assert "SMPLicit: fitted code" in (tmp_path / "page.html").read_text()
+    run_rule(
+        "plot_scans",
+        input={"scans": [scans], "fits": [tmp_path / "shown.npz"]},
+        output=[tmp_path / "sheet.png"],
+        params={"most": 1, "rays": 0.02},
+    )
+    assert (tmp_path / "sheet.png").stat().st_size > 1000
+
+
+def write_own(folder, toy_body):
+    """A standing body, whose points around the hips are a skirt."""
+    points, _ = posed_vertices(toy_body, np.zeros(10), REST_POSE[None], TRANS[None])
+    height = points[0, :, 2] - TRANS[2]
+    labels = ((height < 0.1) & (height > -0.4)).astype(np.uint8)
+    save_npz(folder / "points.npz", points=points, labels=labels[None])
+    save_npz(
+        folder / "body.npz",
+        poses=REST_POSE[None],
+        trans=TRANS[None],
+        shape=np.zeros(10),
+        gender="female",
+    )
+
+
+@pytest.mark.portable
+def test_a_users_scans_get_their_garments(run_rule, skirt, tmp_path, toy_body):
+    write_own(tmp_path, toy_body)
+    made = tmp_path / "made"
+    run_rule(
+        "fit_own_scans",
+        input={
+            "points": tmp_path / "points.npz",
+            "body": tmp_path / "body.npz",
+            "models": [skirt],
+        },
+        output={
+            "folder": made / "own",
+            "scans": made / "own.npz",
+            "shown": made / "own_shown.npz",
+        },
+        params={
+            "garments": ["Skirt"],
+            "up": "z",
+            "fps": 30,
+            "body": BODY_FIT,
+            "fit": FIT,
+            "meshing": MESHING,
+            "seed": 0,
+        },
+    )
+    with open(made / "own/garments.tsv") as stream:
+        (row,) = csv.DictReader(stream, delimiter="\t")
+    assert (row["scan"], row["garment"]) == ("points_001", "Skirt")
+    assert float(row["points_to_garment_mm"]) < float(row["points_to_worn_mm"])
+    body = load_obj(made / "own/points_001_body.obj")
+    assert abs(body.vertices.mean(axis=0)[2] - TRANS[2]) < 0.3
+    rest, worn, moved = (
+        load_obj(made / f"own/points_001_Skirt{end}.obj") for end in ("_rest", "_worn", "")
+    )
+    assert len(rest.vertices) == len(worn.vertices) == len(moved.vertices)
+    assert np.load(made / "own/codes.npz")["points_001_Skirt"].shape == (18,)
+    assert np.load(made / "own/body.npz")["poses"].shape == (1, 72)
+    run_rule(
+        "plot_own_scans",
+        input={"scans": made / "own.npz", "shown": made / "own_shown.npz"},
+        output=[made / "own.png"],
+        params={"most": 1, "rays": 0.02},
+    )
+    assert (made / "own.png").stat().st_size > 1000
