@@ -28,6 +28,7 @@ STAGES = {
     "smplicit_figures": "Figures of SMPLicit",
     "smplicit_gallery": "Gallery of SMPLicit",
     "smplicit_images": "SMPLicit on pictures",
+    "smplicit_displacement": "SMPLicit in motion",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }

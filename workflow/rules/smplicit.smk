@@ -139,3 +139,4 @@ rule compare_smplicit:
 include: "smplicit_figures.smk"
 include: "smplicit_gallery.smk"
 include: "smplicit_images.smk"
+include: "smplicit_displacement.smk"

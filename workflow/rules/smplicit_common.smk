@@ -27,6 +27,23 @@ PICTURED_SAMPLES = [
 ]
 if PICTURED_SAMPLES:
     METRIC_TABLES["metrics"] += ["smplicit_images"]
+# Models with simulated garments both to learn displacements from and to evaluate them on.
+DISPLACED_MODELS = [
+    model
+    for model in SMPLICIT_MODELS
+    if {"train", EVALUATED_SPLITS[0]}
+    <= {
+        planned.split
+        for planned in SAMPLES.values()
+        if set(FIELD_MODELS[model].garments) & {*planned.outfit_type.split("+")}
+    }
+]
+if config["smplicit"]["displacement"]["in_all"]:
+    METRIC_TABLES["metrics"] += [
+        f"smplicit_displacement_{model}" for model in DISPLACED_MODELS
+    ]
+    if DISPLACED_MODELS:
+        DEFAULT_TARGETS += [f"{RESULTS}/report/smplicit_displacement.html"]
 try:
     # The user's own, by name.
     PICTURES = {
@@ -64,6 +81,25 @@ def field_settings(wildcards):
     space = chosen["training"]["space"] * FIELD_MODELS[wildcards.field].space_share
     chosen["training"] = {**chosen["training"], "space": space, "seed": config["seed"]}
     return chosen
+
+
+def displacement_settings(wildcards):
+    """Params function: settings of a displacement's training, by group."""
+    chosen = config["smplicit"]["displacement"]
+    training = {**chosen["training"], "seed": config["seed"]}
+    return {**{key: chosen[key] for key in ("network", "loss")}, "training": training}
+
+
+def displacement_metrics(wildcards):
+    """Input function: metrics of all displacements that can be learned."""
+    if not DISPLACED_MODELS:
+        raise WorkflowError(
+            "no model of smplicit.models has simulated garments both for training and for"
+            " testing, which displacements need; ask for more samples or other outfits.types"
+        )
+    return expand(
+        f"{RESULTS}/metrics/smplicit_displacement_{{field}}.tsv", field=DISPLACED_MODELS
+    )
 
 
 def encoder_weights(wildcards):

@@ -16,18 +16,20 @@ cloth = repose(
 )
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.learning_data.pose_displacements import encode_poses
-from drapeline.models.smplicit.clusters import BASIS_ROWS
+from drapeline.learning_data.pose_displacements import DisplacementData, encode_poses
+from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.displacement_network import DisplacementField
+from drapeline.models.smplicit.displacement_settings import DisplacementSettings
 from drapeline.models.smplicit.model import check_gender, finite
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
@@ -130,3 +132,22 @@ def load_displacement(folder: str | Path) -> DisplacementField:
     network = DisplacementField(about["name"], settings, basis, about["garments"])
     network.load_state_dict(checkpoint["state_dict"])
     return network.eval().requires_grad_(False)
+
+
+def new_displacement(
+    name: str,
+    data: DisplacementData,
+    bodies: Mapping[str, BodyModel],
+    clusters: np.ndarray,
+    settings: DisplacementSettings,
+) -> DisplacementField:
+    """An untrained network.
+
+    Args:
+        name: of `FIELD_MODELS`.
+        data: of its garments.
+        bodies: by gender.
+        clusters: (K,) ids of the bodies' vertices.
+        settings: sizes, losses and training.
+    """
+    return DisplacementField(name, settings, cluster_basis(bodies, clusters), len(data.garment))
