@@ -25,13 +25,13 @@ from tiny_sample import TinySample, write_stages
 
 FRAMES, CLUSTERS = 6, np.arange(0, 600, 20)
 SPLITS = ("train", "train", "val", "test")
-# What a skirt is displaced by, metres: always, and per unit of the first number of the pose.
+# What a skirt is displaced by, metres: always, and per unit of the second number of the pose.
 ALWAYS_M, SLOPE_M = np.array([0.0, 0.02, -0.01]), np.array([0.05, 0.0, 0.0])
 
 
 def known_displacement(poses: np.ndarray) -> np.ndarray:
     """(N, 1, 3) metres, the same for all vertices."""
-    return (ALWAYS_M + encode_poses(poses)[:, :1] * SLOPE_M)[:, None]
+    return (ALWAYS_M + encode_poses(poses)[:, 1:2] * SLOPE_M)[:, None]
 
 
 def write_moving_skirt(stages: Path, body: BodyModel, sample: str, split: str) -> TinySample:

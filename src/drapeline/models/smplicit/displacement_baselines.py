@@ -50,6 +50,9 @@ class ClusterDisplacement:
         data: training and validation garments.
         bodies: by gender.
         clusters: (K,) ids of the bodies' vertices.
+
+    Attributes:
+        penalty: of `PENALTIES`, the best on validation frames.
     """
 
     def __init__(
@@ -57,11 +60,11 @@ class ClusterDisplacement:
     ) -> None:
         self._bodies, self._clusters = bodies, clusters
         self._near = [self._assign(data, garment) for garment in range(len(data.garment))]
-        sums = self._sum(data, data.rows("train"))
+        self._sums = sums = self._sum(data, data.rows("train"))
         self._known = np.flatnonzero(sums.count)
         self._mean = sums.total / np.maximum(sums.count, 1)[:, None]
-        self._pose = sums.pose
-        self.penalty, self._slope = self._select(data, sums)
+        self.penalty = self._best_penalty(data)
+        self._slope = self._slopes(self.penalty)
 
     def _assign(self, data: DisplacementData, garment: int) -> np.ndarray:
         """(V,) the cluster nearest to each vertex of a garment."""
@@ -94,25 +97,24 @@ class ClusterDisplacement:
         square = (poses - mean).T @ (poses - mean)
         return _Sums(mean, square, total, count, moved, seen)
 
-    def _select(self, data: DisplacementData, sums: _Sums) -> tuple[float, np.ndarray]:
-        """The penalty with the least error on the validation rows, and its slopes (P, K, 3)."""
+    def _slopes(self, penalty: float) -> np.ndarray:
+        """(P, K, 3) metres per unit of a pose's numbers, by ridge regression."""
+        sums = self._sums
         target = sums.moved - sums.seen[..., None] * self._mean
-        size = np.trace(sums.square) / POSE_NUMBERS
-        slopes = [
-            np.linalg.solve(
-                sums.square + penalty * size * np.eye(POSE_NUMBERS), target.reshape(len(target), -1)
-            ).reshape(target.shape)
-            for penalty in PENALTIES
-        ]
+        strength = penalty * np.trace(sums.square) / POSE_NUMBERS
+        system = sums.square + strength * np.eye(POSE_NUMBERS)
+        return np.linalg.solve(system, target.reshape(POSE_NUMBERS, -1)).reshape(target.shape)
+
+    def _best_penalty(self, data: DisplacementData) -> float:
+        """The penalty with the least error on the validation rows."""
+        slopes = [self._slopes(penalty) for penalty in PENALTIES]
         errors = np.zeros(len(slopes))
         for row in data.rows("val").tolist():
             values, here = self._at_clusters(data, row)
-            pose = data.pose[row] - self._pose
             for index, slope in enumerate(slopes):
-                predicted = self._mean + np.tensordot(pose, slope, 1)
+                predicted = self._mean + np.tensordot(data.pose[row] - self._sums.pose, slope, 1)
                 errors[index] += np.linalg.norm(predicted - values, axis=1)[here].sum()
-        best = int(errors.argmin())
-        return PENALTIES[best], slopes[best]
+        return PENALTIES[int(errors.argmin())]
 
     def displacements(
         self, garment: Mesh, shape: np.ndarray, gender: int, poses: np.ndarray | None
@@ -132,7 +134,7 @@ class ClusterDisplacement:
         share /= share.sum(axis=1, keepdims=True)
         values = self._mean[None]
         if poses is not None:
-            values = values + np.tensordot(encode_poses(poses) - self._pose, self._slope, 1)
+            values = values + np.tensordot(encode_poses(poses) - self._sums.pose, self._slope, 1)
         average = averaging_matrix(garment.faces, len(garment.vertices))
         taken = values[:, self._known][:, near]  # (N, V, 8, 3)
         return np.stack([blur(np.einsum("vk,vkj->vj", share, x), average, _PASSES) for x in taken])
