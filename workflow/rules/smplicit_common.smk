@@ -118,6 +118,13 @@ def gallery_body(wildcards):
     return f"{RESULTS}/bodies/{sample}.npz"
 
 
+def gallery_displacement(wildcards):
+    """Input function: what poses do to the garment in motion, if that is asked for and known."""
+    if not GALLERY["displacement"] or wildcards.field not in DISPLACED_MODELS:
+        return []
+    return f"{SMPLICIT}/displacement/{wildcards.field}"
+
+
 def own_picture(wildcards):
     """Input function: a picture's JSON, first of all, and the images that it names."""
     try:

@@ -19,9 +19,7 @@ from drapeline.models.smplicit.evaluate_displacement import (
 )
 from smplicit_toys import toy_bodies, tube
 
-VARIANTS = (
-    *("nearest", "smoothed", "mean", "ridge", "network", "shuffled", "at_rest", "untrained"),
-)
+VARIANTS = ("nearest", "smoothed", "mean", "ridge", "network", "shuffled", "at_rest", "untrained")
 
 
 @pytest.fixture(scope="module")
