@@ -9,9 +9,9 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import load_clusters
 from drapeline.learning_data.pose_displacements import DisplacementData, simulated_files
 from drapeline.metrics.table import write_metrics
-from drapeline.models.smplicit.displacement import load_displacement, new_displacement
 from drapeline.models.smplicit.displacement_baselines import ClusterDisplacement
 from drapeline.models.smplicit.evaluate_displacement import DisplacementEvaluation
+from drapeline.models.smplicit.load_displacement import load_displacement, new_displacement
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

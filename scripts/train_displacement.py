@@ -6,8 +6,8 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import load_clusters
 from drapeline.learning_data.pose_displacements import DisplacementData
-from drapeline.models.smplicit.displacement import new_displacement
 from drapeline.models.smplicit.displacement_settings import DisplacementSettings
+from drapeline.models.smplicit.load_displacement import new_displacement
 from drapeline.models.smplicit.train_displacement import train_displacement
 from drapeline.rule_log import rule_log
 

@@ -17,14 +17,15 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.pose_displacements import SimulatedFiles, SimulatedGarment
 from drapeline.metrics.garment import inside_measures, surface_distances_mm
 from drapeline.metrics.table import MetricRow, summary_rows
-from drapeline.models.smplicit.displacement import WornDisplacement
 from drapeline.models.smplicit.displacement_baselines import ClusterDisplacement
 from drapeline.models.smplicit.displacement_network import DisplacementField
-from drapeline.models.smplicit.evaluate import MODEL, Measures
 from drapeline.models.smplicit.repose import garment_weights
+from drapeline.models.smplicit.worn_displacement import WornDisplacement
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 
+Measures = dict[str, float]
+_MODEL = "smplicit"
 _INSIDE = ("inside_share", "inside_1cm_share")
 # Given a garment and its poses (N, 72): displacements (N, V, 3), or (1, V, 3) without the poses.
 _Predict = Callable[[SimulatedGarment, np.ndarray], np.ndarray]
@@ -133,13 +134,13 @@ class DisplacementEvaluation:
         samples: Sequence[str],
         split: str,
     ) -> list[MetricRow]:
-        variant = f"{MODEL}_displacement_{self._name}_{name}"
+        variant = f"{_MODEL}_displacement_{self._name}_{name}"
         return summary_rows(
             rng_for(self._seed, "intervals", variant, split),
             measures,
             garments,
             samples,
-            model=MODEL,
+            model=_MODEL,
             variant=variant,
             split=split,
             seed=self._seed,

@@ -10,13 +10,13 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.pose_displacements import simulated_files
 from drapeline.metrics.table import find_value
-from drapeline.models.smplicit.displacement import WornDisplacement
 from drapeline.models.smplicit.displacement_baselines import ClusterDisplacement
 from drapeline.models.smplicit.evaluate_displacement import (
     DisplacementEvaluation,
     motion_measures,
     surface_area,
 )
+from drapeline.models.smplicit.worn_displacement import WornDisplacement
 from smplicit_toys import toy_bodies, tube
 
 VARIANTS = ("nearest", "smoothed", "mean", "ridge", "network", "shuffled", "at_rest", "untrained")
