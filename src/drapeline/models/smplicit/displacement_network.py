@@ -1,7 +1,8 @@
 """The network P(p, theta, z_theta) as it is trained: what poses do to cloth (SMPLicit 3.5).
 
 It is the decoder of the distances with other inputs and outputs: z_theta takes the place of
-z_style, the pose that of z_cut, and three numbers that of the distance.
+z_style, the pose that of z_cut, and three numbers that of the distance. A point knows of the pose
+what its own skinning does, since few sequences show how far-off joints matter.
 
 B frames of garments, P points, K clusters of the body. Displacements are in the T-pose.
 """
@@ -12,7 +13,7 @@ from typing import Any
 
 import torch
 
-from drapeline.learning_data.pose_displacements import POSE_NUMBERS
+from drapeline.models.layers.precision import full_precision
 from drapeline.models.smplicit.clusters import cluster_places
 from drapeline.models.smplicit.decoder import Decoder
 from drapeline.models.smplicit.displacement_settings import DisplacementSettings
@@ -20,7 +21,41 @@ from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
 from drapeline.seeding import rng_for
 
+TURN_NUMBERS = 12
+_LEAST_EDGE_M = 1e-4
 _UNIT_M = 0.03  # of the network's outputs and of the loss, about as far as cloth is displaced
+
+
+@full_precision
+def blend_motions(weights: torch.Tensor, motions: torch.Tensor) -> torch.Tensor:
+    """(B, P, 3, 4) motions of points by their weights (B, P, 24) and the joints' (B, 24, 3, 4)."""
+    return (weights @ motions.flatten(2)).unflatten(2, (3, 4))
+
+
+@full_precision
+def move(points: torch.Tensor, motions: torch.Tensor) -> torch.Tensor:
+    """(B, P, 3) points in the pose, from those in the T-pose and motions of `blend_motions`."""
+    return (motions[..., :3] @ points[..., None])[..., 0] + motions[..., 3]
+
+
+@full_precision
+def encode_turns(motions: torch.Tensor, joints: torch.Tensor) -> torch.Tensor:
+    """The pose as points have it, about zero at rest: what the network knows of theta.
+
+    Args:
+        motions: (B, P, 3, 4) of `blend_motions`.
+        joints: (B, 24, 3, 4) motions of the joints from the T-pose.
+
+    Returns:
+        (B, P, `TURN_NUMBERS`): the direction of gravity in the T-pose, if a point was turned back
+        there by its skinning, minus that of a body that stands upright; and how the skinning turns
+        the point against the root joint, minus the identity.
+    """
+    turn, root = motions[..., :3], joints[:, 0, :, :3]
+    down = -turn[..., 2, :]  # R^T (0, 0, -1)
+    own = root.mT[:, None] @ turn
+    upright = turn.new_tensor([0.0, -1.0, 0.0])
+    return torch.cat([down - upright, (own - torch.eye(3).to(turn)).flatten(2)], 2)
 
 
 class DisplacementField(TrainableModule):
@@ -43,7 +78,7 @@ class DisplacementField(TrainableModule):
         sizes, seed = settings.network, settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
         self.decoder = Decoder(
-            place_basis.shape[1], POSE_NUMBERS, sizes.code, width=sizes.width, outputs=3, rng=rng
+            place_basis.shape[1], TURN_NUMBERS, sizes.code, width=sizes.width, outputs=3, rng=rng
         )
         self.codes = torch.nn.Parameter(torch.zeros(garments, sizes.code))
         self.register_buffer("place_basis", place_basis)
@@ -66,21 +101,24 @@ class DisplacementField(TrainableModule):
     def forward(
         self,
         points: torch.Tensor,
+        turns: torch.Tensor,
         shape: torch.Tensor,
         gender: torch.Tensor,
-        pose: torch.Tensor,
         z: torch.Tensor,
     ) -> torch.Tensor:
         """(B, P, 3) displacements, metres.
 
         Args:
             points: (B, P, 3) metres, at rest.
+            turns: (B, P, `TURN_NUMBERS`) of `encode_turns`.
             shape, gender: (B, 10) and (B,) of the wearers; 0 female, 1 male.
-            pose: (B, `POSE_NUMBERS`) of `encode_poses`.
             z: (B, code).
         """
         places = cluster_places(self.place_basis, shape, gender)
-        return _UNIT_M * self.decoder(points, places, pose, z)
+        query = self.decoder.query(points, *self.decoder.fold(places))
+        codes = z[:, None].expand(-1, points.shape[1], -1)
+        base = self.decoder.base(turns.flatten(0, 1), codes.flatten(0, 1))
+        return _UNIT_M * self.decoder.joint(query + base.unflatten(0, points.shape[:2]))
 
     def training_step(self, batch: Batch) -> torch.Tensor:
         """Distances of points in the pose, edge lengths there, and the prior of the codes."""
@@ -103,19 +141,18 @@ class DisplacementField(TrainableModule):
         self.log_means("val", {**terms, "loss": self._loss(terms)}, len(zero))
 
     def _terms(self, batch: Batch, z: torch.Tensor) -> dict[str, torch.Tensor]:
-        predicted = self(batch["points"], batch["shape"], batch["gender"], batch["pose"], z)
+        motions = blend_motions(batch["weights"], batch["motions"])
+        turns = encode_turns(motions, batch["motions"])
+        predicted = self(batch["points"], turns, batch["shape"], batch["gender"], z)
         # Errors count as they are seen, in the pose: where the skinning turns cloth over itself,
         # undoing it makes a centimetre a metre.
-        motions = (batch["weights"] @ batch["motions"].flatten(2)).unflatten(2, (3, 4))
-        turn = motions[..., :3]
         moved, true = (
-            (turn @ (batch["straight"] + away)[..., None])[..., 0] + motions[..., 3]
-            for away in (predicted, batch["displacement"])
+            move(batch["straight"] + away, motions) for away in (predicted, batch["displacement"])
         )
         lengths, true_lengths = (
             (start - end).norm(dim=-1) for start, end in (x.chunk(2, 1) for x in (moved, true))
         )
-        stretch = lengths / true_lengths.clamp(min=1e-4) - 1
+        stretch = lengths / true_lengths.clamp(min=_LEAST_EDGE_M) - 1
         return {
             "vertex_error_mm": 1000 * (moved - true).norm(dim=-1).mean(),
             "edge": stretch.square().mean(),

@@ -27,8 +27,8 @@ from drapeline.seeding import rng_for
 Measures = dict[str, float]
 _MODEL = "smplicit"
 _INSIDE = ("inside_share", "inside_1cm_share")
-# Given a garment and its poses (N, 72): displacements (N, V, 3), or (1, V, 3) without the poses.
-_Predict = Callable[[SimulatedGarment, np.ndarray], np.ndarray]
+# Given a garment, its weights (V, 24) and body: displacements (N, V, 3), or (1, V, 3) of no pose.
+_Predict = Callable[[SimulatedGarment, np.ndarray, BodyModel], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class DisplacementEvaluation:
             own = weights[variant.skinning]
             straight = straighten(one.rest.vertices, own, body, one.shape)
             if variant.predict is not None:
-                straight = straight + variant.predict(one, one.poses)
+                straight = straight + variant.predict(one, own, body)
             moved = skin_points(straight, motions, own).astype(np.float32)
             pairs = zip(moved, one.cloth, wearers, strict=True)
             yield (
@@ -177,8 +177,8 @@ def surface_area(mesh: Mesh) -> float:
 
 
 def _at_clusters(baselines: ClusterDisplacement, *, posed: bool) -> _Predict:
-    def predict(one: SimulatedGarment, poses: np.ndarray) -> np.ndarray:
-        given = poses if posed else None
+    def predict(one: SimulatedGarment, weights: np.ndarray, body: BodyModel) -> np.ndarray:
+        given = one.poses if posed else None
         return baselines.displacements(one.rest, one.shape, GENDERS.index(one.gender), given)
 
     return predict
@@ -189,9 +189,10 @@ def _by_network(
 ) -> _Predict:
     zero = np.zeros(network.codes.shape[1])
 
-    def predict(one: SimulatedGarment, poses: np.ndarray) -> np.ndarray:
+    def predict(one: SimulatedGarment, weights: np.ndarray, body: BodyModel) -> np.ndarray:
         worn = WornDisplacement(network, one.shape, GENDERS.index(one.gender), zero)
-        return worn.displace(one.rest.vertices, change(poses))
+        motions = tpose_motions(body, one.shape, change(one.poses))
+        return worn.displace(one.rest.vertices, weights, motions)
 
     return predict
 

@@ -24,8 +24,14 @@ SKINNINGS = ("nearest", "smoothed")
 class Displacement(Protocol):
     """P(p, theta, z_theta) of a wearer: what poses do to cloth beside the skinning."""
 
-    def displace(self, points: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """(N, V, 3) metres in the T-pose, of points (V, 3) at rest for poses (N, 72)."""
+    def displace(self, points: np.ndarray, weights: np.ndarray, motions: np.ndarray) -> np.ndarray:
+        """(N, V, 3) metres in the T-pose.
+
+        Args:
+            points: (V, 3) metres, at rest.
+            weights: (V, 24) of the skinning that follows.
+            motions: (N, 24, 3, 4) of `tpose_motions`.
+        """
         ...
 
 
@@ -86,9 +92,10 @@ def repose(
         raise InputError(f"poses: shape {poses.shape}, expected (frames, 72)")
     weights = garment_weights(garment, body, shape, skinning)
     straight = straighten(garment.vertices, weights, body, shape)
+    motions = tpose_motions(body, shape, poses)
     if displacement is not None:
-        straight = straight + displacement.displace(garment.vertices, poses)
-    moved = skin_points(straight, tpose_motions(body, shape, poses), weights).astype(np.float32)
+        straight = straight + displacement.displace(garment.vertices, weights, motions)
+    moved = skin_points(straight, motions, weights).astype(np.float32)
     if not push_out or not len(poses):
         return moved
     average = averaging_matrix(garment.faces, len(garment.vertices))

@@ -3,8 +3,11 @@
 import numpy as np
 import torch
 
-from drapeline.learning_data.pose_displacements import encode_poses
-from drapeline.models.smplicit.displacement_network import DisplacementField
+from drapeline.models.smplicit.displacement_network import (
+    DisplacementField,
+    blend_motions,
+    encode_turns,
+)
 
 
 class WornDisplacement:
@@ -21,18 +24,20 @@ class WornDisplacement:
         self, network: DisplacementField, shape: np.ndarray, gender: int, z: np.ndarray
     ) -> None:
         self._network = network
-        device = network.device
-        self._shape = torch.as_tensor(shape, dtype=torch.float32, device=device)[None]
-        self._gender = torch.tensor([gender], device=device)
-        self._z = torch.as_tensor(z, dtype=torch.float32, device=device)[None]
+        self._gender = torch.tensor([gender], device=network.device)
+        self._shape, self._z = self._tensor(shape), self._tensor(z)
 
-    def displace(self, points: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """(N, V, 3) float32 metres in the T-pose, of points (V, 3) at rest for poses (N, 72)."""
-        device = self._network.device
-        places = torch.as_tensor(points, dtype=torch.float32, device=device)[None]
-        found = np.zeros((len(poses), len(points), 3), dtype=np.float32)
+    def _tensor(self, values: np.ndarray) -> torch.Tensor:
+        """The only one of a batch."""
+        return torch.as_tensor(values, dtype=torch.float32, device=self._network.device)[None]
+
+    def displace(self, points: np.ndarray, weights: np.ndarray, motions: np.ndarray) -> np.ndarray:
+        """(N, V, 3) float32 metres in the T-pose; see `repose.Displacement`."""
+        places, shares = self._tensor(points), self._tensor(weights)
+        found = np.zeros((len(motions), len(points), 3), dtype=np.float32)
         with torch.no_grad():
-            for frame, pose in enumerate(torch.from_numpy(encode_poses(poses)).to(device)):
-                away = self._network(places, self._shape, self._gender, pose[None], self._z)
+            for frame, joints in enumerate(map(self._tensor, motions)):
+                turns = encode_turns(blend_motions(shares, joints), joints)
+                away = self._network(places, turns, self._shape, self._gender, self._z)
                 found[frame] = away[0].cpu().numpy()
         return found

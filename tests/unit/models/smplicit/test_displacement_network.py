@@ -2,12 +2,22 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from displacement_trainings import toy_displacement
-from drapeline.learning_data.pose_displacements import POSE_NUMBERS
-from drapeline.models.smplicit.displacement_network import DisplacementField
+from drapeline.bodies.rest_skinning import tpose_motions
+from drapeline.bodies.skinning import skin_points
+from drapeline.frames import REST_POSE
+from drapeline.models.smplicit.displacement_network import (
+    TURN_NUMBERS,
+    DisplacementField,
+    blend_motions,
+    encode_turns,
+    move,
+)
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import RATE_SHARE, Position
 from learning import (
@@ -35,6 +45,36 @@ def with_loss(model, **changes):
     return model
 
 
+def turns_of(batch):
+    return encode_turns(blend_motions(batch["weights"], batch["motions"]), batch["motions"])
+
+
+def test_points_move_as_the_skinning_moves_them(batch):
+    moved = move(batch["straight"], blend_motions(batch["weights"], batch["motions"]))
+    expected = skin_points(
+        batch["straight"][0].numpy(), batch["motions"][:1].numpy(), batch["weights"][0].numpy()
+    )
+    assert moved[0] == pytest.approx(expected[0], abs=1e-5)
+
+
+def test_turns_are_told_by_gravity_and_the_root(toy_body):
+    """Of points that follow the left hip alone, in the pose of rest and others."""
+    poses = np.tile(REST_POSE, (3, 1))
+    poses[:, 3:6] = [[0, 0, 0], [0, 0, 0], [0.7, 0, 0]]
+    poses[1, :3] = (
+        Rotation.from_rotvec([0, 0, 1.0]) * Rotation.from_rotvec(poses[1, :3])
+    ).as_rotvec()
+    joints = torch.from_numpy(tpose_motions(toy_body, np.zeros(10), poses))
+    weights = torch.zeros(3, 1, 24, dtype=torch.float64)
+    weights[..., 1] = 1
+    still, facing_elsewhere, raised = encode_turns(blend_motions(weights, joints), joints)[:, 0]
+    assert still == pytest.approx(np.zeros(TURN_NUMBERS), abs=1e-7)
+    assert facing_elsewhere == pytest.approx(np.zeros(TURN_NUMBERS), abs=1e-7)
+    turn = Rotation.from_rotvec([0.7, 0, 0]).as_matrix()
+    assert raised[3:] == pytest.approx((turn - np.eye(3)).ravel(), abs=1e-7)
+    assert raised[:3] == pytest.approx(turn.T @ [0, -1, 0] - [0, -1, 0], abs=1e-7)
+
+
 def test_gradients_are_true_and_a_step_lowers_the_loss(model, batch):
     model = with_loss(shake_weights(model.double(), 0.05), latent=0.1, unknown=0.3)
     model.place_basis = model.place_basis.double()
@@ -52,7 +92,7 @@ def test_a_batch_is_learned_by_heart(displacements, toy_body, batch):
 
 def test_the_truth_has_no_error(model, batch, monkeypatch):
     monkeypatch.setattr(DisplacementField, "forward", lambda *_: batch["displacement"])
-    terms = model._terms(batch, torch.zeros(len(batch["pose"]), 3))
+    terms = model._terms(batch, torch.zeros(len(batch["shape"]), 3))
     assert float(terms["vertex_error_mm"]) == 0
     assert float(terms["edge"]) == 0
 
@@ -64,7 +104,7 @@ def test_errors_are_measured_in_the_pose(model, batch, monkeypatch):
     given = {**batch, "weights": rigid}
     shift = torch.tensor([0.006, 0.0, 0.008])
     monkeypatch.setattr(DisplacementField, "forward", lambda *_: batch["displacement"] + shift)
-    terms = model._terms(given, torch.zeros(len(batch["pose"]), 3))
+    terms = model._terms(given, torch.zeros(len(batch["shape"]), 3))
     torch.testing.assert_close(terms["vertex_error_mm"], torch.tensor(10.0))
     assert float(terms["edge"]) < 1e-6
 
@@ -77,14 +117,15 @@ def test_half_as_long_edges_are_off_by_half(model, batch, monkeypatch):
     one[..., 0] = 1
     given |= {"displacement": true, "weights": one}
     monkeypatch.setattr(DisplacementField, "forward", lambda *_: true / 2)
-    terms = model._terms(given, torch.zeros(len(batch["pose"]), 3))
+    terms = model._terms(given, torch.zeros(len(batch["shape"]), 3))
     torch.testing.assert_close(terms["edge"], torch.tensor(0.25))
     torch.testing.assert_close(terms["vertex_error_mm"], torch.tensor(10.0))
 
 
 def test_every_input_counts(model, batch):
-    given = {name: batch[name].clone() for name in ("points", "shape", "pose")}
-    given["z"] = torch.zeros(len(batch["pose"]), 3)
+    given = {name: batch[name].clone() for name in ("points", "shape")}
+    given["turns"] = turns_of(batch)
+    given["z"] = torch.zeros(len(given["shape"]), 3)
     for value in given.values():
         value.requires_grad_(True)
     moved = model(gender=batch["gender"], **given)
@@ -95,8 +136,8 @@ def test_every_input_counts(model, batch):
 
 
 def test_batched_equals_single(model, batch):
-    given = [batch[name] for name in ("points", "shape", "gender", "pose")]
-    z = torch.randn(len(batch["pose"]), 3, generator=torch.Generator().manual_seed(0))
+    given = [batch["points"], turns_of(batch), batch["shape"], batch["gender"]]
+    z = torch.randn(len(batch["shape"]), 3, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
         together = model(*given, z)
         alone = [model(*(x[k : k + 1] for x in (*given, z)))[0] for k in range(len(z))]
@@ -140,5 +181,5 @@ def test_codes_take_larger_steps(model):
 
 
 def test_the_pose_takes_the_place_of_the_cut(model):
-    assert model.decoder.cut == POSE_NUMBERS
+    assert model.decoder.cut == TURN_NUMBERS
     assert model.decoder.style == model.codes.shape[1] == 3

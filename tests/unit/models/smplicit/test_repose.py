@@ -65,8 +65,9 @@ def test_cloth_is_displaced_before_it_is_skinned(toy_body):
     """A displacement by a centimetre moves rigidly skinned cloth by a centimetre."""
 
     class Up:
-        def displace(self, points, poses):
-            return np.tile(np.array([0, 0.01, 0]), (len(poses), len(points), 1))
+        def displace(self, points, weights, motions):
+            assert weights.shape == (len(points), 24)
+            return np.tile(np.array([0, 0.01, 0]), (len(motions), len(points), 1))
 
     skin = Mesh(rest_body(toy_body, SHAPE).astype(np.float32), toy_body.faces)
     turned = np.zeros((2, 72))
