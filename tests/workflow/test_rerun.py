@@ -117,8 +117,10 @@ RERUN = {
     "models/smplicit/evaluate_images.py": {"evaluate_images"},
     "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
     | {"train_smplicit"}
+    | TRAIN_DISPLACEMENT
     | USE_SMPLICIT,
     "models/training/lightning.py": {"train_svae", "train_svae_conditioning", "train_smplicit"}
+    | {"train_displacement"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
     "rendering/modalities.py": {"render_modalities", "evaluate_images"}
