@@ -1,8 +1,8 @@
 """The network P(p, theta, z_theta) as it is trained: what poses do to cloth (SMPLicit 3.5).
 
 It is the decoder of the distances with other inputs and outputs: z_theta takes the place of
-z_style, the pose that of z_cut, and three numbers that of the distance. A point knows of the pose
-what its own skinning does, since few sequences show how far-off joints matter.
+z_style, the pose that of z_cut, and three numbers that of the distance. Of the pose, a point knows
+all joints, and what its own skinning does to it, which carries over to other motions.
 
 B frames of garments, P points, K clusters of the body. Displacements are in the T-pose.
 """
@@ -13,6 +13,7 @@ from typing import Any
 
 import torch
 
+from drapeline.learning_data.pose_displacements import POSE_NUMBERS
 from drapeline.models.layers.precision import full_precision
 from drapeline.models.smplicit.clusters import cluster_places
 from drapeline.models.smplicit.decoder import Decoder
@@ -40,7 +41,7 @@ def move(points: torch.Tensor, motions: torch.Tensor) -> torch.Tensor:
 
 @full_precision
 def encode_turns(motions: torch.Tensor, joints: torch.Tensor) -> torch.Tensor:
-    """The pose as points have it, about zero at rest: what the network knows of theta.
+    """The pose as points have it, about zero at rest.
 
     Args:
         motions: (B, P, 3, 4) of `blend_motions`.
@@ -78,7 +79,12 @@ class DisplacementField(TrainableModule):
         sizes, seed = settings.network, settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
         self.decoder = Decoder(
-            place_basis.shape[1], TURN_NUMBERS, sizes.code, width=sizes.width, outputs=3, rng=rng
+            place_basis.shape[1],
+            TURN_NUMBERS + POSE_NUMBERS,
+            sizes.code,
+            width=sizes.width,
+            outputs=3,
+            rng=rng,
         )
         self.codes = torch.nn.Parameter(torch.zeros(garments, sizes.code))
         self.register_buffer("place_basis", place_basis)
@@ -102,6 +108,7 @@ class DisplacementField(TrainableModule):
         self,
         points: torch.Tensor,
         turns: torch.Tensor,
+        pose: torch.Tensor,
         shape: torch.Tensor,
         gender: torch.Tensor,
         z: torch.Tensor,
@@ -111,13 +118,15 @@ class DisplacementField(TrainableModule):
         Args:
             points: (B, P, 3) metres, at rest.
             turns: (B, P, `TURN_NUMBERS`) of `encode_turns`.
+            pose: (B, `POSE_NUMBERS`) of `encode_poses`.
             shape, gender: (B, 10) and (B,) of the wearers; 0 female, 1 male.
             z: (B, code).
         """
         places = cluster_places(self.place_basis, shape, gender)
         query = self.decoder.query(points, *self.decoder.fold(places))
-        codes = z[:, None].expand(-1, points.shape[1], -1)
-        base = self.decoder.base(turns.flatten(0, 1), codes.flatten(0, 1))
+        pose, codes = (x[:, None].expand(-1, points.shape[1], -1) for x in (pose, z))
+        theta = torch.cat([turns, pose], 2)
+        base = self.decoder.base(theta.flatten(0, 1), codes.flatten(0, 1))
         return _UNIT_M * self.decoder.joint(query + base.unflatten(0, points.shape[:2]))
 
     def training_step(self, batch: Batch) -> torch.Tensor:
@@ -143,7 +152,8 @@ class DisplacementField(TrainableModule):
     def _terms(self, batch: Batch, z: torch.Tensor) -> dict[str, torch.Tensor]:
         motions = blend_motions(batch["weights"], batch["motions"])
         turns = encode_turns(motions, batch["motions"])
-        predicted = self(batch["points"], turns, batch["shape"], batch["gender"], z)
+        given = (batch[name] for name in ("pose", "shape", "gender"))
+        predicted = self(batch["points"], turns, *given, z)
         # Errors count as they are seen, in the pose: where the skinning turns cloth over itself,
         # undoing it makes a centimetre a metre.
         moved, true = (

@@ -191,8 +191,9 @@ def _by_network(
 
     def predict(one: SimulatedGarment, weights: np.ndarray, body: BodyModel) -> np.ndarray:
         worn = WornDisplacement(network, one.shape, GENDERS.index(one.gender), zero)
-        motions = tpose_motions(body, one.shape, change(one.poses))
-        return worn.displace(one.rest.vertices, weights, motions)
+        poses = change(one.poses)
+        motions = tpose_motions(body, one.shape, poses)
+        return worn.displace(one.rest.vertices, weights, poses, motions)
 
     return predict
 

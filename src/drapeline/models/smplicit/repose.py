@@ -24,13 +24,16 @@ SKINNINGS = ("nearest", "smoothed")
 class Displacement(Protocol):
     """P(p, theta, z_theta) of a wearer: what poses do to cloth beside the skinning."""
 
-    def displace(self, points: np.ndarray, weights: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    def displace(
+        self, points: np.ndarray, weights: np.ndarray, poses: np.ndarray, motions: np.ndarray
+    ) -> np.ndarray:
         """(N, V, 3) metres in the T-pose.
 
         Args:
             points: (V, 3) metres, at rest.
             weights: (V, 24) of the skinning that follows.
-            motions: (N, 24, 3, 4) of `tpose_motions`.
+            poses: (N, 72) rad.
+            motions: (N, 24, 3, 4) of the joints in these poses, of `tpose_motions`.
         """
         ...
 
@@ -94,7 +97,7 @@ def repose(
     straight = straighten(garment.vertices, weights, body, shape)
     motions = tpose_motions(body, shape, poses)
     if displacement is not None:
-        straight = straight + displacement.displace(garment.vertices, weights, motions)
+        straight = straight + displacement.displace(garment.vertices, weights, poses, motions)
     moved = skin_points(straight, motions, weights).astype(np.float32)
     if not push_out or not len(poses):
         return moved

@@ -3,6 +3,7 @@
 import numpy as np
 import torch
 
+from drapeline.learning_data.pose_displacements import encode_poses
 from drapeline.models.smplicit.displacement_network import (
     DisplacementField,
     blend_motions,
@@ -31,13 +32,16 @@ class WornDisplacement:
         """The only one of a batch."""
         return torch.as_tensor(values, dtype=torch.float32, device=self._network.device)[None]
 
-    def displace(self, points: np.ndarray, weights: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    def displace(
+        self, points: np.ndarray, weights: np.ndarray, poses: np.ndarray, motions: np.ndarray
+    ) -> np.ndarray:
         """(N, V, 3) float32 metres in the T-pose; see `repose.Displacement`."""
         places, shares = self._tensor(points), self._tensor(weights)
         found = np.zeros((len(motions), len(points), 3), dtype=np.float32)
         with torch.no_grad():
-            for frame, joints in enumerate(map(self._tensor, motions)):
+            for frame, pose in enumerate(encode_poses(poses)):
+                joints = self._tensor(motions[frame])
                 turns = encode_turns(blend_motions(shares, joints), joints)
-                away = self._network(places, turns, self._shape, self._gender, self._z)
-                found[frame] = away[0].cpu().numpy()
+                wearer = (self._tensor(pose), self._shape, self._gender)
+                found[frame] = self._network(places, turns, *wearer, self._z)[0].cpu().numpy()
         return found

@@ -31,6 +31,7 @@ def test_no_code_is_zero(trained, toy_body):
     given = (
         mesh.vertices,
         garment_weights(mesh, toy_body, SHAPE),
+        REST_POSE[None],
         tpose_motions(toy_body, SHAPE, REST_POSE[None]),
     )
     wearer = {"gender": "female", "shape": SHAPE}

@@ -11,6 +11,7 @@ from displacement_trainings import toy_displacement
 from drapeline.bodies.rest_skinning import tpose_motions
 from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
+from drapeline.learning_data.pose_displacements import POSE_NUMBERS
 from drapeline.models.smplicit.displacement_network import (
     TURN_NUMBERS,
     DisplacementField,
@@ -123,7 +124,7 @@ def test_half_as_long_edges_are_off_by_half(model, batch, monkeypatch):
 
 
 def test_every_input_counts(model, batch):
-    given = {name: batch[name].clone() for name in ("points", "shape")}
+    given = {name: batch[name].clone() for name in ("points", "pose", "shape")}
     given["turns"] = turns_of(batch)
     given["z"] = torch.zeros(len(given["shape"]), 3)
     for value in given.values():
@@ -136,7 +137,7 @@ def test_every_input_counts(model, batch):
 
 
 def test_batched_equals_single(model, batch):
-    given = [batch["points"], turns_of(batch), batch["shape"], batch["gender"]]
+    given = [batch["points"], turns_of(batch), *(batch[k] for k in ("pose", "shape", "gender"))]
     z = torch.randn(len(batch["shape"]), 3, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
         together = model(*given, z)
@@ -181,5 +182,5 @@ def test_codes_take_larger_steps(model):
 
 
 def test_the_pose_takes_the_place_of_the_cut(model):
-    assert model.decoder.cut == TURN_NUMBERS
+    assert model.decoder.cut == TURN_NUMBERS + POSE_NUMBERS
     assert model.decoder.style == model.codes.shape[1] == 3

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from displacement_toys import ALWAYS_M, CLUSTERS, SLOPE_M, known_displacement
+from displacement_toys import CLUSTERS, known_displacement
 from displacement_trainings import toy_displacement
-from drapeline.bodies.kinematics import axis_angle_to_matrix
 from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
-from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.pose_displacements import simulated_files
 from drapeline.metrics.table import find_value
@@ -60,12 +58,8 @@ def test_every_way_of_posing_has_its_rows(evaluation, held_out, moving_skirts):
 
 
 def test_a_network_that_knows_the_truth_has_no_error(evaluation, held_out, monkeypatch):
-    def displace(self, points, weights, motions):
-        # What `known_displacement` goes by, a number of the left hip's rotation.
-        turn = (motions[:, 0, :, :3].swapaxes(1, 2) @ motions[:, 1, :, :3])[:, 0, 1]
-        rest = axis_angle_to_matrix(REST_POSE[3:6])[0, 1]
-        away = ALWAYS_M + (turn - rest)[:, None] * SLOPE_M
-        return np.broadcast_to(away[:, None], (len(motions), len(points), 3))
+    def displace(self, points, weights, poses, motions):
+        return np.broadcast_to(known_displacement(poses), (len(poses), len(points), 3))
 
     monkeypatch.setattr(WornDisplacement, "displace", displace)
     errors = vertex_errors(evaluation.run("test", held_out))

@@ -65,7 +65,7 @@ def test_cloth_is_displaced_before_it_is_skinned(toy_body):
     """A displacement by a centimetre moves rigidly skinned cloth by a centimetre."""
 
     class Up:
-        def displace(self, points, weights, motions):
+        def displace(self, points, weights, poses, motions):
             assert weights.shape == (len(points), 24)
             return np.tile(np.array([0, 0.01, 0]), (len(motions), len(points), 1))
 
