@@ -131,11 +131,11 @@ class DisplacementField(TrainableModule):
 
     def training_step(self, batch: Batch) -> torch.Tensor:
         """Distances of points in the pose, edge lengths there, and the prior of the codes."""
-        own = self.codes[batch["garment_index"]]
-        known = self._draw(len(own)) >= self.settings.loss.unknown
-        terms = self._terms(batch, own * known.to(own)[:, None])
+        own, weights = self.codes[batch["garment_index"]], self.settings.loss
+        pose = batch["pose"] * self._keep("pose", batch["pose"], weights.pose_dropout)
+        z = own * self._keep("unknown", own, weights.unknown)
+        terms = self._terms({**batch, "pose": pose}, z)
         latent = own.square().mean()
-        weights = self.settings.loss
         loss = self._loss(terms) + weights.latent * latent
         terms = {**terms, "latent": latent}
         self.stop_if_unfinite(loss, terms, batch["names"])
@@ -172,9 +172,10 @@ class DisplacementField(TrainableModule):
         vertex = terms["vertex_error_mm"] / (1000 * _UNIT_M)
         return vertex + self.settings.loss.edge * terms["edge"]
 
-    def _draw(self, count: int) -> torch.Tensor:
-        rng = rng_for(self.settings.training.seed, "unknown", self.at.step, self.at.rank)
-        return torch.from_numpy(rng.random(count))
+    def _keep(self, name: str, values: torch.Tensor, dropout: float) -> torch.Tensor:
+        """(B, 1) factors of values (B, ...), zero for a share of them, drawn for each step anew."""
+        rng = rng_for(self.settings.training.seed, name, self.at.step, self.at.rank)
+        return torch.from_numpy(rng.random((len(values), 1)) >= dropout).to(values)
 
     def optimizer(self) -> torch.optim.Optimizer:
         """Adam, with larger steps for the codes."""

@@ -29,11 +29,14 @@ class DisplacementLoss:
         latent: weight of the codes' mean square.
         unknown: share of the garments of a step whose code is replaced by zero, so that zero
             comes to stand for a garment that was not trained on.
+        pose_dropout: share of the frames of a step whose joints are taken for those of the pose of
+            rest, so that points go by their own skinning first of all.
     """
 
     edge: float = 1.0
     latent: float = 1e-3
     unknown: float = 0.5
+    pose_dropout: float = 0.5
 
 
 @dataclass(frozen=True)

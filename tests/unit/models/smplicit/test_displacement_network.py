@@ -86,7 +86,9 @@ def test_gradients_are_true_and_a_step_lowers_the_loss(model, batch):
 
 
 def test_a_batch_is_learned_by_heart(displacements, toy_body, batch):
-    model = with_loss(toy_displacement(displacements, toy_body, learning_rate=5e-3), edge=0.0)
+    model = with_loss(
+        toy_displacement(displacements, toy_body, learning_rate=5e-3), edge=0.0, pose_dropout=0.0
+    )
     few = {key: value[:2] for key, value in batch.items()}
     assert_learned_by_heart(model, few, "vertex_error_mm", steps=1000)
 
@@ -145,12 +147,13 @@ def test_batched_equals_single(model, batch):
     torch.testing.assert_close(together, torch.stack(alone), atol=1e-6, rtol=1e-4)
 
 
-def test_some_codes_are_replaced_by_zero_anew_in_each_step(model, batch):
+@pytest.mark.parametrize("name", ["unknown", "pose_dropout"])
+def test_some_codes_and_poses_are_replaced_by_zero_anew_in_each_step(model, batch, name):
     found = {}
     with torch.no_grad():
         model.codes += 1
         for share in (0.0, 0.5, 1.0):
-            with_loss(model, unknown=share)
+            with_loss(model, **{"unknown": 0.0, "pose_dropout": 0.0, name: share})
             for step in (0, 1, 0):
                 model.position = Position(0, step, 0)
                 loss = float(model.training_step(batch))
