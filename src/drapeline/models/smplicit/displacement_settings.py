@@ -33,7 +33,7 @@ class DisplacementLoss:
             rest, so that points go by their own skinning first of all.
     """
 
-    edge: float = 1.0
+    edge: float = 30.0
     latent: float = 1e-3
     unknown: float = 0.5
     pose_dropout: float = 0.5

@@ -66,7 +66,7 @@ class DisplacementEvaluation:
             "mean": _Variant("smoothed", _at_clusters(baselines, posed=False)),
             "ridge": _Variant("smoothed", _at_clusters(baselines, posed=True)),
             "network": _Variant("smoothed", _by_network(network)),
-            "shuffled": _Variant("smoothed", _by_network(network, self._shuffle)),
+            "other_pose": _Variant("smoothed", _by_network(network, _take_other_frames)),
             "at_rest": _Variant("smoothed", _by_network(network, _stay_at_rest)),
             "untrained": _Variant("smoothed", _by_network(untrained)),
         }
@@ -120,11 +120,6 @@ class DisplacementEvaluation:
                     for cloth, true, wearer in pairs
                 ],
             )
-
-    def _shuffle(self, poses: np.ndarray) -> np.ndarray:
-        """Each frame gets the pose of another, mostly some time away."""
-        rng = rng_for(self._seed, "shuffled", self._name, len(poses))
-        return poses[rng.permutation(len(poses))]
 
     def _rows(
         self,
@@ -196,6 +191,11 @@ def _by_network(
         return worn.displace(one.rest.vertices, weights, poses, motions)
 
     return predict
+
+
+def _take_other_frames(poses: np.ndarray) -> np.ndarray:
+    """Poses from half of the sequence earlier or later."""
+    return np.roll(poses, len(poses) // 2, axis=0)
 
 
 def _stay_at_rest(poses: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ _VARIANTS = {
     "mean": "With the mean displacement",
     "ridge": "With ridge regression on the pose",
     "network": "With the network",
-    "shuffled": "With the network, poses shuffled",
+    "other_pose": "With the network, pose of another frame",
     "at_rest": "With the network, pose of rest",
     "untrained": "With the untrained network",
 }
@@ -49,6 +49,6 @@ def write_displacement_page(path: str | Path, tables: Iterable[str | Path]) -> N
         html_table(metric_table(rows, _METRICS, models, _VARIANTS)),
         "<p>Displacements are added to smoothed skinning, for garments that have no code of their"
         " own. The mean displacement is the fair opponent: it says how cloth hangs in motion"
-        " whatever the pose is. With its poses shuffled, the network gets the pose of another"
-        " frame. Nothing is pushed out of the body here.</p>",
+        " whatever the pose is. If the network gains by the pose, it is worse with that of a frame"
+        " half a sequence away, or of rest. Nothing is pushed out of the body here.</p>",
     )
