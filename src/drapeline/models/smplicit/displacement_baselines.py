@@ -23,6 +23,7 @@ from drapeline.learning_data.pose_displacements import POSE_NUMBERS, Displacemen
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 _NEAREST, _PASSES = 8, 20
 _SMALL_M = 1e-3
+_LEAST_SCATTER = 1e-9
 
 
 class _Sums(NamedTuple):
@@ -101,7 +102,8 @@ class ClusterDisplacement:
         """(P, K, 3) metres per unit of a pose's numbers, by ridge regression."""
         sums = self._sums
         target = sums.moved - sums.seen[..., None] * self._mean
-        strength = penalty * np.trace(sums.square) / POSE_NUMBERS
+        # Where all poses are the same one, there is nothing to learn from them.
+        strength = penalty * max(np.trace(sums.square) / POSE_NUMBERS, _LEAST_SCATTER)
         system = sums.square + strength * np.eye(POSE_NUMBERS)
         return np.linalg.solve(system, target.reshape(POSE_NUMBERS, -1)).reshape(target.shape)
 

@@ -5,7 +5,7 @@ import pytest
 
 from displacement_toys import ALWAYS_M, CLUSTERS, SLOPE_M
 from drapeline.frames import REST_POSE
-from drapeline.learning_data.pose_displacements import encode_poses
+from drapeline.learning_data.pose_displacements import DisplacementData, encode_poses
 from drapeline.models.smplicit.displacement_baselines import PENALTIES, ClusterDisplacement
 from smplicit_toys import toy_bodies
 
@@ -72,3 +72,13 @@ def test_the_pose_of_rest_is_a_pose_like_others(baselines, moving_skirts):
     both = baselines.displacements(*given, poses)
     assert both[0] == pytest.approx(baselines.displacements(*given, REST_POSE[None])[0])
     assert np.abs(both[1] - both[0]).max() > 1e-4
+
+
+def test_a_single_pose_teaches_nothing_about_poses(displacements, toy_body, moving_skirts):
+    still = DisplacementData(displacements.folder)
+    still.pose = np.zeros_like(still.pose)
+    baselines = ClusterDisplacement(still, toy_bodies(toy_body), CLUSTERS)
+    test = moving_skirts[3]
+    given = (test.meshes["Skirt"], test.shape, 0)
+    posed = baselines.displacements(*given, test.poses)
+    assert posed == pytest.approx(np.repeat(baselines.displacements(*given, None), len(posed), 0))
