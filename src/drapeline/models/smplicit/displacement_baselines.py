@@ -45,7 +45,7 @@ class _Sums(NamedTuple):
 
 
 class ClusterDisplacement:
-    """Displacements of the clusters, whatever the garment is; see `worn_by`.
+    """Displacements of the clusters, whatever the garment is; see `displacements`.
 
     Args:
         data: training and validation garments.
