@@ -82,3 +82,22 @@ def test_a_single_pose_teaches_nothing_about_poses(displacements, toy_body, movi
     given = (test.meshes["Skirt"], test.shape, 0)
     posed = baselines.displacements(*given, test.poses)
     assert posed == pytest.approx(np.repeat(baselines.displacements(*given, None), len(posed), 0))
+
+
+def test_frames_without_cloth_at_a_cluster_do_not_count(displacements, toy_body, monkeypatch):
+    """The second garment is taken to be far below the first."""
+    points, below = DisplacementData.garment_points, np.array([0, 0, -0.5])
+    monkeypatch.setattr(
+        DisplacementData, "garment_points", lambda self, g: points(self, g) + (g == 1) * below
+    )
+    baselines = ClusterDisplacement(displacements, toy_bodies(toy_body), CLUSTERS)
+    (cluster, *_) = {*baselines._near[0].tolist()} - {*baselines._near[1].tolist()}
+    rows = displacements.rows("train")
+    first = displacements.garment_index[rows] == 0
+    pose = displacements.pose[rows].astype(float)
+    pose -= pose.mean(axis=0)
+    away = np.stack([displacements.displacements(row).mean(axis=0) for row in rows[first]])
+    strength = 0.1 * np.trace(pose.T @ pose) / pose.shape[1]
+    system = pose.T @ pose + strength * np.eye(pose.shape[1])
+    expected = np.linalg.solve(system, pose[first].T @ (away - away.mean(axis=0)))
+    assert baselines._slopes(0.1)[:, cluster] == pytest.approx(expected, abs=1e-4)
