@@ -1,4 +1,4 @@
-"""Rule `pose_smplicit_garment`: a garment of a model through a clip, by its wearer's skinning."""
+"""Rule `pose_smplicit_garment`: a garment of a model through a clip, on its wearer."""
 
 from typing import TYPE_CHECKING
 
@@ -7,6 +7,7 @@ import numpy as np
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.frames import GENDERS
 from drapeline.models.smplicit.clip import save_clip, worn_clip
+from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.gallery import nearest_type
 from drapeline.models.smplicit.gallery_files import posed_prototype
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
@@ -30,17 +31,27 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
         z, gender=gender, shape=record.shape, meshing=Meshing(**wanted.meshing)
     ).sheet
     worn = (garment, nearest_type(z, model.codes), model.bodies[gender], record)
+    displacement = None
+    if snakemake.input.displacement:
+        trained = PoseDisplacement(snakemake.input.displacement)
+        displacement = trained.worn_by(gender=gender, shape=record.shape)
 
-    def clip(frames, skinning):
-        return worn_clip(*worn, frames, skinning=skinning, push_out=wanted.push_out)
+    def clip(frames, skinning, displacement=None):
+        return worn_clip(
+            *worn,
+            frames,
+            skinning=skinning,
+            push_out=wanted.push_out,
+            displacement=displacement,
+        )
 
     frames = np.arange(min(wanted.frames, len(record.poses)))
-    moving = clip(frames, wanted.skinning)
+    moving = clip(frames, wanted.skinning, displacement)
     save_clip(snakemake.output.scene, moving)
     animate_clip(snakemake.output.moving, moving)
     shown = frames[np.linspace(0, len(frames) - 1, wanted.shown).astype(int)]
-    plot_clip(
-        snakemake.output.sheet,
-        {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS},
-    )
+    rows = {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS}
+    if displacement is not None:
+        rows["displaced,\nthen skinned"] = clip(shown, wanted.skinning, displacement)
+    plot_clip(snakemake.output.sheet, rows)
     log.info("%s on %s, %d frames", name, record.labels.sequence, len(frames))

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from displacement_toys import collect_skirts, write_moving_skirts
+from displacement_trainings import train_toy_displacement
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.frames import GENDERS, REST_POSE
@@ -75,32 +77,58 @@ def test_sheets_are_drawn(run_rule, made, tmp_path):
         assert (np.ptp(picture, axis=2) > 25).mean() > 0.01, sheet
 
 
-def test_a_garment_is_posed(run_rule, made, tmp_path, toy_body):
+@pytest.fixture
+def pose_garment(run_rule, made, tmp_path, toy_body):
+    """pose_garment(displacement) runs the rule and gives the files that it wrote."""
     poses = np.tile(REST_POSE, (6, 1))
     poses[:, 3 * 1] = np.linspace(0, 0.5, 6)
     record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender=0)
     save_body_sequence(tmp_path / "body.npz", record)
-    output = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
-    run_rule(
-        "pose_smplicit_garment",
-        input={
-            "model": made / "skirt",
-            "gallery": made / "gallery",
-            "body": tmp_path / "body.npz",
-        },
-        output={key: tmp_path / name for key, name in output.items()},
-        params={
-            "frames": 4,
-            "shown": 2,
-            "skinning": "smoothed",
-            "push_out": True,
-            "meshing": MESHING,
-            "rays": 0.02,
-        },
-    )
-    with Image.open(tmp_path / "moving.png") as moving:
+
+    def run(displacement):
+        names = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
+        output = {key: tmp_path / name for key, name in names.items()}
+        run_rule(
+            "pose_smplicit_garment",
+            input={
+                "model": made / "skirt",
+                "gallery": made / "gallery",
+                "body": tmp_path / "body.npz",
+                "displacement": displacement,
+            },
+            output=output,
+            params={
+                "frames": 4,
+                "shown": 2,
+                "skinning": "smoothed",
+                "push_out": True,
+                "meshing": MESHING,
+                "rays": 0.02,
+            },
+        )
+        return output
+
+    return run
+
+
+def test_a_garment_is_posed(pose_garment):
+    output = pose_garment([])
+    with Image.open(output["moving"]) as moving:
         assert moving.n_frames == 2
-    assert (tmp_path / "scene.glb").read_bytes()[:4] == b"glTF"
+    assert output["scene"].read_bytes()[:4] == b"glTF"
+
+
+@pytest.mark.portable
+def test_a_displaced_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_path, toy_body):
+    skinned = pose_garment([])
+    with Image.open(skinned["sheet"]) as sheet:
+        height = sheet.height
+    before = skinned["scene"].read_bytes()
+    data = collect_skirts(tmp_path / "data", write_moving_skirts(tmp_path, toy_body), toy_body)
+    displaced = pose_garment(train_toy_displacement(tmp_path, data, toy_body))
+    with Image.open(displaced["sheet"]) as sheet:
+        assert sheet.height == pytest.approx(1.5 * height, rel=0.05)
+    assert displaced["scene"].read_bytes() != before
 
 
 def test_codes_have_a_page_and_a_table(run_rule, made, tmp_path):

@@ -41,6 +41,8 @@ TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
 GALLERY = {"make_smplicit_gallery", "plot_smplicit_gallery", "pose_smplicit_garment"}
 FIT_IMAGES = {"fit_picture", "evaluate_images"}
 USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY | FIT_IMAGES
+TRAIN_DISPLACEMENT = {"train_displacement", "evaluate_displacement"}
+USE_DISPLACEMENT = {"evaluate_displacement", "pose_smplicit_garment"}
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
 REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
@@ -56,7 +58,8 @@ RERUN = {
         *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
         *("register_sample", "skin_static", "train_garment4d_posed"),
     }
-    | {"pose_smplicit_garment"},
+    | {"pose_smplicit_garment", "collect_displacements"}
+    | TRAIN_DISPLACEMENT,
     "outfits/patterns/upper.py": {"build_templates"} | MAKE_GARMENTS,
     "outfits/generate.py": MAKE_GARMENTS,
     "outfits/fabrics.py": MAKE_GARMENTS | {"simulate_outfit"},
@@ -100,15 +103,24 @@ RERUN = {
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
     "registration/to_points.py": USE_GARMENT4D,
     "models/smplicit/train.py": {"train_smplicit"},
-    "models/smplicit/decoder.py": {"train_smplicit"} | USE_SMPLICIT,
+    "models/smplicit/decoder.py": {"train_smplicit", "train_displacement", "evaluate_displacement"}
+    | USE_SMPLICIT,
+    "models/smplicit/train_displacement.py": {"train_displacement"},
+    "models/smplicit/displacement_network.py": {"train_displacement"} | USE_DISPLACEMENT,
+    "models/smplicit/displacement_baselines.py": {"evaluate_displacement"},
+    "models/smplicit/evaluate_displacement.py": {"evaluate_displacement"},
+    "learning_data/pose_displacements.py": {"collect_displacements", "train_displacement"}
+    | USE_DISPLACEMENT,
     "models/smplicit/sheet.py": USE_SMPLICIT,
     "models/smplicit/fit_images.py": FIT_IMAGES,
     "models/smplicit/fitting.py": set(),
     "models/smplicit/evaluate_images.py": {"evaluate_images"},
     "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
     | {"train_smplicit"}
+    | TRAIN_DISPLACEMENT
     | USE_SMPLICIT,
     "models/training/lightning.py": {"train_svae", "train_svae_conditioning", "train_smplicit"}
+    | {"train_displacement"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
     "rendering/modalities.py": {"render_modalities", "evaluate_images"}

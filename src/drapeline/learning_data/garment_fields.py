@@ -272,6 +272,18 @@ def body_clusters(body: np.ndarray, allowed: np.ndarray, count: int) -> np.ndarr
     return np.resize(allowed[order], count)
 
 
+def load_clusters(folder: str | Path) -> np.ndarray:
+    """(K,) ids of the body's vertices that points are measured from.
+
+    Args:
+        folder: of the rule `collect_fields`.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    return load_npz(Path(folder) / "clusters.npz", "vertices")["vertices"]
+
+
 class FieldData:
     """Fields of garments at rest, as `collect_fields` wrote them.
 
@@ -297,7 +309,7 @@ class FieldData:
         self.shape, self.gender, self.garment = rows["shape"], rows["gender"], rows["garment"]
         self.outfit, self.split = rows["outfit"], rows["split"]
         self.occlusion = rows["occlusion"]
-        self.clusters = load_npz(self.folder / "clusters.npz", "vertices")["vertices"]
+        self.clusters = load_clusters(self.folder)
         self.near, self.space = self._open("near"), self._open("space")
         self.near_distance = self._open("near_distance")
         self.space_distance = self._open("space_distance")

@@ -27,6 +27,7 @@ UNITS = {
     "inside_share": "1",
     "inside_1cm_share": "1",
     "inside_depth_mm": "mm",
+    "area_ratio": "1",
     "pieces": "1",
     "surface_to_true_mm": "mm",
     "true_to_surface_mm": "mm",

@@ -11,7 +11,7 @@ from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import WornGarment
-from drapeline.models.smplicit.repose import repose
+from drapeline.models.smplicit.repose import Displacement, repose
 
 
 def worn_clip(
@@ -23,6 +23,7 @@ def worn_clip(
     *,
     skinning: str,
     push_out: bool,
+    displacement: Displacement | None = None,
 ) -> list[WornGarment]:
     """A garment on its moving wearer, in the world.
 
@@ -32,7 +33,7 @@ def worn_clip(
         body: of the wearer.
         record: the wearer in motion.
         frames: (F,) which of its frames.
-        skinning, push_out: see `repose`.
+        skinning, push_out, displacement: see `repose`.
     """
     places = record.trans[frames, None].astype(np.float32)
     moved = places + repose(
@@ -42,6 +43,7 @@ def worn_clip(
         record.poses[frames],
         skinning=skinning,
         push_out=push_out,
+        displacement=displacement,
     )
     wearers = [
         body_sequence_vertices(body, record, world=True, frames=slice(frame, frame + 1))[0]

@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel
-from drapeline.bodies.rest_body import SHAPES, rest_basis
 from drapeline.errors import InputError
-from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
+from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.checkpoints import read_checkpoint
@@ -35,7 +33,7 @@ def load_field(folder: str | Path) -> GarmentField:
             f" {GarmentField.checkpoint_type}"
         )
     settings = GarmentField.parse(about["settings"])
-    basis = torch.zeros(len(GENDERS) * (1 + SHAPES), about["clusters"], 3)
+    basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
     model = GarmentField(about["name"], settings, basis, about["rows"], start=False)
     model.load_state_dict(checkpoint["state_dict"])
     return model.eval().requires_grad_(False)
@@ -52,5 +50,4 @@ def new_field(
         bodies: by gender.
         settings: sizes, losses and training.
     """
-    basis = rest_basis(bodies)[:, data.clusters].astype(np.float32)
-    return GarmentField(name, settings, torch.from_numpy(basis), len(data))
+    return GarmentField(name, settings, cluster_basis(bodies, data.clusters), len(data))

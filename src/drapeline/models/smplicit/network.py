@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from drapeline.models.smplicit.clusters import cluster_places
 from drapeline.models.smplicit.decoder import Decoder
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.fit_fields import fit_codes
@@ -89,16 +90,8 @@ class GarmentField(TrainableModule):
         }
 
     def places(self, shape: torch.Tensor, gender: torch.Tensor) -> torch.Tensor:
-        """(B, K, 3) clusters of bodies at rest, metres.
-
-        Args:
-            shape: (B, 10).
-            gender: (B,) 0 female, 1 male.
-        """
-        male = gender.to(shape)[:, None]
-        one = torch.cat([torch.ones_like(male), shape], 1)
-        factors = torch.cat([one * (1 - male), one * male], 1)
-        return (factors @ self.place_basis.flatten(1)).unflatten(1, (-1, 3))
+        """(B, K, 3) clusters of bodies at rest, metres; see `cluster_places`."""
+        return cluster_places(self.place_basis, shape, gender)
 
     def training_step(self, batch: Batch) -> torch.Tensor:
         """L_d + lambda_z L_z at some of the garments' points (equation 4 and below)."""

@@ -1,23 +1,41 @@
 """Garments at rest carried through poses by the wearer's skinning (SMPLicit 3.5).
 
-The paper's network of pose-dependent wrinkles is left out: this is the skinning after it.
+What poses do to cloth beside that is the displacement that comes before, see `displacement`.
 """
+
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
-from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
+from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.skinning import skin_points, unskin_points
+from drapeline.bodies.rest_skinning import straighten, tpose_motions
+from drapeline.bodies.skinning import skin_points
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.errors import InputError
-from drapeline.frames import REST_POSE
 from drapeline.geometry.collision import Solid
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.smoothing import averaging_matrix
 
 SKINNINGS = ("nearest", "smoothed")
+
+
+class Displacement(Protocol):
+    """P(p, theta, z_theta) of a wearer: what poses do to cloth beside the skinning."""
+
+    def displace(
+        self, points: np.ndarray, weights: np.ndarray, poses: np.ndarray, motions: np.ndarray
+    ) -> np.ndarray:
+        """(N, V, 3) metres in the T-pose.
+
+        Args:
+            points: (V, 3) metres, at rest.
+            weights: (V, 24) of the skinning that follows.
+            poses: (N, 72) rad.
+            motions: (N, 24, 3, 4) of the joints in these poses, of `tpose_motions`.
+        """
+        ...
 
 
 def garment_weights(
@@ -53,6 +71,7 @@ def repose(
     *,
     skinning: str = "nearest",
     push_out: bool = False,
+    displacement: Displacement | None = None,
 ) -> np.ndarray:
     """A garment at rest in other poses; pose blend shapes of the body do not move it.
 
@@ -63,6 +82,7 @@ def repose(
         poses: (N, 72) axis-angle, rad.
         skinning: see `garment_weights`.
         push_out: whether vertices inside the posed body are moved out of it.
+        displacement: of this wearer, added before the skinning; it is learned with "smoothed".
 
     Returns:
         (N, V, 3) float32 metres, the root joint at the origin.
@@ -74,7 +94,11 @@ def repose(
     if poses.ndim != 2 or poses.shape[1] != 72:
         raise InputError(f"poses: shape {poses.shape}, expected (frames, 72)")
     weights = garment_weights(garment, body, shape, skinning)
-    moved = _skin(garment.vertices, weights, body, shape, poses).astype(np.float32)
+    straight = straighten(garment.vertices, weights, body, shape)
+    motions = tpose_motions(body, shape, poses)
+    if displacement is not None:
+        straight = straight + displacement.displace(garment.vertices, weights, poses, motions)
+    moved = skin_points(straight, motions, weights).astype(np.float32)
     if not push_out or not len(poses):
         return moved
     average = averaging_matrix(garment.faces, len(garment.vertices))
@@ -84,18 +108,3 @@ def repose(
         solid.move(points)
         moved[frame] = solid.push_out(moved[frame], average)
     return moved
-
-
-def _skin(
-    points: np.ndarray, weights: np.ndarray, body: BodyModel, shape: np.ndarray, poses: np.ndarray
-) -> np.ndarray:
-    """(N, V, 3) points at rest by way of the T-pose, which takes a body's vertex along exactly.
-
-    Blending the joints' motions from the rest pose itself would be off by millimetres to a
-    centimetre where several joints have a part.
-    """
-    _, joints = shape_body(body, shape)
-    rotations = axis_angle_to_matrix(np.concatenate([REST_POSE[None], poses]).reshape(-1, 24, 3))
-    motions, _ = joint_transforms((joints - joints[0]).astype(np.float64), rotations)
-    straight = unskin_points(points[None], motions[:1], weights)[0]
-    return skin_points(straight, motions[1:], weights)

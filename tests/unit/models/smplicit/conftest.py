@@ -1,5 +1,6 @@
 import pytest
 
+from displacement_toys import collect_skirts, write_moving_skirts
 from drapeline.models.smplicit.fitting import FittingModel
 from smplicit_toys import skirt_pixels, toy_fields
 from smplicit_trainings import train_toy
@@ -16,6 +17,20 @@ def fields(tmp_path_factory):
 def fitting_model(tmp_path_factory, fields, toy_body):
     """A model of the toy skirts that finds them in pictures."""
     return FittingModel(train_toy(tmp_path_factory.mktemp("fitting"), fields, toy_body))
+
+
+@pytest.fixture(scope="session")
+def moving_skirts(tmp_path_factory, toy_body):
+    """Samples of toy skirts in motion."""
+    return write_moving_skirts(tmp_path_factory.mktemp("moving"), toy_body)
+
+
+@pytest.fixture(scope="session")
+def displacements(tmp_path_factory, moving_skirts, toy_body):
+    """What poses do to them."""
+    return collect_skirts(
+        tmp_path_factory.mktemp("displacements") / "data", moving_skirts, toy_body
+    )
 
 
 @pytest.fixture

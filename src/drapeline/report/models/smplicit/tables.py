@@ -1,12 +1,12 @@
 """How well SMPLicit holds held-out garments, beside trivial answers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, read_metrics
 from drapeline.report.html import Cell, html_table, write_page
 
-_MODELS = {
+MODELS = {
     "upper": "Upper body: t-shirts and tops",
     "trousers": "Trousers",
     "skirt": "Skirts",
@@ -67,30 +67,39 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
         " surface. Codes start at what the image encoder makes of the occlusion image and a style"
         " of zero, and are fitted to samples of the garment's distance field.</p>",
         "<h2>The open surface</h2>",
-        html_table(_table(rows, _SURFACE)),
+        html_table(metric_table(rows, _SURFACE)),
         "<p>The nearest training garment is the true one, carried to the wearer's body: it needs no"
         " network to be drawn, and its openings are right wherever it is of the same type.</p>",
         "<h2>The walls on both sides of the cloth, as in the paper</h2>",
-        html_table(_table(rows, _WALLS)),
+        html_table(metric_table(rows, _WALLS)),
         "<h2>The field at points that no code was fitted to</h2>",
-        html_table(_table(rows, _FIELD)),
+        html_table(metric_table(rows, _FIELD)),
         "<p>Distances are clipped; the errors are those of clipped distances.</p>",
         "<h2>Garments found in pictures</h2>",
-        html_table(_table(rows, _PICTURES, _PICTURED)),
+        html_table(metric_table(rows, _PICTURES, _PICTURED)),
         "<p>Simulated samples of the test split, in motion. Body and camera are known, and the fit"
         " sees the segmentation alone. The training code with the least loss is the fair opponent:"
         " it needs no fit. Intervals are from resampling samples.</p>",
     )
 
 
-def _table(
+def metric_table(
     rows: Sequence[MetricRow],
-    metrics: dict[str, tuple[str, int]],
-    models: dict[str, str] = _MODELS,
+    metrics: Mapping[str, tuple[str, int]],
+    models: Mapping[str, str] = MODELS,
+    variants: Mapping[str, str] = _VARIANTS,
 ) -> list[dict[str, object]]:
+    """A row per model and variant that has any of the metrics, for `html_table`.
+
+    Args:
+        rows: of SMPLicit.
+        metrics: metric -> its title, and digits after the point.
+        models: part of the variant's name after "smplicit_" -> title.
+        variants: the part after that -> title.
+    """
     table = []
     for model, title in models.items():
-        for variant, name in _VARIANTS.items():
+        for variant, name in variants.items():
             wanted = f"smplicit_{model}_{variant}"
             own = [row for row in rows if row.variant == wanted and row.garment == ALL]
             values = {row.metric: row.value for row in own}

@@ -1,0 +1,59 @@
+"""Displacements before their training, and from the folders that trainings left."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from drapeline.bodies.model import BodyModel
+from drapeline.errors import InputError
+from drapeline.learning_data.pose_displacements import DisplacementData
+from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
+from drapeline.models.smplicit.displacement_network import DisplacementField
+from drapeline.models.smplicit.displacement_settings import DisplacementSettings
+from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
+
+
+def load_displacement(folder: str | Path) -> DisplacementField:
+    """A trained network, ready to predict.
+
+    Args:
+        folder: of the training.
+
+    Raises:
+        InputError: the checkpoint is missing, damaged, or of another model.
+    """
+    path = Path(folder) / BEST
+    checkpoint = read_checkpoint(path)
+    about = checkpoint["drapeline"]
+    if about["checkpoint_type"] != DisplacementField.checkpoint_type:
+        raise InputError(
+            f"{path}: holds a '{about['checkpoint_type']}' network, expected"
+            f" {DisplacementField.checkpoint_type}"
+        )
+    settings = DisplacementField.parse(about["settings"])
+    basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
+    network = DisplacementField(about["name"], settings, basis, about["garments"])
+    network.load_state_dict(checkpoint["state_dict"])
+    return network.eval().requires_grad_(False)
+
+
+def new_displacement(
+    name: str,
+    data: DisplacementData,
+    bodies: Mapping[str, BodyModel],
+    clusters: np.ndarray,
+    settings: DisplacementSettings,
+) -> DisplacementField:
+    """An untrained network.
+
+    Args:
+        name: of `FIELD_MODELS`.
+        data: of its garments.
+        bodies: by gender.
+        clusters: (K,) ids of the bodies' vertices.
+        settings: sizes, losses and training.
+    """
+    return DisplacementField(name, settings, cluster_basis(bodies, clusters), len(data.garment))
