@@ -8,9 +8,12 @@ from drapeline.bodies.follow import PosedBody
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh, vertex_normals
+from drapeline.outfits.worn import wear_in_layers
 from drapeline.registration.to_points import RefineSettings, fit_to_points
 
 _POINTS = 4000  # of a garment that count
+# Single frames have noise, and cloth that is finer than Garment4D's templates follows it.
+SCAN_REFINING = RefineSettings(bend=4.0)
 
 
 def move_to_scan(
@@ -18,14 +21,15 @@ def move_to_scan(
     rest: Mapping[str, Mesh],
     scan: SegmentedScan,
     body: PosedBody,
-    settings: RefineSettings,
+    settings: RefineSettings = SCAN_REFINING,
 ) -> dict[str, Mesh]:
-    """Garments close to their points, with the lengths that they have at rest.
+    """Garments close to their points, with the lengths that they have at rest, and in layers.
 
     No garment becomes longer or shorter in this way: what its code got wrong in its cut stays.
 
     Args:
-        posed: garment type -> triangles in the scan's world; some may have no faces.
+        posed: garment type -> triangles in the scan's world, from the innermost to the outermost;
+            some may have no faces.
         rest: the same triangles at rest.
         scan: with the garments.
         body: the wearer.
@@ -49,4 +53,4 @@ def move_to_scan(
             )
             mesh = Mesh(vertices[0], mesh.faces)
         moved[name] = mesh
-    return moved
+    return dict(zip(moved, wear_in_layers([*moved.values()], body), strict=True))

@@ -27,7 +27,6 @@ from drapeline.geometry.mesh import (
 from drapeline.models.garment4d.reconstruct import reconstruct, refine
 from drapeline.models.garment4d.reconstruction_model import DEFAULT_REFINING, ReconstructionModel
 from drapeline.outfits.worn import Wearing, wear
-from drapeline.registration.to_points import RefineSettings
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
@@ -98,7 +97,7 @@ class Garment4dScanFitter:
         if at_rest:
             posed = follow.pose_body(wearer, body.shape, body.pose, body.trans)
             found[PCA] = wear(at_rest, posed, self._settings.wearing)
-            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, posed, RefineSettings())
+            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, posed)
         return {variant: garments for variant, garments in found.items() if garments}
 
     def _networks(

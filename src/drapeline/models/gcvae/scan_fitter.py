@@ -31,7 +31,6 @@ from drapeline.models.gcvae.sampling.draw import Request
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.worn import Wearing, wear
 from drapeline.registration.to_body.topology import topology_codes
-from drapeline.registration.to_points import RefineSettings
 from drapeline.registration.to_scan import move_to_scan
 
 
@@ -98,7 +97,7 @@ class CodeScanFitter:
                 registered = register_points(rest, rest_points, scan, name)
                 garments[name] = self._decode(model, request, rest, registered)
             worn = found[variant] = wear(garments, posed, self._settings.wearing)
-            found[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed, RefineSettings())
+            found[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed)
         return found
 
     def _decode(

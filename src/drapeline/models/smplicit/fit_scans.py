@@ -29,6 +29,7 @@ from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.least_squares import LeastSquares, absolute_weights
+from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.smplicit.fit_images import code_prior, spread_codes
 from drapeline.models.smplicit.scan_points import FieldPoints, field_points
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
@@ -112,19 +113,28 @@ class Look(NamedTuple):
 class GarmentTerms:
     """What a scan says about one garment in it.
 
+    Starts and the prior are those of training garments of its type.
+
     Args:
         model: of the garment.
+        garment: its type.
         points: of the scan.
         gender: of the wearer.
         settings: of the fit.
     """
 
     def __init__(
-        self, model: "SmplicitModel", points: FieldPoints, gender: str, settings: FitScan
+        self,
+        model: "SmplicitModel",
+        garment: str,
+        points: FieldPoints,
+        gender: str,
+        settings: FitScan,
     ) -> None:
         self._network, self._settings = model.network, settings
         self._decoder = model.network.decoder
-        self.prior, self._codes = code_prior(model.codes.z), model.codes.z
+        self._codes = model.codes_of(garment)
+        self.prior = code_prior(self._codes)
         self.points = points
         true = np.minimum(points.distance_m / model.network.d_max_m, 1)
         self._true = torch.from_numpy(true.astype(np.float32))
@@ -270,12 +280,17 @@ def fit_scan(
             f"{scan.name}: shows {' and '.join(scan.garments)}, expected a garment of the models"
             f" {', '.join(models)}"
         )
+    model = models[MODEL_OF_GARMENT[wanted[0]]].bodies[scan.gender]
+    moved = MovedBody(model, body)
+    normals = vertex_normals(moved.vertices, model.faces)
     terms = {
         name: GarmentTerms(
             models[MODEL_OF_GARMENT[name]],
+            name,
             field_points(
                 scan,
                 name,
+                (moved.vertices, normals),
                 rng_for(seed, "scan points", scan.name, name),
                 cloth=settings.cloth,
                 around=settings.around,
@@ -286,8 +301,6 @@ def fit_scan(
         )
         for name in wanted
     }
-    model = models[MODEL_OF_GARMENT[wanted[0]]].bodies[scan.gender]
-    moved = MovedBody(model, body)
     starts, codes = {}, {}
     for name, part in terms.items():
         places = PointsAtRest(part.points.places, moved, settings.neighbours).places

@@ -33,6 +33,7 @@ from drapeline.models.smplicit.network_field import NetworkField
 from drapeline.models.smplicit.sheet import extract_sheet
 from drapeline.models.smplicit.variants import FIELD_MODELS, Box
 from drapeline.models.smplicit.walls import Grid, extract_walls
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 
 # No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
@@ -97,6 +98,11 @@ class SmplicitModel:
     def mean_code(self) -> np.ndarray:
         """(cut + style,) mean of the training garments' codes."""
         return self.codes.z.mean(axis=0)
+
+    def codes_of(self, garment: str) -> np.ndarray:
+        """(n, cut + style) codes of the training garments of a type; of all if there are none."""
+        own = self.codes.garment == GARMENTS.index(garment)
+        return self.codes.z[own] if own.any() else self.codes.z
 
     @cached_property
     def bodies(self) -> dict[str, BodyModel]:

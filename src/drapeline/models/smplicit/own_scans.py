@@ -20,7 +20,6 @@ from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import Wearing
-from drapeline.registration.to_points import RefineSettings
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
@@ -83,7 +82,7 @@ def dress_scan(
     posed = pose_body(model, body.shape, body.pose, body.trans)
     garments = dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)
     worn, rest = ({k: getattr(g, part) for k, g in garments.items()} for part in ("posed", "sheet"))
-    moved = move_to_scan(worn, rest, scan, posed, RefineSettings())
+    moved = move_to_scan(worn, rest, scan, posed)
     return DressedScan(body, Mesh(posed.posed.astype(np.float32), posed.faces), garments, moved)
 
 

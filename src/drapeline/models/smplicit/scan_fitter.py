@@ -19,9 +19,9 @@ START, NEAREST, CODE, JOINT, MOVED = (
 class SmplicitScanFitter:
     """Fulfils `ScanFitter`.
 
-    The start is the mean code on the body as it was estimated. On the fitted body there are the
-    training code that fits best, and the fitted code. Body and codes are then fitted jointly, and
-    in the end sheets are moved to the points.
+    The start is the mean code of the garment's type on the body as it was estimated. On the fitted
+    body there are the training code that fits best, and the fitted code. Body and codes are then
+    fitted jointly, and in the end sheets are moved to the points.
 
     Args:
         models: by their names of `FIELD_MODELS`.
@@ -53,7 +53,9 @@ class SmplicitScanFitter:
             return {}
         found = fit_scan(scan, self._models, body, self._body_fit, self._settings, self._seed)
         self.bodies[scan.name] = found.joint.body
-        mean = {name: self._models[MODEL_OF_GARMENT[name]].mean_code for name in names}
+        mean = {
+            name: self._models[MODEL_OF_GARMENT[name]].codes_of(name).mean(axis=0) for name in names
+        }
         ways = {
             START: (mean, scan.estimate),
             NEAREST: (found.nearest.codes, body),

@@ -1,7 +1,8 @@
 """Points of a segmented scan that a garment's field is compared with (SMPLicit 4.2).
 
-The field is zero at points of the garment. Around them, and where the scan shows something else, it
-is the distance from the garment's points. P points.
+The field is zero at points of the garment. Around them it is the distance from the garment's
+points, and so it is above skin and cloth that the garment would cover, which would otherwise not be
+seen. P points, V vertices of the body.
 """
 
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from drapeline.errors import InputError
 
 _NEIGHBOURS = 9  # of a scan's point that its tangent plane goes through, itself among them
 _BESIDE_M = 0.15  # within which most of what bounds a garment is
+_ABOVE_M = 0.25  # from skin, within which a garment may cover it
 _LEAST = 50  # points of a garment
 
 
@@ -32,6 +34,7 @@ class FieldPoints(NamedTuple):
 def field_points(
     scan: SegmentedScan,
     garment: str,
+    body: tuple[np.ndarray, np.ndarray],
     rng: np.random.Generator,
     *,
     cloth: int,
@@ -43,10 +46,12 @@ def field_points(
     Args:
         scan: that shows the garment.
         garment: its type.
+        body: vertices (V, 3) of the body in the scan, and their outward normals.
         rng: draws the points.
         cloth: number of points on the garment.
         around: number of points off it: a third next to it in space, the others where the scan
-            shows skin or cloth that the garment would cover, half of them close to it.
+            shows skin or cloth that the garment would cover, up to 25 cm above it but mostly less,
+            half of them close to the garment.
         spread_m: standard deviation of the distance of those in space.
 
     Raises:
@@ -62,7 +67,9 @@ def field_points(
     parts = [near + rng.normal(scale=spread_m, size=near.shape)]
     if len(beside):
         close = beside[KDTree(own).query(beside)[0] < _BESIDE_M]
-        parts += [_some(some, third, rng) for some in (close, beside)]
+        below = np.concatenate([_some(some, third, rng) for some in (close, beside)])
+        outward = body[1][KDTree(body[0]).query(below)[1]]
+        parts.append(below + _ABOVE_M * rng.random((len(below), 1)) ** 2 * outward)
     off = np.concatenate(parts)
     on_it = _some(own, cloth, rng)
     distance = np.concatenate([np.zeros(len(on_it)), cloud_distances(off, own)])

@@ -27,7 +27,7 @@ def around_hips(count):
 def terms(fitting_model):
     places = around_hips(40)
     points = FieldPoints(places, np.linspace(0, 0.05, 40))
-    return GarmentTerms(fitting_model, points, "male", FitScan())
+    return GarmentTerms(fitting_model, "Skirt", points, "male", FitScan())
 
 
 def differences(value, at):

@@ -32,7 +32,9 @@ def scan(garments, **points):
 
 def look(shown, garment, cloth=50, around=60):
     rng = np.random.default_rng(0)
-    return field_points(shown, garment, rng, cloth=cloth, around=around, spread_m=0.01)
+    # Below everything, and upright.
+    body = np.array([[0.0, 0, -0.1]]), np.array([[0.0, 0, 1.0]])
+    return field_points(shown, garment, body, rng, cloth=cloth, around=around, spread_m=0.01)
 
 
 def test_between_the_points_of_a_cloud_its_plane_goes_on():
@@ -48,14 +50,16 @@ def test_beyond_a_cloud_distances_grow():
 
 
 def test_fields_are_zero_at_the_garment_and_known_beside_it():
-    own, skin = plane(500), plane(500) + [0, 0, 0.1]
+    own, skin = plane(500), plane(500) - [0, 0, 0.14]
     points = look(scan(("Skirt",), skin=skin, Skirt=own), "Skirt", 100, 90)
     assert len(points.places) == 190
     assert not points.distance_m[:100].any()
     np.testing.assert_allclose(points.places[:100, 2], 0, atol=1e-7)
-    beside = np.isclose(points.places[:, 2], 0.1)
-    assert beside.sum() == 60
-    np.testing.assert_allclose(points.distance_m[beside], 0.1, atol=0.03)
+    above = points.places[130:]
+    assert len(above) == 60
+    assert above[:, 2].min() > -0.14
+    assert above[:, 2].max() < 0.11
+    np.testing.assert_allclose(points.distance_m[130:], np.abs(above[:, 2]), atol=0.03)
     space = points.places[100:130]
     np.testing.assert_allclose(points.distance_m[100:130], np.abs(space[:, 2]), atol=0.03)
 
@@ -63,14 +67,13 @@ def test_fields_are_zero_at_the_garment_and_known_beside_it():
 def test_what_covers_the_garment_tells_nothing():
     cover = plane(300) + [0, 0, 0.2]
     shown = scan(("Trousers", "Skirt"), Trousers=plane(300), Skirt=cover)
-    points = field_points(
-        shown, "Trousers", np.random.default_rng(0), cloth=50, around=60, spread_m=0.01
-    )
+    points = look(shown, "Trousers")
     assert points.places[:, 2].max() < 0.1
-    outer = field_points(
-        shown, "Skirt", np.random.default_rng(0), cloth=50, around=60, spread_m=0.01
-    )
-    assert np.isclose(outer.places[:, 2], 0).sum() == 20
+    outer = look(shown, "Skirt")
+    lifted = outer.places[-20:]
+    assert lifted[:, 2].min() >= 0
+    assert lifted[:, 2].max() <= 0.25
+    np.testing.assert_allclose(outer.distance_m[-20:], np.abs(lifted[:, 2] - 0.2), atol=0.05)
 
 
 def test_too_few_points_are_refused():
