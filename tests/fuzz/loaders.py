@@ -103,6 +103,7 @@ from motion_files import (
 )
 from moving_toys import write_registered_sample
 from smplicit_toys import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
+from smplicit_toys import tube as sheet
 from template_toys import toy_template as toy_garment_template
 from tiny_sample import tube, write_tiny_sample
 from toys import toy_body
@@ -595,7 +596,7 @@ def _make_gallery_tables(folder: Path) -> None:
 def _make_held_out(folder: Path) -> None:
     kinds = np.array([GARMENTS.index("Top")] * 2, np.int8)
     z = np.zeros((2, 3), np.float32)
-    sheets = [tube(0.3, -0.5, 0.0), tube(0.2, -0.5, 0.0)]
+    sheets = [sheet(0.3, -0.5, 0.0), sheet(0.2, -0.5, 0.0)]
     save_held_out(folder / "held_out.npz", HeldOut(np.array(["s1", "s2"]), kinds, z, sheets))
 
 

@@ -43,7 +43,7 @@ def test_written_files_have_the_usual_mode(tmp_path):
 def test_npz_round_trip_keeps_arrays_strings_and_dtypes(tmp_path):
     path = tmp_path / "a.npz"
     save_npz(path, x=np.arange(3, dtype=np.float32), name="walk", count=2)
-    arrays = load_npz(path, "x", "name")
+    arrays = load_npz(path, {"x": "float n", "name": "str", "count": "int"})
     assert arrays["x"].dtype == np.float32
     assert str(arrays["name"]) == "walk"
     assert int(arrays["count"]) == 2
@@ -66,35 +66,39 @@ class Bomb:
 def test_a_pickle_inside_an_npz_is_refused_and_not_run(tmp_path):
     path, trace = tmp_path / "a.npz", tmp_path / "trace"
     np.savez(path, bad=np.array([Bomb(trace)], dtype=object), allow_pickle=True)
-    with pytest.raises(InputError, match="not a readable .npz of plain arrays"):
-        load_npz(path)
+    with pytest.raises(InputError, match="a.npz: 'bad' holds Python objects"):
+        load_npz(path, {"bad": "any ..."})
     assert not trace.exists()
 
 
-def test_only_the_keys_asked_for_are_opened(tmp_path):
-    np.savez(tmp_path / "a.npz", x=1, y=2, z=3, bad=np.array([{}], dtype=object))
-    arrays = load_npz(tmp_path / "a.npz", "x", optional=("y", "absent"), only=True)
-    assert set(arrays) == {"x", "y"}
+def test_only_declared_arrays_are_opened(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, x=1, y=2, z=3, bad=np.array([{}], dtype=object))
+    assert set(load_npz(path, {"x": "int", "y?": "int", "absent?": "int"})) == {"x", "y"}
     with pytest.raises(InputError, match="lacks w; it holds bad, x, y, z"):
-        load_npz(tmp_path / "a.npz", "w", only=True)
+        load_npz(path, {"w": "int"})
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "no such file"), (b"not a zip", "not a readable .npz"), (b"", "not a readable .npz")],
+    [
+        (None, "no such file"),
+        (b"not a zip", "not readable as an .npz"),
+        (b"", "not readable as an .npz"),
+    ],
 )
 def test_unusable_npz_files_are_named(tmp_path, content, message):
     path = tmp_path / "a.npz"
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=f"a.npz: {message}"):
-        load_npz(path, "x")
+        load_npz(path, {"x": "int"})
 
 
 def test_a_missing_key_is_named_with_those_there(tmp_path):
     save_npz(tmp_path / "a.npz", x=1, y=2)
     with pytest.raises(InputError, match="lacks poses; it holds x, y"):
-        load_npz(tmp_path / "a.npz", "x", "poses")
+        load_npz(tmp_path / "a.npz", {"x": "int", "poses": "float n 72"})
 
 
 def test_json_keeps_small_numbers_and_refuses_nan(tmp_path):
@@ -134,7 +138,7 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
         small_disk(),
     ):
         save_npz(path, x=noise)
-    assert load_npz(path)["x"] == 1
+    assert load_npz(path, {"x": "int"})["x"] == 1
     assert list(tmp_path.iterdir()) == [path]
 
 

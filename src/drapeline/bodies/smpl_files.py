@@ -7,7 +7,6 @@ out without it.
 """
 
 import pickle
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from drapeline.errors import InputError
 from drapeline.frames import PARENTS
-from drapeline.storage import atomic_file
+from drapeline.storage import atomic_file, load_npz
 
 try:
     from numpy._core import multiarray, numeric
@@ -66,12 +65,8 @@ def convert_to_pickle(source: str | Path, target: str | Path) -> None:
 
 
 def _read_npz(path: Path) -> dict[str, Any]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            # Only what is needed: SMPL's own files also hold pickled tables.
-            return {key: archive[key] for key in REQUIRED + OPTIONAL if key in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
+    # Only what is needed: SMPL's own files also hold pickled tables.
+    return load_npz(path, {f"{key}?": "any|nan ..." for key in REQUIRED + OPTIONAL})
 
 
 class _Inert:

@@ -216,6 +216,12 @@ def _check_distance(
             )
 
 
+# What is wrong with these is told in more words below.
+_PARAMETERS = {
+    **dict.fromkeys(("poses", "shape", "gender", "trans?", "transl?"), "any|nan ..."),
+}
+
+
 def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> BodyParameters:
     """Read the body of scans as described at `read_scans`, with the axes of the file.
 
@@ -227,7 +233,7 @@ def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> B
         raise InputError(
             f"{path}: no such file, expected an .npz with the body's poses, trans, shape and gender"
         )
-    return _parse_body_parameters(path, load_npz(path, "poses", "shape", "gender"), bodies)
+    return _parse_body_parameters(path, load_npz(path, _PARAMETERS), bodies)
 
 
 def _parse_body_parameters(
@@ -300,7 +306,7 @@ def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
 
 def _read_frames(path: Path) -> list[np.ndarray]:
     """Points of all frames in a single `.npz`."""
-    arrays = load_npz(path, "points")
+    arrays = load_npz(path, {"points": "any|nan ...", "counts?": "any|nan ..."})
     points = arrays["points"]
     if points.dtype.kind not in "fiu":
         raise InputError(f"{path}: points are of type {points.dtype}, expected numbers")
@@ -333,12 +339,10 @@ def _read_frames(path: Path) -> list[np.ndarray]:
 
 def _read_frame(path: Path) -> Scan:
     if path.suffix == ".npz":
-        arrays = load_npz(path)
+        arrays = load_npz(path, {f"{key}?": "any|nan ..." for key in (*_POINT_KEYS, "faces")})
         key = next((key for key in _POINT_KEYS if key in arrays), None)
         if key is None:
-            raise InputError(
-                f"{path}: holds {', '.join(sorted(arrays))}, expected {' or '.join(_POINT_KEYS)}"
-            )
+            raise InputError(f"{path}: holds neither {' nor '.join(_POINT_KEYS)}")
         return Scan(arrays[key], arrays.get("faces"))
     if path.suffix == ".obj":
         text = path.read_text(errors="replace")

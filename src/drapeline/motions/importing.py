@@ -1,6 +1,5 @@
 """Import of motion files of all formats, and the number of frames they will have."""
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.motions.amass import RATE_KEYS, read_amass
+from drapeline.motions.amass import RATES, frame_rate, read_amass
 from drapeline.motions.asf_amc import CMU_FPS, amc_frames, find_asf, read_asf_amc
 from drapeline.motions.bvh import bvh_frames, read_bvh
 from drapeline.motions.grounding import set_on_floor
@@ -23,6 +22,7 @@ from drapeline.motions.motion import (
     resampled_count,
 )
 from drapeline.motions.retarget import retarget
+from drapeline.storage import load_npz, npz_shapes
 
 SUFFIXES = (".npz", ".bvh", ".amc")
 
@@ -117,9 +117,7 @@ def _check_suffix(path: str | Path) -> Path:
 
 def _read_npz(path: Path) -> Motion:
     """Read our own file, recognised by its leg length, or else an AMASS file."""
-    with _archive(path) as archive:
-        ours = "reference_leg_length_m.npy" in archive.namelist()
-    if ours:
+    if npz_shapes(path, {"reference_leg_length_m?": "any ..."}):
         return resample(load_motion(path))
     # AMASS is in SMPL's pose space already, so its poses are kept.
     return set_on_floor(resample(read_amass(path)), feet=False, hands=False)
@@ -127,36 +125,14 @@ def _read_npz(path: Path) -> Motion:
 
 def _npz_frames(path: Path) -> tuple[int, float, bool]:
     """Frames, frames per second, and whether it is cyclic, from the array headers."""
-    with _archive(path) as archive:
-        names = archive.namelist()
-        if "poses.npy" not in names:
-            raise InputError(f"{path}: lacks 'poses', it holds {', '.join(sorted(names))}")
-        try:
-            with archive.open("poses.npy") as stream:
-                version = np.lib.format.read_magic(stream)
-                read_header = {
-                    (1, 0): np.lib.format.read_array_header_1_0,
-                    (2, 0): np.lib.format.read_array_header_2_0,
-                }[version]
-                shape = read_header(stream)[0]
-            rates = [key for key in RATE_KEYS if f"{key}.npy" in names]
-            with archive.open(f"{rates[0]}.npy") as stream:
-                fps = float(np.lib.format.read_array(stream, allow_pickle=False))
-        except (ValueError, KeyError, IndexError, OSError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path}: no readable 'poses' and frame rate ({error})") from error
-        if not shape or shape[0] < 1 or not fps > 0:
-            raise InputError(
-                f"{path}: poses of shape {shape} at {fps} frames per second, expected at least 1 "
-                "frame at a positive rate"
-            )
-        return int(shape[0]), fps, "cycle_turn_rad.npy" in names
-
-
-def _archive(path: Path) -> zipfile.ZipFile:
-    try:
-        return zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, OSError) as error:
-        raise InputError(f"{path}: not a readable .npz ({error})") from error
+    shapes = npz_shapes(path, {"poses": "number ...", "cycle_turn_rad?": "number"})
+    shape, fps = shapes["poses"], frame_rate(path, load_npz(path, RATES))
+    if not shape or shape[0] < 1 or not 0 < fps < np.inf:
+        raise InputError(
+            f"{path}: poses of shape {shape} at {fps} frames per second, expected at least 1 "
+            "frame at a positive rate"
+        )
+    return shape[0], fps, "cycle_turn_rad" in shapes
 
 
 def _rate(times_s: np.ndarray) -> float:

@@ -221,7 +221,7 @@ def test_other_unusable_files(tmp_path, smpl_arrays):
         load_body(tmp_path / "a.txt")
     for name in ("a.npz", "a.pkl"):
         (tmp_path / name).write_bytes(b"\x80\x02 nonsense")
-        with pytest.raises(InputError, match="not a readable"):
+        with pytest.raises(InputError, match="not readable as"):
             load_body(tmp_path / name)
     write_pickle(tmp_path / "list.pkl", [1])
     with pytest.raises(InputError, match="holds a list"):

@@ -140,10 +140,10 @@ def test_npz_headers_without_frames_or_rate_are_named(tmp_path):
     with pytest.raises(InputError, match=r"a\.npz: poses of shape \(0, 156\)"):
         frame_count(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", poses=np.zeros((5, 156)))
-    with pytest.raises(InputError, match=r"b\.npz: no readable 'poses' and frame rate"):
+    with pytest.raises(InputError, match=r"b\.npz: has no frame rate"):
         frame_count(tmp_path / "b.npz")
     np.savez(tmp_path / "c.npz", x=np.zeros(5))
-    with pytest.raises(InputError, match=r"c\.npz: lacks 'poses'"):
+    with pytest.raises(InputError, match=r"c\.npz: lacks poses; it holds x"):
         frame_count(tmp_path / "c.npz")
 
 

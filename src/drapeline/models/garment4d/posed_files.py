@@ -61,8 +61,11 @@ def load_posed_files(folder: str | Path) -> PosedFiles:
         InputError: a file is missing or damaged.
     """
     folder = Path(folder)
-    found = load_npz(folder / _SIZES, "body_points", "points")
-    bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
     names = WornGarmentStatistics._fields
-    worn = WornGarmentStatistics(*map(found.get, names)) if names[0] in found else None
+    found = load_npz(
+        folder / _SIZES,
+        {"body_points": "int", "points": "int", **{f"{name}?": "float *" for name in names}},
+    )
+    bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
+    worn = WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
     return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), worn)

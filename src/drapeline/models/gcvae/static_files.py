@@ -76,14 +76,19 @@ def mask_rates(garment: np.ndarray, mask: np.ndarray, rows: np.ndarray) -> np.nd
     return (total / np.maximum(count, 1)[:, None]).astype(np.float32)
 
 
+_CODES = {
+    **dict.fromkeys(("mean", "log_variance"), "float n z"),
+    "garment": f"int<{len(GARMENTS)} n",
+    "mask_rate": f"float {len(GARMENTS)} *",
+}
+
+
 def load_training_codes(folder: str | Path) -> TrainingCodes:
     """Read what `save_static_files` wrote of the training garments.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    found = load_npz(
-        Path(folder) / TRAINING_CODES, "mean", "log_variance", "garment", "mask_rate", only=True
-    )
+    found = load_npz(Path(folder) / TRAINING_CODES, _CODES)
     codes = Codes(found["mean"], found["log_variance"])
     return TrainingCodes(codes, found["garment"], found["mask_rate"])
