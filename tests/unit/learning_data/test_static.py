@@ -84,6 +84,6 @@ def test_shards_of_other_bodies_and_lost_files_are_refused(shards, tmp_path, toy
     less["offsets"] = less["offsets"][:, :-1]
     save_npz(shards[1], **less)
     with pytest.raises(
-        InputError, match=rf"1\.npz: counts {count - 1} body vertices, expected {count}"
+        InputError, match=rf"1\.npz: .*has shape \(\d+, {count}\).*expected \(\d+, {count - 1}\)"
     ):
         collect_static(tmp_path / "data", shards, {"female": toy_body})
