@@ -10,7 +10,7 @@ import re
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from itertools import zip_longest
@@ -174,7 +174,9 @@ class _Arrays(dict[str, np.ndarray]):
         raise InputError(f"{self._path}: lacks {key}; it holds {', '.join(sorted(self))}")
 
 
-def load_npz(path: str | Path, table: Mapping[str, str], **sizes: int) -> dict[str, np.ndarray]:
+def load_npz(
+    path: str | Path, table: Mapping[str, str], *, unread: Collection[str] = (), **sizes: int
+) -> dict[str, np.ndarray]:
     """Read declared arrays of an `.npz`, without executing anything in it.
 
     Sizes are compared with the file's before memory is taken: a header that lies costs nothing.
@@ -183,6 +185,7 @@ def load_npz(path: str | Path, table: Mapping[str, str], **sizes: int) -> dict[s
         table: key -> kind and axes, such as "float n 72"; see `drapeline.npy.Declared`. A key that
             ends in "?" may be missing, and one with a "*" is a pattern of any number of keys. What
             is not in the table is not read.
+        unread: keys of which only the shape is wanted; zeros that take no memory stand for them.
         sizes: of axes that are known.
 
     Returns:
@@ -194,31 +197,21 @@ def load_npz(path: str | Path, table: Mapping[str, str], **sizes: int) -> dict[s
     """
     path = Path(path)
     with _members(path, table) as (archive, members):
-        _refuse_bomb(path, members.values())
+        _refuse_bomb(path, [info for key, info in members.items() if key not in unread])
         forms = {key: _form_of(key, table) for key in members}
         declared, arrays = Declared(sizes), _Arrays(path)
         for key, info in members.items():
             with _naming(path, key), _open_member(archive, info) as stream:
                 header = _checked_header(stream, info)
                 declared.check_header(forms[key], header)
-                arrays[key] = read_array(stream, header)
+                if key in unread:
+                    arrays[key] = np.broadcast_to(np.zeros((), header.dtype), header.shape)
+                else:
+                    arrays[key] = read_array(stream, header)
         for key, array in arrays.items():
             with _naming(path, key):
                 declared.check_values(forms[key], array)
     return arrays
-
-
-def npz_shapes(path: str | Path, table: Mapping[str, str]) -> dict[str, tuple[int, ...]]:
-    """Shapes of arrays of an `.npz` from their headers alone; see `load_npz`."""
-    path = Path(path)
-    with _members(path, table) as (archive, members):
-        declared, shapes = Declared({}), {}
-        for key, info in members.items():
-            with _naming(path, key), _open_member(archive, info) as stream:
-                header = _checked_header(stream, info)
-                declared.check_header(_form_of(key, table), header)
-                shapes[key] = header.shape
-    return shapes
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from drapeline.motions.motion import (
     resampled_count,
 )
 from drapeline.motions.retarget import retarget
-from drapeline.storage import load_npz, npz_shapes
+from drapeline.storage import load_npz
 
 SUFFIXES = (".npz", ".bvh", ".amc")
 
@@ -117,7 +117,7 @@ def _check_suffix(path: str | Path) -> Path:
 
 def _read_npz(path: Path) -> Motion:
     """Read our own file, recognised by its leg length, or else an AMASS file."""
-    if npz_shapes(path, {"reference_leg_length_m?": "any ..."}):
+    if load_npz(path, {"reference_leg_length_m?": "any ..."}):
         return resample(load_motion(path))
     # AMASS is in SMPL's pose space already, so its poses are kept.
     return set_on_floor(resample(read_amass(path)), feet=False, hands=False)
@@ -125,14 +125,15 @@ def _read_npz(path: Path) -> Motion:
 
 def _npz_frames(path: Path) -> tuple[int, float, bool]:
     """Frames, frames per second, and whether it is cyclic, from the array headers."""
-    shapes = npz_shapes(path, {"poses": "number ...", "cycle_turn_rad?": "number"})
-    shape, fps = shapes["poses"], frame_rate(path, load_npz(path, RATES))
+    forms = {"poses": "number ...", "cycle_turn_rad?": "number", **RATES}
+    arrays = load_npz(path, forms, unread=["poses"])
+    shape, fps = arrays["poses"].shape, frame_rate(path, arrays)
     if not shape or shape[0] < 1 or not 0 < fps < np.inf:
         raise InputError(
             f"{path}: poses of shape {shape} at {fps} frames per second, expected at least 1 "
             "frame at a positive rate"
         )
-    return shape[0], fps, "cycle_turn_rad" in shapes
+    return shape[0], fps, "cycle_turn_rad" in arrays
 
 
 def _rate(times_s: np.ndarray) -> float:

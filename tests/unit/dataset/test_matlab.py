@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -71,10 +72,8 @@ def test_no_tag_leads_outside_of_the_file(tmp_path, byte, value):
         damaged = bytearray(data)
         damaged[start + byte] = value
         path.write_bytes(damaged)
-        try:
+        with suppress(InputError):  # any other exception, or a crash, is a failure
             read_matlab(path)
-        except InputError as error:
-            assert str(error).startswith(f"{path}: not readable as a MATLAB v5 file")
 
 
 def test_packed_elements_may_not_be_much_larger_than_their_file(tmp_path):
