@@ -252,11 +252,18 @@ def _naming(path: Path, key: str) -> Iterator[None]:
         raise InputError(f"{path}: '{key}' {error}") from error
 
 
+_SMALL = 1 << 16
+
+
 def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
     # Other methods need memory that the file does not tell.
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise HeaderError("is packed in a way that NumPy does not use")
-    return archive.open(info)
+    stream = archive.open(info)
+    if info.file_size > _SMALL:
+        return stream
+    with stream:  # read at once, which is faster than in pieces
+        return io.BytesIO(stream.read())
 
 
 def _checked_header(stream: IO[bytes], info: zipfile.ZipInfo) -> Header:

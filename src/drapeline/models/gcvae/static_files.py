@@ -10,7 +10,7 @@ import numpy as np
 
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes, encode_garments
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import Topology, save_topology
@@ -47,7 +47,7 @@ def save_static_files(
         garments: that it was trained on.
         topology: of the bodies.
     """
-    model.load_state_dict(read_checkpoint(folder / BEST)["state_dict"])
+    load_state(model, read_checkpoint(folder / BEST), folder / BEST)
     rows = garments.rows("train")
     codes = encode_garments(model.eval(), garments, rows)
     garment = np.asarray(garments.garment)

@@ -11,7 +11,7 @@ from drapeline.bodies.model import BodyModel, save_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.network import GarmentField
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
@@ -53,7 +53,7 @@ def save_model_files(
         data: that it was trained on.
         bodies: by gender.
     """
-    model.load_state_dict(read_checkpoint(folder / BEST)["state_dict"])
+    load_state(model, read_checkpoint(folder / BEST), folder / BEST)
     model.eval()
     rows = data.rows("train")
     with torch.no_grad():
