@@ -197,7 +197,7 @@ def load_npz(
     """
     path = Path(path)
     with _members(path, table) as (archive, members):
-        _refuse_bomb(path, [info for key, info in members.items() if key not in unread])
+        _refuse_bomb(path, members.values())
         forms = {key: _form_of(key, table) for key in members}
         declared, arrays = Declared(sizes), _Arrays(path)
         for key, info in members.items():
