@@ -131,12 +131,13 @@ def _read(loader: Loader, folder: Path, damaged: Path, honest: bool) -> tuple[st
     return "read", ""
 
 
-def _ran_out(error: BaseException | None) -> bool:
-    while error is not None:
-        if isinstance(error, MemoryError):
-            return True
+def _ran_out(error: BaseException) -> bool:
+    """Whether it comes of too little memory, which torch tells by another exception."""
+    chain: list[BaseException] = []
+    while error is not None and error not in chain:
+        chain.append(error)
         error = error.__cause__ or error.__context__
-    return False
+    return any(isinstance(e, MemoryError) or "allocate memory" in str(e) for e in chain)
 
 
 def _answer(child: int, reading: int, deadline: float) -> tuple[str, str]:

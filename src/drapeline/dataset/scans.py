@@ -18,7 +18,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import FPS, GENDERS
 from drapeline.geometry.obj import load_obj
 from drapeline.seeding import rng_for
@@ -294,7 +294,10 @@ def read_frames(path: str | Path) -> list[Scan]:
         raise InputError(f"{path}: no such folder, expected a folder of scans or an .npz of points")
     for name, scan in scans.items():
         _check_scan(name, scan)
-    return list(scans.values())
+    return [
+        Scan(points, None if triangles is None else triangles.astype(np.int32))
+        for points, triangles in scans.values()
+    ]
 
 
 def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
@@ -345,17 +348,33 @@ def _read_frame(path: Path) -> Scan:
             raise InputError(f"{path}: holds neither {' nor '.join(_POINT_KEYS)}")
         return Scan(arrays[key], arrays.get("faces"))
     if path.suffix == ".obj":
-        text = path.read_text(errors="replace")
+        with refuse_damage(path, "obj"):
+            text = path.read_text(errors="replace")
         if re.search(r"^f\s", text, re.MULTILINE):
             mesh = load_obj(path)
             return Scan(mesh.vertices, mesh.triangles)
-    try:
+    if path.suffix == ".ply":
+        _check_ply(path)
+    with refuse_damage(path, path.suffix[1:]):
         geometry = trimesh.load(path, process=False)
-    except Exception as error:  # trimesh raises whatever its parsers happen to raise
-        raise InputError(f"{path}: not readable as {path.suffix[1:]} ({error})") from error
-    vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
-    triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
-    return Scan(vertices, triangles.astype(np.int32) if len(triangles) else None)
+        vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
+        triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
+    return Scan(vertices, triangles if len(triangles) else None)
+
+
+_PLY_ELEMENT = re.compile(rb"element[ \t]+\S+[ \t]+(\S+)")
+
+
+def _check_ply(path: Path) -> None:
+    """Compare counts of elements with the file's size: trimesh takes memory as they say."""
+    with refuse_damage(path, "ply"), open(path, "rb") as stream:
+        head = stream.read(1 << 16)
+    size = path.stat().st_size
+    for count in _PLY_ELEMENT.findall(head[: head.find(b"end_header")]):
+        if not count.isdigit() or len(count) > 18 or int(count) > size:
+            raise InputError(
+                f"{path}: names {count.decode('latin-1')} elements in {size} bytes, expected fewer"
+            )
 
 
 def _check_scan(name: str, scan: Scan) -> None:

@@ -47,7 +47,9 @@ def building(path: str | Path) -> Iterator[None]:
         with refuse_damage(path, "a checkpoint of drapeline"):
             yield
     except InputError as error:
-        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
+        if str(path) in str(error):
+            raise
+        raise InputError(f"{path}: {error}") from error
 
 
 def load_state(module: nn.Module, checkpoint: Mapping[str, Any], path: str | Path) -> None:
