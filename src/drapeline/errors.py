@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_LONGEST = 1200  # characters of a message
+_LONGEST = 1000  # characters of a message
 
 
 class InputError(ValueError):

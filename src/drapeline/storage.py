@@ -263,7 +263,7 @@ def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
     if info.file_size > _SMALL:
         return stream
     with stream:  # read at once, which is faster than in pieces
-        return io.BytesIO(stream.read())
+        return io.BytesIO(stream.read(info.file_size))
 
 
 def _checked_header(stream: IO[bytes], info: zipfile.ZipInfo) -> Header:

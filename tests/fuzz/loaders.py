@@ -61,6 +61,7 @@ from drapeline.models.smplicit.files import save_model_files
 from drapeline.models.smplicit.gallery_files import CODES, load_gallery, posed_prototype
 from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
 from drapeline.models.smplicit.load import load_field, new_field
+from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.models.smplicit.released import load_released
 from drapeline.motions.deepmimic import read_deepmimic
@@ -627,6 +628,12 @@ def _make_picture(folder: Path, labels: str) -> None:
     (folder / "street.json").write_text(json.dumps(given))
 
 
+def _read_picture(folder: Path) -> Any:
+    for path in picture_files([folder]):
+        files_of_picture(path)
+        read_picture(path, bodies(), least_px=50)
+
+
 def _make_fitted_picture(folder: Path) -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     mesh = Mesh(vertices, np.array([[0, 1, 2]], np.int32))
@@ -856,7 +863,7 @@ def _loaders() -> Iterator[Loader]:
         yield Loader(
             f"picture_{labels[-3:]}",
             lambda f, labels=labels: _make_picture(f, labels),
-            lambda f: read_picture(f / "street.json", bodies(), least_px=50),
+            _read_picture,
         )
     yield Loader(
         "fitted_picture", _make_fitted_picture, lambda f: load_fitted_picture(f / "street.npz")
