@@ -5,8 +5,8 @@
 
 import json
 import pickle
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -89,6 +89,7 @@ from drapeline.registration.to_template.remesh_table import RemeshTable, load_ta
 from drapeline.report.models.smplicit.gallery_page import read_gallery_tables
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
+from fuzz.runs import Loader
 from garment4d_toys import CANONICAL, POSED, open_toy_data, save_toy_data
 from gcvae_files import TypedGarments, save_model, save_static_data
 from gcvae_toys import toy_template
@@ -111,23 +112,6 @@ from toys import toy_body
 
 ROOT = Path(__file__).parents[2]
 _CELL_M = 0.06  # a coarse body, so that files are small
-
-
-@dataclass(frozen=True)
-class Loader:
-    """Something that reads files.
-
-    Attributes:
-        name: of the loader, and of the folder of its files.
-        make: writes honest files into a folder.
-        load: reads them, given the folder.
-        damaged: patterns of the files to damage, in the folder, separated by spaces.
-    """
-
-    name: str
-    make: Callable[[Path], Any]
-    load: Callable[[Path], Any]
-    damaged: str = "*"
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Read damaged files for a time, and print what is not refused in one sentence.
+"""Read damaged files for a time, and print what is neither read nor refused in one sentence.
 
 PYTHONPATH=src:tests .venv/bin/python -m fuzz.run --minutes 60
 PYTHONPATH=src:tests .venv/bin/python -m fuzz.run --seed 1 --loader bvh --case 17   (again)
@@ -10,34 +10,45 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from itertools import count
 from pathlib import Path
 
 # Set before NumPy is imported: threads of a child would count as its memory.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MALLOC_ARENA_MAX="1")
 
-from fuzz.loaders import LOADERS, Loader, make_files, open_files
-from fuzz.runs import Outcome, run_case, warm_up
+from fuzz.loaders import LOADERS, make_files, open_files
+from fuzz.runs import Loader, Outcome, run_case, warm_up
 
 
 def main() -> int:
     """Return 1 if a file was met badly."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--cases", type=int, help="at most so many of each loader")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--loader", help="this one alone, by its name in loaders.py")
-    parser.add_argument("--case", type=int, help="this case alone, whose traceback is printed")
+    parser.add_argument("--loader", nargs="+", help="these alone, by their names in loaders.py")
+    parser.add_argument("--case", type=int, help="this case alone, to see it again")
     parser.add_argument("--files", type=Path, help="keep the honest files here for the next run")
     given = parser.parse_args()
-    loaders = [LOADERS[given.loader]] if given.loader else list(LOADERS.values())
+    loaders = [LOADERS[name] for name in given.loader or LOADERS]
+    numbers = count() if given.cases is None else range(given.cases)
     with tempfile.TemporaryDirectory() as folder:
         files = given.files or Path(folder) / "files"
         make_apart(files, loaders)
         for loader in loaders:
             warm_up(loader, files, Path(folder))
-        numbers = count() if given.case is None else [given.case]
         deadline = time.monotonic() + 60 * given.minutes
-        found = list(_outcomes(loaders, numbers, given.seed, files, Path(folder), deadline))
+        found = list(
+            _outcomes(
+                loaders,
+                numbers if given.case is None else [given.case],
+                given.seed,
+                files,
+                Path(folder),
+                deadline,
+            )
+        )
     return _report(found, given.seed)
 
 
@@ -59,10 +70,17 @@ def make_apart(files: Path, loaders: list[Loader]) -> None:
     open_files(files)
 
 
-def _outcomes(loaders, numbers, seed, files, folder, deadline):
+def _outcomes(
+    loaders: list[Loader],
+    numbers: Iterable[int],
+    seed: int,
+    files: Path,
+    folder: Path,
+    deadline: float,
+) -> Iterator[Outcome]:
     for number in numbers:
         for loader in loaders:
-            if number and time.monotonic() > deadline:
+            if time.monotonic() > deadline:
                 return
             outcome = run_case(loader, number, seed, files, folder)
             if not outcome.fine:

@@ -1,5 +1,6 @@
 """One damaged file after the other, each read in a child with limits on memory and time."""
 
+import faulthandler
 import json
 import os
 import resource
@@ -8,18 +9,36 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.seeding import rng_for
-from fuzz.loaders import Loader
 from fuzz.mutations import CANARY, mutate
 
 _ALLOWANCE = 200 << 20  # bytes a loader may ask for, besides three times the file
-_SECONDS = 10
-_LONGEST = 1000  # characters of a message, besides the file's name
+SECONDS = 10
+_LONGEST = 1100  # characters of a message, besides the file's name
+
+
+@dataclass(frozen=True)
+class Loader:
+    """Something that reads files.
+
+    Attributes:
+        name: of the loader, and of the folder of its files.
+        make: writes honest files into a folder.
+        load: reads them, given the folder.
+        damaged: patterns of the files to damage, in the folder, separated by spaces.
+    """
+
+    name: str
+    make: Callable[[Path], Any]
+    load: Callable[[Path], Any]
+    damaged: str = "*"
 
 
 @dataclass(frozen=True)
@@ -90,6 +109,7 @@ def _in_child(
     if child == 0:
         try:
             os.close(reading)
+            faulthandler.disable()  # a crash is told by its signal
             _limit(size)
             os.chdir(folder)
             sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
@@ -99,14 +119,14 @@ def _in_child(
             os._exit(0)
     os.close(writing)
     # A child that sleeps uses no processor time, so the clock counts as well.
-    return _answer(child, reading, time.monotonic() + 3 * _SECONDS)
+    return _answer(child, reading, time.monotonic() + 3 * SECONDS)
 
 
 def _limit(size: int) -> None:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     most = used + 3 * size + _ALLOWANCE
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS + 1))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
@@ -154,7 +174,7 @@ def _answer(child: int, reading: int, deadline: float) -> tuple[str, str]:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             os.close(reading)
-            return "hang", f"no end after {3 * _SECONDS} s"
+            return "hang", f"no end after {3 * SECONDS} s"
         else:
             time.sleep(0.001)
     while more := os.read(reading, 1 << 16):
@@ -165,5 +185,5 @@ def _answer(child: int, reading: int, deadline: float) -> tuple[str, str]:
         return kind, told
     ending = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
     if ending in (signal.SIGXCPU, signal.SIGKILL):
-        return "hang", f"more than {_SECONDS} s of the processor"
+        return "hang", f"more than {SECONDS} s of the processor"
     return "crash", f"ended by signal {ending}, status {status}"
