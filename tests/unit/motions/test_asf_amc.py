@@ -126,3 +126,29 @@ def test_no_frames_and_no_file(files, tmp_path):
         amc_frames(amc)
     with pytest.raises(InputError, match=r"none\.amc: no such file"):
         read_asf_amc(asf, tmp_path / "none.amc")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("root lowerback", "root lowerback\nhead root", "disagree on root"),
+        ("root lowerback", "toes lowerback", "disagree on toes"),
+        ("axis 0 0 0 XYZ", "axis 0 0 0 XYW", "not readable as ASF"),
+        ("dof rx ry rz", "dof rx ry rq", "moves in rx ry rq, expected some of"),
+        ("length 2", "length nan", "has no direction and length"),
+        ("direction 0 1 0", "direction 0 1", "has no direction and length"),
+    ],
+)
+def test_skeletons_that_are_none_are_refused(files, old, new, message):
+    asf, amc = files({})
+    asf.write_text(asf.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=rf"07\.asf: .*({message})"):
+        read_asf_amc(asf, amc)
+
+
+@pytest.mark.parametrize("last", ["999999999", "0"])
+def test_frame_numbers_that_the_file_cannot_hold_are_refused(files, last):
+    _, amc = files({}, {})
+    amc.write_text(amc.read_text().replace("\n2\n", f"\n{last}\n"))
+    with pytest.raises(InputError, match=rf"07_01\.amc: its frames are numbered 1 to {last} in"):
+        amc_frames(amc)
