@@ -307,10 +307,20 @@ class SequenceData:
         return np.array(windows, dtype=np.int64).reshape(-1, 2)
 
     def label_share(self, split: str) -> np.ndarray:
-        """(L,) of the points of a split that have each of `LABELS`."""
+        """(L,) of the points of a split that have each of `LABELS`.
+
+        Raises:
+            InputError: a point has another label.
+        """
         count = np.zeros(len(LABELS), dtype=np.int64)
         for sequence in self.of_split(split):
-            count += np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+            own = np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+            if len(own) > len(LABELS):
+                raise InputError(
+                    f"{self._folder / 'labels.npy'}: holds label {len(own) - 1},"
+                    f" expected 0 to {len(LABELS) - 1}"
+                )
+            count += own
         return count / max(count.sum(), 1)
 
     def clouds(

@@ -94,3 +94,14 @@ def test_what_no_sample_holds_is_refused(tmp_path):
     path.write_bytes(b"\x89HDF" + bytes(300))
     with pytest.raises(InputError, match="no header of version 5"):
         read_matlab(path)
+
+
+def test_numbers_do_not_reach_into_the_next_variable(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"a": 1.5, "b": 2.5})
+    one = struct.pack("<iid", 9, 8, 1.5)  # type, size and value
+    data = path.read_bytes().replace(one, struct.pack("<iid", 9, 16, 1.5), 1)
+    shape = struct.pack("<ii", 1, 1)
+    path.write_bytes(data.replace(shape, struct.pack("<ii", 1, 2), 1))
+    with pytest.raises(InputError, match="an element of 16 bytes, 8 are left"):
+        read_matlab(path)
