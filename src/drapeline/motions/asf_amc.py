@@ -11,6 +11,7 @@ from drapeline.errors import InputError, refuse_damage
 from drapeline.motions.skeleton import Take, chain, globals_from_locals
 
 _FRAME_NUMBER = re.compile(rb"\s*\d{1,18}\s*")
+_HUGE = 1e9  # no angle and no place of a skeleton; beyond, turns come out as nothing
 CMU_FPS = 120.0  # AMC files do not tell their frame rate
 
 
@@ -225,7 +226,7 @@ def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[
         except ValueError as error:
             raise InputError(f"{path}: frame {frame}, bone {name}: {error}") from error
         expected = len(skeleton.bones[name].degrees_of_freedom)
-        if len(values) != expected or not np.isfinite(values).all():
+        if len(values) != expected or not (np.abs(values) < _HUGE).all():
             raise InputError(
                 f"{path}: frame {frame}, bone {name} holds {' '.join(words[1:])}, "
                 f"expected {expected} finite numbers"
