@@ -275,8 +275,9 @@ def _checked_header(stream: IO[bytes], info: zipfile.ZipInfo) -> Header:
     return header
 
 
-# An array of zeros is packed a thousandfold, which honest files do with a few of their arrays.
-_ANY_SIZE, _MOST_PACKED = 128 << 20, 64
+# Zeros are packed a thousandfold. Honest files hold arrays of zeros too, but not much else than
+# images of few pixels, which are packed a hundredfold, grows large.
+_ANY_SIZE, _MOST_PACKED = 128 << 20, 256
 
 
 def _refuse_bomb(path: Path, members: Iterable[zipfile.ZipInfo]) -> None:

@@ -199,8 +199,8 @@ def test_a_header_that_lies_takes_no_memory(two):
 
 
 def test_what_unpacks_to_far_more_than_its_file_is_refused(two):
-    header = "{'descr': '|u1', 'fortran_order': False, 'shape': (150000000,), }"
-    rezipped(two, "x", npy(header, bytes(150_000_000)))
+    header = "{'descr': '|u1', 'fortran_order': False, 'shape': (200000000,), }"
+    rezipped(two, "x", npy(header, bytes(200_000_000)))
     with pytest.raises(InputError, match=r"a\.npz: \d+ bytes that unpack to \d+, expected at most"):
         load_npz(two, FORMS)
 
