@@ -24,7 +24,7 @@ from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
 from drapeline.dataset.info_mat import read_info
 from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
-from drapeline.dataset.reader import Sample
+from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import outfit_text, read_record
 from drapeline.dataset.scans import read_body_parameters, read_frames
 from drapeline.dataset.tables import read_table, write_table
@@ -47,13 +47,16 @@ from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_f
 from drapeline.metrics.reconstructions import Reconstruction, load_reconstruction
 from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
+from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.conditioning import load_conditioning
 from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.sampling.files import load_samples
 from drapeline.models.gcvae.static_files import load_training_codes
+from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.load import load
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.files import load_training_codes as load_field_codes
@@ -64,6 +67,8 @@ from drapeline.models.smplicit.load import load_field, new_field
 from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.models.smplicit.released import load_released
+from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
 from drapeline.motions.deepmimic import read_deepmimic
 from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
@@ -91,7 +96,7 @@ from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from fuzz.runs import Loader
 from garment4d_toys import CANONICAL, POSED, open_toy_data, save_toy_data
-from gcvae_files import TypedGarments, save_model, save_static_data
+from gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
 from gcvae_toys import toy_template
 from metric_rows import metric_row
 from motion_files import (
@@ -245,6 +250,11 @@ def _use_sample(folder: Path) -> None:
             sample.vertices(garment, 0, sample.frame_count)
         sample.body_mesh()
         sample.body_vertices(0, sample.frame_count)
+
+
+def _use_dataset(folder: Path) -> None:
+    for sample in Cloth3D(folder / "samples"):
+        _ = sample.frame_count, sample.garments
 
 
 def _write_again(folder: Path) -> None:
@@ -489,6 +499,18 @@ def _make_ppca(folder: Path) -> None:
     save_model(folder / "ppca", model.eval(), garments)
 
 
+def _make_conditioning(folder: Path) -> None:
+    weights = StaticVae(SETTINGS, toy_template()).conditioning.state_dict()
+    state = {f"autoencoder.{name}": value for name, value in weights.items()}
+    content = {"state_dict": state, "drapeline": {"checkpoint_type": "conditioning"}}
+    torch.save(content, folder / "best.ckpt")
+
+
+def _load_conditioning(folder: Path) -> None:
+    path = folder / "best.ckpt"
+    load_conditioning(read_checkpoint(path), StaticVae(SETTINGS, toy_template()).conditioning, path)
+
+
 def _make_codes(folder: Path) -> None:
     rng = rng_for(0, "fuzz codes")
     save_npz(
@@ -520,9 +542,10 @@ def _make_stages(folder: Path) -> None:
         CanonicalStage.parse(CANONICAL), sequences.data.space, sequences.data.label
     )
     posed = PosedStage(PosedStage.parse(POSED), canonical)
-    out = folder / "posed"
-    out.mkdir()
-    torch.save({"state_dict": posed.state_dict(), "drapeline": posed.about()}, out / "best.ckpt")
+    for name, stage in (("canonical", canonical), ("posed", posed)):
+        out = folder / name
+        out.mkdir()
+        torch.save({"state_dict": stage.state_dict(), "drapeline": stage.about()}, out / BEST)
     save_posed_files(out, sequences, posed.settings.skinning)
 
 
@@ -725,6 +748,7 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader("sample_writer", _make_sample, _write_again, "bodies/* outfits/* simulation/*/*")
     yield Loader("sample", _make_sample, _use_sample, "samples/00001/**/*.*")
+    yield Loader("dataset", _make_sample, _use_dataset, "samples/00001/*")
     yield Loader("sample_record", _make_sample, _load_record, "samples/00001/extras/meta.json")
     yield Loader("info", _make_info, lambda f: read_info(f / "info.mat"))
     yield Loader("packed_info", _make_packed_info, lambda f: read_info(f / "info.mat"))
@@ -819,6 +843,13 @@ def _loaders() -> Iterator[Loader]:
         "svae/training_codes.npz",
     )
     yield Loader("ppca", _make_ppca, lambda f: load(f / "ppca"), "ppca/best.ckpt")
+    yield Loader("conditioning", _make_conditioning, _load_conditioning)
+    yield Loader(
+        "canonical_stage",
+        _make_stages,
+        lambda f: load_stage(f / "canonical", CanonicalStage),
+        "canonical/*",
+    )
     yield Loader("codes", _make_codes, lambda f: load_codes(f / "codes.npz"))
     yield Loader("sampled_garments", _make_samples, load_samples)
     yield Loader("reconstruction_model", _make_stages, lambda f: load(f / "posed"), "posed/*")
