@@ -2,7 +2,6 @@
 
 import math
 import re
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import BinaryIO
@@ -53,19 +52,17 @@ def read_header(stream: BinaryIO) -> Header:
     Raises:
         HeaderError: it is none, or of an array of Python objects, fields, dates or raw bytes.
     """
-    start = stream.read(8)
-    if len(start) < 8 or start[:6] != _MAGIC or start[6] not in (1, 2, 3):
+    start = stream.read(10)
+    if len(start) < 10 or start[:6] != _MAGIC or start[6] not in (1, 2, 3):
         raise HeaderError("does not start like an .npy array")
-    form = "<H" if start[6] == 1 else "<I"
-    raw = stream.read(struct.calcsize(form))
-    if len(raw) < struct.calcsize(form) or struct.unpack(form, raw)[0] > _LONGEST_HEADER:
-        raise HeaderError("has a header that is cut off or too long")
-    length = struct.unpack(form, raw)[0]
-    text = stream.read(length)
-    if len(text) < length:
+    if start[6] > 1:  # two more bytes of length
+        start += stream.read(2)
+    length = int.from_bytes(start[8:], "little")
+    text = stream.read(length) if length <= _LONGEST_HEADER else b""
+    if not text or len(text) < length:
         raise HeaderError("has a header that is cut off or too long")
     dtype, fortran, shape = _parse(text.decode("latin-1").strip())
-    return Header(dtype, shape, fortran, 8 + len(raw) + length)
+    return Header(dtype, shape, fortran, len(start) + length)
 
 
 def _parse(text: str) -> tuple[np.dtype, bool, tuple[int, ...]]:

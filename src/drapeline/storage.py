@@ -201,7 +201,8 @@ def load_npz(
         forms = {key: _form_of(key, table) for key in members}
         declared, arrays = Declared(sizes), _Arrays(path)
         for key, info in members.items():
-            with _naming(path, key), _open_member(archive, info) as stream:
+            whole = key not in unread and info.file_size <= _SMALL
+            with _naming(path, key), _open_member(archive, info, whole) as stream:
                 header = _checked_header(stream, info)
                 declared.check_header(forms[key], header)
                 if key in unread:
@@ -255,12 +256,12 @@ def _naming(path: Path, key: str) -> Iterator[None]:
 _SMALL = 1 << 16
 
 
-def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> IO[bytes]:
+def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, whole: bool) -> IO[bytes]:
     # Other methods need memory that the file does not tell.
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise HeaderError("is packed in a way that NumPy does not use")
     stream = archive.open(info)
-    if info.file_size > _SMALL:
+    if not whole:
         return stream
     with stream:  # read at once, which is faster than in pieces
         return io.BytesIO(stream.read(info.file_size))
