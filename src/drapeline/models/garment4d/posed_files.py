@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drapeline.bodies.model import load_body, save_body
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.settings import SkinningSettings
@@ -66,6 +67,11 @@ def load_posed_files(folder: str | Path) -> PosedFiles:
         folder / _SIZES,
         {"body_points": "int", "points": "int", **{f"{name}?": "float *" for name in names}},
     )
+    for name in ("body_points", "points"):
+        if found[name] < 1:
+            raise InputError(
+                f"{folder / _SIZES}: '{name}' is {int(found[name])}, expected at least 1"
+            )
     bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
     worn = WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
     return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), worn)
