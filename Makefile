@@ -4,7 +4,8 @@
 # make test   set up, run every test; `make test-portable` those that other processors could decide
 #             otherwise, as several processors would run them; `make test-install` installs the
 #             library with pip into empty environments; `make mutants` plants faults in a copy of
-#             the code and counts those that no test notices
+#             the code and counts those that no test notices; `make fuzz` reads damaged files for an
+#             hour (MINUTES=60, SEED=0) and prints how to see a case again that is met badly
 # make test-browser REPORT=report.html   open every page of a report in a browser; installs
 #             Playwright and, where there is no browser, Debian's Chromium
 # make lint   formatters and linters, as CI runs them
@@ -14,10 +15,12 @@ CONFIG ?= config.yaml
 REPORT ?= report.html
 CORES ?= all
 PROFILE ?= local
+MINUTES ?= 60
+SEED ?= 0
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
 
-.PHONY: setup run dataset report docs test test-install test-portable test-browser mutants lint \
+.PHONY: setup run dataset report docs test test-install test-portable test-browser mutants fuzz lint \
         format lock clean
 
 setup: .venv/ready
@@ -51,6 +54,9 @@ test-browser: .venv/ready
 
 mutants: .venv/ready
 	PYTHONPATH=tests $(BIN)/python -m mutants.run
+
+fuzz: .venv/ready
+	PYTHONPATH=src:tests $(BIN)/python -m fuzz.run --minutes $(MINUTES) --seed $(SEED)
 
 lint: .venv/ready
 	$(BIN)/ruff check .

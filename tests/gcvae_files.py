@@ -1,6 +1,5 @@
 """Toy garments and an untrained network as the files that rules read."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -137,8 +136,22 @@ def save_model(
 
 def toy_topology() -> Topology:
     """The tube's two meshes; everything else is zero."""
-    meshes = {"faces": tube_faces(False), "skirt_faces": tube_faces(True)}
-    return Topology(**{one.name: meshes.get(one.name, np.zeros(3)) for one in fields(Topology)})
+    return plain_topology(tube().astype(np.float32), tube_faces(False), tube_faces(True))
+
+
+def plain_topology(rest: np.ndarray, faces: np.ndarray, skirt_faces: np.ndarray) -> Topology:
+    """Two meshes on vertices (V, 3); everything else is zero."""
+    count = len(rest)
+    return Topology(
+        faces=faces,
+        skirt_faces=skirt_faces,
+        joining=np.int32(0),
+        inner_leg=np.zeros(count, dtype=bool),
+        segments=np.zeros(count, dtype=np.int32),
+        corners=np.zeros((count, 3), dtype=np.int32),
+        shares=np.zeros((count, 3)),
+        rest=rest,
+    )
 
 
 def requests(count=4, garments=("prior", "Dress"), **changed):

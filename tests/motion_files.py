@@ -117,3 +117,79 @@ def standing_motion(frames=40, height=0.9, speed_m=0.0, **changes):
     trans[:, 1] = -speed_m * np.arange(frames)
     trans[:, 2] = height
     return Motion(poses, trans, 30.0, "", "", "a", "a", **changes)
+
+
+# name: parent, direction, length, axis in degrees, degrees of freedom
+BONES = {
+    "lowerback": ("root", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+    "upperback": ("lowerback", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+    "thorax": ("upperback", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+    "lowerneck": ("thorax", (0, 1, 0), 1.5, (0, 0, 0), "rx ry rz"),
+    "head": ("lowerneck", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
+}
+for side, sign in (("l", 1), ("r", -1)):
+    slant = (0.34202 * sign, -0.939693, 0)
+    BONES |= {
+        f"{side}hipjoint": ("root", (0.6 * sign, -0.7, 0.3), 2.4, (0, 0, 0), ""),
+        f"{side}femur": (f"{side}hipjoint", slant, 7.2, (0, 0, 20 * sign), "rx ry rz"),
+        f"{side}tibia": (f"{side}femur", slant, 7.5, (0, 0, 20 * sign), "rx"),
+        f"{side}foot": (
+            f"{side}tibia",
+            (0.06 * sign, -0.18, 0.98),
+            2.3,
+            (-90, 0, 20 * sign),
+            "rx rz",
+        ),
+        f"{side}toes": (f"{side}foot", (0, 0, 1), 1.2, (-90, 0, 20 * sign), "rx"),
+        f"{side}clavicle": ("thorax", (0.94 * sign, 0.33, 0), 3.6, (0, 0, 0), "ry rz"),
+        f"{side}humerus": (
+            f"{side}clavicle",
+            (sign, 0, 0),
+            5,
+            (180, -30 * sign, -90 * sign),
+            "rx ry rz",
+        ),
+        f"{side}radius": (f"{side}humerus", (sign, 0, 0), 3, (180, -30 * sign, -90 * sign), "rx"),
+        f"{side}wrist": (f"{side}radius", (sign, 0, 0), 1.5, (180, -30 * sign, -90 * sign), "ry"),
+    }
+
+
+def asf_text():
+    """A skeleton with the names and proportions of CMU's."""
+    lines = [
+        ":version 1.10",
+        ":units",
+        "  mass 1.0",
+        "  length 0.45",
+        "  angle deg",
+        ":root",
+        "   order TX TY TZ RX RY RZ",
+        "   axis XYZ",
+        "   position 0 0 0",
+        "   orientation 0 0 0",
+        ":bonedata",
+    ]
+    for number, (name, (_, direction, length, axis, freedom)) in enumerate(BONES.items(), 1):
+        lines += ["begin", f"id {number}", f"name {name}"]
+        lines += ["direction " + " ".join(map(str, direction)), f"length {length}"]
+        lines += ["axis " + " ".join(map(str, axis)) + " XYZ"]
+        lines += [f"dof {freedom}", "limits (-180 180)"] if freedom else []
+        lines += ["end"]
+    lines += [":hierarchy", "begin"]
+    for parent in ["root", *BONES]:
+        children = [name for name, bone in BONES.items() if bone[0] == parent]
+        if children:
+            lines.append(" ".join([parent, *children]))
+    return "\n".join([*lines, "end"]) + "\n"
+
+
+def amc_text(frames):
+    """A motion of it; each frame names the bones that are not at rest."""
+    lines = [":FULLY-SPECIFIED", ":DEGREES"]
+    for number, frame in enumerate(frames, 1):
+        lines.append(str(number))
+        values = {"root": [0, 17, 0, 0, 0, 0]}
+        values |= {name: [0] * len(bone[4].split()) for name, bone in BONES.items() if bone[4]}
+        values |= frame
+        lines += [f"{name} " + " ".join(map(str, row)) for name, row in values.items()]
+    return "\n".join(lines) + "\n"

@@ -1,9 +1,51 @@
-"""The exception raised for unusable input."""
+"""The exception raised for unusable input, and what turns a parser's own exceptions into it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_LONGEST = 1000  # characters of a message
 
 
 class InputError(ValueError):
     """A file or value supplied by the user is unusable.
 
     The message is a single sentence naming the file, the offending value and what was expected;
-    rules print it on the terminal without a traceback.
+    rules print it on the terminal without a traceback. What it quotes from a file may be anything:
+    line breaks and control characters are escaped, and long messages lose their middle.
     """
+
+    def __init__(self, message: object) -> None:
+        super().__init__(_one_line(str(message)))
+
+
+def _one_line(text: str) -> str:
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST - 300]} ... {text[-300:]}"
+    if text.isprintable():
+        return text
+    shown = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(shown)
+
+
+@contextmanager
+def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
+    """Turn whatever the block raises into an InputError: a damaged file can fail in any way.
+
+    Only what parses a file belongs in the block. Exhausted memory is not the file's fault, since
+    sizes are checked before memory is asked for, and passes.
+
+    Args:
+        path: of the file.
+        expected: what it should be, such as "YAML".
+    """
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file, expected {expected}") from error
+    except Exception as error:
+        lines = (getattr(error, "strerror", None) or str(error)).strip().splitlines()
+        reason = lines[0][:200] if lines else type(error).__name__
+        raise InputError(f"{path}: not readable as {expected} ({reason})") from error

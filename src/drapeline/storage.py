@@ -1,19 +1,26 @@
 """Reading and writing files: written under a temporary name first, so never left half-written."""
 
+import csv
 import errno
+import io
 import json
+import math
 import os
+import re
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from fnmatch import fnmatchcase
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
+from drapeline.npy import Declared, Header, HeaderError, read_array, read_header
 
 # Failures of the disk rather than of the program.
 _DISK_ERRORS = {
@@ -107,16 +114,39 @@ def link_or_copy(source: str | Path, target: str | Path) -> None:
         shutil.copy2(source, target)
 
 
-def open_array(path: str | Path) -> np.ndarray:
-    """Memory-map an `.npy` array for reading.
+def open_arrays(
+    folder: str | Path, table: Mapping[str, str], **sizes: int
+) -> dict[str, np.ndarray]:
+    """Memory-map the `.npy` files of a folder for reading; values are not looked at.
+
+    Args:
+        table: name of the file without its suffix -> kind and axes, see `load_npz`.
+        sizes: of axes that are known.
 
     Raises:
-        InputError: the file is missing or does not hold an array.
+        InputError: a file is missing, is not as declared, or is cut off.
     """
-    try:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: not readable as an array ({error})") from error
+    declared = Declared(sizes)
+    return {
+        name: _open_array(Path(folder) / f"{name}.npy", form, declared)
+        for name, form in table.items()
+    }
+
+
+def _open_array(path: Path, form: str, declared: Declared) -> np.ndarray:
+    with refuse_damage(path, "an array"), open(path, "rb") as stream:
+        try:
+            header = read_header(stream)
+            declared.check_header(form, header)
+        except HeaderError as error:
+            raise InputError(f"{path}: {error}") from error
+        size, expected = os.fstat(stream.fileno()).st_size, header.size + header.nbytes
+        if size != expected:
+            raise InputError(f"{path}: {size} bytes, expected {expected} as its header says")
+        order = "F" if header.fortran else "C"
+        if not header.nbytes:
+            return np.zeros(header.shape, header.dtype, order)
+        return np.memmap(path, header.dtype, "r", header.size, header.shape, order)
 
 
 def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
@@ -133,34 +163,149 @@ def save_npz(path: str | Path, **arrays: Any) -> None:
         np.savez_compressed(stream, **arrays)
 
 
+class _Arrays(dict[str, np.ndarray]):
+    """Arrays of a file; one that is missing is named together with the file."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def __missing__(self, key: str) -> None:
+        raise InputError(f"{self._path}: lacks {key}; it holds {', '.join(sorted(self))}")
+
+
 def load_npz(
-    path: str | Path, *required: str, optional: Collection[str] = (), only: bool = False
+    path: str | Path, table: Mapping[str, str], *, unread: Collection[str] = (), **sizes: int
 ) -> dict[str, np.ndarray]:
-    """Read an `.npz` without executing anything in it.
+    """Read declared arrays of an `.npz`, without executing anything in it.
+
+    Sizes are compared with the file's before memory is taken: a header that lies costs nothing.
 
     Args:
-        required: keys that the file must have.
-        optional: keys that are read where the file has them, even with `only`.
-        only: read these keys alone, whatever others hold.
+        table: key -> kind and axes, such as "float n 72"; see `drapeline.npy.Declared`. A key that
+            ends in "?" may be missing, and one with a "*" is a pattern of any number of keys. What
+            is not in the table is not read.
+        unread: keys of which only the shape is wanted; zeros that take no memory stand for them.
+        sizes: of axes that are known.
+
+    Returns:
+        The arrays in the file's order. To ask for one that is not there is an InputError.
 
     Raises:
-        InputError: the file is missing, unreadable, lacks a required key, or what is read contains
-            pickles.
+        InputError: the file is missing, unreadable, lacks an array, or one is not as declared, too
+            large for its file, or holds pickles, fields, NaN or infinity.
     """
     path = Path(path)
-    wanted = {*required, *optional}
+    with _members(path, table) as (archive, members):
+        _refuse_bomb(path, members.values())
+        forms = {key: _form_of(key, table) for key in members}
+        declared, arrays = Declared(sizes), _Arrays(path)
+        for key, info in members.items():
+            whole = key not in unread and info.file_size <= _SMALL
+            with _naming(path, key), _open_member(archive, info, whole) as stream:
+                header = _checked_header(stream, info)
+                declared.check_header(forms[key], header)
+                if key in unread:
+                    arrays[key] = np.broadcast_to(np.zeros((), header.dtype), header.shape)
+                else:
+                    arrays[key] = read_array(stream, header)
+        for key, array in arrays.items():
+            with _naming(path, key):
+                declared.check_values(forms[key], array)
+    return arrays
+
+
+@contextmanager
+def _members(
+    path: Path, table: Mapping[str, str]
+) -> Iterator[tuple[zipfile.ZipFile, dict[str, zipfile.ZipInfo]]]:
+    """An open `.npz` and its members that a table names, by their keys."""
+    required = [key for key in table if not key.endswith("?") and "*" not in key]
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
+    with refuse_damage(path, "an .npz of plain arrays"), zipfile.ZipFile(path) as archive:
+        held = {
+            info.filename[: -len(".npy")]: info
+            for info in archive.infolist()
+            if info.filename.endswith(".npy")
+        }
+        missing = [key for key in required if key not in held]
+        if missing:
+            raise InputError(
+                f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(held))}"
+            )
+        yield archive, {key: held[key] for key in held if _form_of(key, table) is not None}
+
+
+def _form_of(key: str, table: Mapping[str, str]) -> str | None:
+    for name in (key, f"{key}?"):
+        if name in table:
+            return table[name]
+    patterns = (name for name in table if "*" in name)
+    return next((table[name] for name in patterns if fnmatchcase(key, name)), None)
+
+
+@contextmanager
+def _naming(path: Path, key: str) -> Iterator[None]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            names = archive.files
-            arrays = {name: archive[name] for name in names if name in wanted or not only}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
-    missing = [name for name in required if name not in arrays]
-    if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(names))}")
-    return arrays
+        yield
+    except HeaderError as error:
+        raise InputError(f"{path}: '{key}' {error}") from error
+
+
+_SMALL = 1 << 16
+
+
+def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, whole: bool) -> IO[bytes]:
+    # Other methods need memory that the file does not tell.
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise HeaderError("is packed in a way that NumPy does not use")
+    stream = archive.open(info)
+    if not whole:
+        return stream
+    with stream:  # read at once, which is faster than in pieces
+        return io.BytesIO(stream.read(info.file_size))
+
+
+def _checked_header(stream: IO[bytes], info: zipfile.ZipInfo) -> Header:
+    header = read_header(stream)
+    if header.size + header.nbytes != info.file_size:
+        raise HeaderError(
+            f"has {info.file_size} bytes, expected {header.size + header.nbytes} as its header says"
+        )
+    return header
+
+
+# Zeros are packed a thousandfold. Honest files hold arrays of zeros too, but not much else than
+# images of few pixels, which are packed a hundredfold, grows large.
+_ANY_SIZE, _MOST_PACKED = 128 << 20, 256
+
+
+def _refuse_bomb(path: Path, members: Iterable[zipfile.ZipInfo]) -> None:
+    unpacked, size = sum(info.file_size for info in members), path.stat().st_size
+    if unpacked > _ANY_SIZE + _MOST_PACKED * size:
+        raise InputError(
+            f"{path}: {size} bytes that unpack to {unpacked}, expected at most {_MOST_PACKED} times"
+            " as many"
+        )
+
+
+# Letters as in ASCII: file systems and patterns differ about all others.
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
+NAME_RULE = "up to 100 letters, digits, '_', '-' and '.', the first a letter or digit"
+
+
+def check_name(name: str, where: str) -> None:
+    """Refuse a name that may not become part of paths and patterns; files may be called anything.
+
+    Args:
+        where: file and entry that the name is from, for the message.
+
+    Raises:
+        InputError: the name is not as `NAME_RULE` says.
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(f"{where} is '{name:.100}', expected {NAME_RULE}")
 
 
 def write_json(path: str | Path, value: Any) -> None:
@@ -169,16 +314,109 @@ def write_json(path: str | Path, value: Any) -> None:
         scratch.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
-def read_json(path: str | Path) -> Any:
+def read_json(path: str | Path, form: Any = object) -> Any:
     """Read JSON.
 
+    Args:
+        form: what it should be: a type (float stands for any number, object for anything), a list
+            of one form for lists of such values, or a dict of forms for the keys it must have;
+            keys that end in "?" may be missing.
+
     Raises:
-        InputError: the file is missing or is not JSON.
+        InputError: the file is missing, is not JSON, or is not of this form.
     """
     path = Path(path)
+    with refuse_damage(path, "JSON"):
+        value = json.loads(
+            path.read_bytes().decode("utf-8-sig"),
+            parse_constant=_refuse_constant,
+            parse_float=_finite,
+        )
+        _check_form(path, value, form, "the file")
+    return value
+
+
+def _refuse_constant(word: str) -> None:
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if math.isinf(number):
+        raise ValueError(f"{text} is too large")
+    return number
+
+
+_WORDS = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
+
+
+def _check_form(path: Path, value: Any, form: Any, where: str) -> None:
+    if isinstance(form, dict):
+        _check_type(path, value, dict, where)
+        for key, part in form.items():
+            name = key.removesuffix("?")
+            if name in value:
+                _check_form(path, value[name], part, f"'{name}'")
+            elif name == key:
+                raise InputError(f"{path}: {where} lacks '{name}'")
+    elif isinstance(form, list):
+        _check_type(path, value, list, where)
+        for item in value:
+            _check_form(path, item, form[0], f"an entry of {where}")
+    else:
+        _check_type(path, value, form, where)
+
+
+def _check_type(path: Path, value: Any, form: type, where: str) -> None:
+    is_number = form in (int, float) and isinstance(value, bool)
+    if is_number or not isinstance(value, (int, float) if form is float else form):
+        expected = _WORDS.get(form, "entries by name" if form is dict else "a list")
+        raise InputError(f"{path}: {where} is {value!r:.100}, expected {expected}")
+
+
+def read_text(path: str | Path, expected: str) -> str:
+    """Text in UTF-8.
+
+    Raises:
+        InputError: the file is missing or is no such text; names the line.
+    """
+    with refuse_damage(path, expected):
+        raw = Path(path).read_bytes()
     try:
-        return json.loads(path.read_text())
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file, expected JSON") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not readable as JSON ({error})") from error
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}: line {line} is not UTF-8 text (byte 0x{raw[error.start]:02x}), expected"
+            f" {expected} in UTF-8"
+        ) from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise InputError(f"{path}: line {line} holds a zero byte, expected {expected}")
+    return text
+
+
+def read_rows(path: str | Path, expected: str) -> tuple[list[str], list[dict[str, str]]]:
+    """Heading and rows of a tab-separated table; fields that are missing at a row's end are empty.
+
+    Raises:
+        InputError: the file is missing, is no text, names a column twice, or has a row with more
+            fields than the heading.
+    """
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such file, expected {expected}")
+    text = read_text(path, expected)
+    with refuse_damage(path, expected):
+        lines = csv.reader(io.StringIO(text, newline=""), delimiter="\t")
+        heading = next(lines, [])
+        if len(set(heading)) < len(heading):
+            raise InputError(f"{path}: a column is there twice, expected each name once")
+        rows = []
+        for fields in filter(None, lines):
+            if len(fields) > len(heading):
+                raise InputError(
+                    f"{path}: line {lines.line_num} has {len(fields)} fields, expected"
+                    f" {len(heading)} as in the heading"
+                )
+            rows.append(dict(zip_longest(heading, fields, fillvalue="")))
+    return heading, rows

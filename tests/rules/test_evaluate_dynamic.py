@@ -17,9 +17,16 @@ from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
-from drapeline.registration.to_body.topology import Topology, save_topology
+from drapeline.registration.to_body.topology import save_topology
 from drapeline.storage import save_npz, write_json
-from gcvae_files import SETTINGS, save_model, shaken, template_on_body, torso_registration
+from gcvae_files import (
+    SETTINGS,
+    plain_topology,
+    save_model,
+    shaken,
+    template_on_body,
+    torso_registration,
+)
 from tiny_sample import write_tiny_sample
 
 FRAMES = 4
@@ -41,9 +48,8 @@ def stages(toy_body, tmp_path_factory):
         samples.append(tiny.folder)
         registrations.append(folder)
     given = {"topology": made / "topology.npz"}
-    meshes = {"faces": toy_body.faces, "skirt_faces": toy_body.faces}
-    names = Topology.__dataclass_fields__
-    save_topology(given["topology"], Topology(**{n: meshes.get(n, np.zeros(3)) for n in names}))
+    topology = plain_topology(toy_body.v_template, toy_body.faces, toy_body.faces)
+    save_topology(given["topology"], topology)
     for gender in GENDERS:
         for prefix in ("", "super_"):
             given[prefix + gender] = made / f"{gender}.npz"

@@ -1,12 +1,22 @@
 import json
 import resource
-from contextlib import contextmanager
+import zipfile
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.storage import atomic_file, atomic_folder, load_npz, read_json, save_npz, write_json
+from drapeline.storage import (
+    atomic_file,
+    atomic_folder,
+    load_npz,
+    open_arrays,
+    read_json,
+    read_rows,
+    save_npz,
+    write_json,
+)
 
 
 def test_a_file_that_fails_half_way_leaves_the_old_one_and_no_scraps(tmp_path):
@@ -43,7 +53,7 @@ def test_written_files_have_the_usual_mode(tmp_path):
 def test_npz_round_trip_keeps_arrays_strings_and_dtypes(tmp_path):
     path = tmp_path / "a.npz"
     save_npz(path, x=np.arange(3, dtype=np.float32), name="walk", count=2)
-    arrays = load_npz(path, "x", "name")
+    arrays = load_npz(path, {"x": "float n", "name": "str", "count": "int"})
     assert arrays["x"].dtype == np.float32
     assert str(arrays["name"]) == "walk"
     assert int(arrays["count"]) == 2
@@ -66,35 +76,39 @@ class Bomb:
 def test_a_pickle_inside_an_npz_is_refused_and_not_run(tmp_path):
     path, trace = tmp_path / "a.npz", tmp_path / "trace"
     np.savez(path, bad=np.array([Bomb(trace)], dtype=object), allow_pickle=True)
-    with pytest.raises(InputError, match="not a readable .npz of plain arrays"):
-        load_npz(path)
+    with pytest.raises(InputError, match="a.npz: 'bad' holds Python objects"):
+        load_npz(path, {"bad": "any ..."})
     assert not trace.exists()
 
 
-def test_only_the_keys_asked_for_are_opened(tmp_path):
-    np.savez(tmp_path / "a.npz", x=1, y=2, z=3, bad=np.array([{}], dtype=object))
-    arrays = load_npz(tmp_path / "a.npz", "x", optional=("y", "absent"), only=True)
-    assert set(arrays) == {"x", "y"}
+def test_only_declared_arrays_are_opened(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, x=1, y=2, z=3, bad=np.array([{}], dtype=object))
+    assert set(load_npz(path, {"x": "int", "y?": "int", "absent?": "int"})) == {"x", "y"}
     with pytest.raises(InputError, match="lacks w; it holds bad, x, y, z"):
-        load_npz(tmp_path / "a.npz", "w", only=True)
+        load_npz(path, {"w": "int"})
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "no such file"), (b"not a zip", "not a readable .npz"), (b"", "not a readable .npz")],
+    [
+        (None, "no such file"),
+        (b"not a zip", "not readable as an .npz"),
+        (b"", "not readable as an .npz"),
+    ],
 )
 def test_unusable_npz_files_are_named(tmp_path, content, message):
     path = tmp_path / "a.npz"
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=f"a.npz: {message}"):
-        load_npz(path, "x")
+        load_npz(path, {"x": "int"})
 
 
 def test_a_missing_key_is_named_with_those_there(tmp_path):
     save_npz(tmp_path / "a.npz", x=1, y=2)
     with pytest.raises(InputError, match="lacks poses; it holds x, y"):
-        load_npz(tmp_path / "a.npz", "x", "poses")
+        load_npz(tmp_path / "a.npz", {"x": "int", "poses": "float n 72"})
 
 
 def test_json_keeps_small_numbers_and_refuses_nan(tmp_path):
@@ -134,7 +148,7 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
         small_disk(),
     ):
         save_npz(path, x=noise)
-    assert load_npz(path)["x"] == 1
+    assert load_npz(path, {"x": "int"})["x"] == 1
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -147,3 +161,159 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
 def test_a_missing_input_inside_the_block_keeps_its_own_error(tmp_path):
     with pytest.raises(FileNotFoundError), atomic_file(tmp_path / "a") as scratch:
         scratch.write_bytes((tmp_path / "elsewhere" / "b").read_bytes())
+
+
+def rezipped(path, key, raw, **info):
+    """The same .npz with other bytes for an array."""
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    members[f"{key}.npy"] = raw
+    with zipfile.ZipFile(path, "w", info.get("compression", zipfile.ZIP_DEFLATED)) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+
+
+def npy(text, body=b""):
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + body
+
+
+HUGE = "{'descr': '<f8', 'fortran_order': False, 'shape': (1099511627776, 3), }"
+
+
+@pytest.fixture
+def two(tmp_path):
+    path = tmp_path / "a.npz"
+    save_npz(path, x=np.zeros((4, 3), np.float32), f=np.array([[0, 1, 3]]))
+    return path
+
+
+FORMS = {"x": "float n 3", "f": "int<n * 3"}
+
+
+def test_a_header_that_lies_takes_no_memory(two):
+    rezipped(two, "x", npy(HUGE, bytes(48)))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match=r"a\.npz: 'x' has \d+ bytes, expected \d+ as its header"):
+        load_npz(two, FORMS)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50_000  # kB
+
+
+def test_what_unpacks_to_far_more_than_its_file_is_refused(two):
+    header = "{'descr': '|u1', 'fortran_order': False, 'shape': (200000000,), }"
+    rezipped(two, "x", npy(header, bytes(200_000_000)))
+    with pytest.raises(InputError, match=r"a\.npz: \d+ bytes that unpack to \d+, expected at most"):
+        load_npz(two, FORMS)
+
+
+@pytest.mark.parametrize("compression", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_other_ways_of_packing_are_refused(two, compression):
+    with zipfile.ZipFile(two) as archive:
+        raw = archive.read("x.npy")
+    rezipped(two, "x", raw, compression=compression)
+    with pytest.raises(InputError, match=r"a\.npz: '.' is packed in a way"):
+        load_npz(two, FORMS)
+
+
+def test_arrays_that_do_not_fit_together_are_refused(two):
+    with pytest.raises(InputError, match=r"a\.npz: 'x' has shape \(4, 3\) .*expected \(5, 3\)"):
+        load_npz(two, FORMS, n=5)
+    save_npz(two, x=np.zeros((3, 3), np.float32), f=np.array([[0, 1, 3]]))
+    with pytest.raises(InputError, match=r"a\.npz: 'f' names number 3, expected 0 to 2"):
+        load_npz(two, FORMS)
+
+
+def test_patterns_stand_for_any_number_of_arrays_in_the_files_order(tmp_path):
+    path = tmp_path / "a.npz"
+    save_npz(path, **{"s2/faces": np.zeros((1, 3), int), "s1/faces": np.zeros((2, 3), int), "x": 1})
+    arrays = load_npz(path, {"*/faces": "int * 3"})
+    assert list(arrays) == ["s2/faces", "s1/faces"]
+    with pytest.raises(InputError, match=r"a\.npz: lacks s3/faces; it holds s1/faces, s2/faces"):
+        _ = arrays["s3/faces"]
+
+
+def test_shapes_may_be_asked_for_alone(two):
+    arrays = load_npz(two, FORMS, unread=["x"])
+    assert arrays["x"].shape == (4, 3)
+    assert arrays["x"].strides == (0, 0)
+
+
+def test_every_byte_of_an_npz_may_be_wrong(two):
+    data = two.read_bytes()
+    for place in range(len(data)):
+        damaged = bytearray(data)
+        damaged[place] ^= 0xFF
+        two.write_bytes(damaged)
+        with suppress(InputError):  # any other exception is a failure
+            load_npz(two, FORMS)
+
+
+def test_mapped_arrays_are_declared_too(tmp_path):
+    np.save(tmp_path / "x.npy", np.arange(12.0).reshape(4, 3))
+    np.save(tmp_path / "y.npy", np.arange(4))
+    arrays = open_arrays(tmp_path, {"x": "float n 3", "y": "int n"}, n=4)
+    assert isinstance(arrays["x"], np.memmap)
+    np.testing.assert_array_equal(arrays["x"], np.arange(12.0).reshape(4, 3))
+    with pytest.raises(InputError, match=r"y\.npy: has shape \(4,\) and .*, expected \(4, 2\)"):
+        open_arrays(tmp_path, {"x": "float n 3", "y": "int n 2"})
+    (tmp_path / "y.npy").write_bytes((tmp_path / "y.npy").read_bytes()[:-1])
+    with pytest.raises(InputError, match=r"y\.npy: 159 bytes, expected 160 as its header says"):
+        open_arrays(tmp_path, {"y": "int n"})
+    with pytest.raises(InputError, match=r"z\.npy: no such file"):
+        open_arrays(tmp_path, {"z": "int n"})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[" * 100_000, "not readable as JSON"),
+        ('{"a": NaN}', "NaN is no number of JSON"),
+        ('{"a": 1e999}', "1e999 is too large"),
+        ('{"a": ' + "9" * 5000 + "}", "not readable as JSON"),
+        ('{"b": 1}', "the file lacks 'a'"),
+        ('{"a": "x"}', "'a' is 'x', expected a number"),
+        ('{"a": true}', "'a' is True, expected a number"),
+        ('{"a": 1, "c": [{"name": 3}]}', "'name' is 3, expected text"),
+        ('{"a": 1, "c": {}}', r"'c' is \{\}, expected a list"),
+        ("[]", r"the file is \[\], expected entries by name"),
+    ],
+)
+def test_json_that_is_not_of_its_form_is_refused(tmp_path, text, message):
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"a\.json: .*{message}") as caught:
+        read_json(path, {"a": float, "c?": [{"name": str}]})
+    assert "\n" not in str(caught.value)
+
+
+def test_messages_are_one_line_however_a_file_is_called(tmp_path):
+    path = tmp_path / "a\nb\x1b[31m.json"
+    with pytest.raises(InputError, match=r"a\\nb\\x1b\[31m\.json: no such file") as caught:
+        read_json(path)
+    assert str(caught.value).isprintable()
+    assert len(str(InputError("x" * 10_000))) < 1100
+
+
+def test_tables_are_read_by_row(tmp_path):
+    path = tmp_path / "a.tsv"
+    path.write_bytes(b"\xef\xbb\xbfname\tfile\r\na\t1\r\n\r\nb\r\n")
+    assert read_rows(path, "a table") == (
+        ["name", "file"],
+        [{"name": "a", "file": "1"}, {"name": "b", "file": ""}],
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"name\tname\n", "a column is there twice"),
+        (b"name\na\tb\n", "line 2 has 2 fields, expected 1"),
+        (b"name\n\xff\n", "line 2 is not UTF-8 text"),
+        (b"name\na\0\n", "line 2 holds a zero byte"),
+        (b'name\n"' + b"x" * 200_000, "field larger than field limit"),
+    ],
+)
+def test_unusable_tables_are_named(tmp_path, content, message):
+    path = tmp_path / "a.tsv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=rf"a\.tsv: .*{message}"):
+        read_rows(path, "a table")

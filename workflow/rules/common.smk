@@ -1,4 +1,5 @@
 import os
+import re
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -100,7 +101,7 @@ COMPARED_GARMENTS = config["garment4d"]["garments"]
 
 wildcard_constraints:
     gender="|".join(GENDERS),
-    sequence="|".join(MOTIONS),
+    sequence="|".join(map(re.escape, MOTIONS)),
     # A long alternation would make the matching of n samples quadratic.
     sample="|".join(SAMPLES) if len(SAMPLES) <= 500 else r"\d{5}",
     shard=r"\d+",

@@ -9,12 +9,14 @@ import anny
 import numpy as np
 import torch
 from anny.face_segmentation import get_face_segmentation_mask
+from anny.paths import get_anny_cache_path
 from anny.shape_distribution import SimpleShapeDistribution
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.bake_surface import CAVITIES, Surface, closed_surface
 from drapeline.bodies.model import BodyModel
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.seeding import rng_for
 
@@ -92,8 +94,11 @@ def bake_bodies(seed: int, samples: int) -> dict[str, BodyModel]:
         first carries all of stature, with the signs of CLOTH3D's rule: positive values are
         larger women and smaller men (like SMPL's). The second is corpulence, positive values
         being thinner. A positive tightness thus makes smaller garments for both genders.
+
+    Raises:
+        InputError: Anny's cache is damaged or cannot be made.
     """
-    model = anny.Anny()
+    model = _load_anny()
     surface = _surface(model)
     weights = _joint_weights(model, surface)
     bodies = {}
@@ -122,6 +127,26 @@ def bake_bodies(seed: int, samples: int) -> dict[str, BodyModel]:
             name=f"drapeline-anny-{gender}-{VERSION}",
         )
     return bodies
+
+
+def _load_anny() -> anny.Anny:
+    """Anny's model, from the cache that its first use on a machine makes.
+
+    Raises:
+        InputError: names the cache if Anny cannot use it, as after a job that was killed.
+    """
+    cache = get_anny_cache_path()
+    try:
+        return anny.Anny()
+    except MemoryError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"{cache}: Anny's model cannot be loaded from its cache or made there ({reason}),"
+            " expected a whole cache in a writable folder with 1 GB free; delete it to have it made"
+            " again, or set ANNY_CACHE_DIR to another place"
+        ) from error
 
 
 def _surface(model: anny.Anny) -> Surface:

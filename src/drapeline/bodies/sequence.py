@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.frames import GENDERS, PARENTS
 from drapeline.storage import load_npz, save_npz
 
 
@@ -115,6 +116,18 @@ def save_body_sequence(path: str | Path, record: BodySequence) -> None:
     save_npz(path, **values, **labels)
 
 
+_ARRAYS = {
+    "shape": "float 10",
+    "gender": f"int<{len(GENDERS)}",
+    "poses": "float n 72",
+    "trans": "float n 3",
+    "removed_segments": f"int<{len(PARENTS)} *",
+    "fix_frame": "int<n m",
+    "fix_vertex": "int m",
+    "fix_delta": "float m 3",
+}
+
+
 def load_body_sequence(path: str | Path) -> BodySequence:
     """Read what `save_body_sequence` wrote.
 
@@ -123,7 +136,9 @@ def load_body_sequence(path: str | Path) -> BodySequence:
     """
     own = {field.name: field.type for field in fields(BodySequence) if field.name != "labels"}
     labels = {field.name: field.type for field in fields(ClipLabels)}
-    arrays = load_npz(path, *own, *labels)
+    kinds = {str: "str", int: "int", float: "number"}
+    forms = {name: kinds[type_] for name, type_ in (own | labels).items() if type_ in kinds}
+    arrays = load_npz(path, forms | _ARRAYS)
     values = {
         name: type_(arrays[name]) if type_ in (str, int, float) else arrays[name]
         for name, type_ in (own | labels).items()

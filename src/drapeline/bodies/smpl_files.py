@@ -6,22 +6,20 @@ wrap their arrays in objects of the package chumpy, which no longer installs: th
 out without it.
 """
 
+import io
+import math
 import pickle
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import PARENTS
-from drapeline.storage import atomic_file
-
-try:
-    from numpy._core import multiarray, numeric
-except ImportError:  # NumPy 1
-    from numpy.core import multiarray, numeric
+from drapeline.npy import plain_dtype
+from drapeline.pickles import pickle_end
+from drapeline.storage import atomic_file, load_npz
 
 COMPONENTS = 10
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
@@ -66,12 +64,8 @@ def convert_to_pickle(source: str | Path, target: str | Path) -> None:
 
 
 def _read_npz(path: Path) -> dict[str, Any]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            # Only what is needed: SMPL's own files also hold pickled tables.
-            return {key: archive[key] for key in REQUIRED + OPTIONAL if key in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a readable .npz of plain arrays ({error})") from error
+    # Only what is needed: SMPL's own files also hold pickled tables.
+    return load_npz(path, {f"{key}?": "any|nan ..." for key in REQUIRED + OPTIONAL})
 
 
 class _Inert:
@@ -80,7 +74,7 @@ class _Inert:
     origin = ""
 
     def __init__(self, *arguments: Any) -> None:
-        self.arguments = arguments
+        self.state: dict[str, Any] = {}
 
     def __setstate__(self, state: Any) -> None:
         if isinstance(state, dict):
@@ -91,7 +85,74 @@ def _inert_class(origin: str) -> type:
     return type("Inert", (_Inert,), {"origin": origin})
 
 
-def _reconstructor(cls: type, base: type, state: Any) -> _Inert:
+class _Dtype:
+    """A type of numbers by its name, such as "f8"; what else a pickle says of it is not heeded."""
+
+    def __init__(self, name: Any, *_: Any) -> None:
+        if not isinstance(name, str):
+            raise pickle.UnpicklingError("a type of numbers without a name")
+        self.name, self.order = name, ""
+
+    def __setstate__(self, state: Any) -> None:
+        order = state[1]
+        if order not in ("<", ">", "=", "|"):
+            raise pickle.UnpicklingError("a type of numbers in no known order of bytes")
+        self.order = order
+        if self.name[:1] == "U":  # the length of text is told apart
+            self.name = f"U{int(state[5]) // 4}"
+
+
+class _Array:
+    """An array of the file: what the pickle tells of it, made an array when it is asked for."""
+
+    def __init__(self, *_: Any) -> None:
+        self.pieces: tuple[Any, ...] = ()
+
+    def __setstate__(self, state: Any) -> None:
+        _version, shape, dtype, fortran, raw = state
+        self.pieces = (shape, dtype, fortran, raw)
+
+    def array(self) -> np.ndarray:
+        """The numbers or the text.
+
+        Raises:
+            ValueError: the pieces do not fit together, or are no numbers and no text.
+        """
+        shape, dtype, fortran, raw = self.pieces
+        if isinstance(raw, str):  # as Python 2 wrote bytes
+            raw = raw.encode("latin1")
+        if not isinstance(dtype, _Dtype) or not isinstance(raw, bytes | bytearray):
+            raise ValueError("no numbers")
+        if not isinstance(shape, tuple) or not all(isinstance(n, int) and n >= 0 for n in shape):
+            raise ValueError("no shape")
+        plain = plain_dtype(dtype.order.replace("|", "") + dtype.name)
+        if math.prod(shape) * plain.itemsize != len(raw):
+            raise ValueError(f"{len(raw)} bytes in an array of shape {shape}")
+        flat = np.frombuffer(raw, plain) if raw else np.zeros(0, plain)
+        return flat.reshape(shape, order="F" if fortran else "C")
+
+
+def _reconstruct(cls: Any, *_: Any) -> _Array:
+    """What makes an empty array, whose state follows."""
+    if cls is not _Array:
+        raise pickle.UnpicklingError("an array of another class")
+    return _Array()
+
+
+def _scalar(dtype: Any, raw: Any) -> _Array:
+    made = _Array()
+    made.pieces = ((), dtype, False, raw)
+    return made
+
+
+def _frombuffer(raw: Any, dtype: Any, shape: Any, order: Any) -> _Array:
+    """How protocol 5 makes arrays."""
+    made = _Array()
+    made.pieces = (shape, dtype, order == "F", raw)
+    return made
+
+
+def _reconstructor(cls: Any, base: Any, state: Any) -> _Inert:
     """What old pickles call to make an empty object; makes stand-ins only."""
     if not (isinstance(cls, type) and issubclass(cls, _Inert)):
         raise pickle.UnpicklingError("an object that is no array")
@@ -105,21 +166,24 @@ def _encode(text: str, encoding: str = "latin1") -> bytes:
     return text.encode("latin1")
 
 
+def _no_bytes() -> bytes:
+    """`bytes()`, with which protocol 2 writes those of an empty array."""
+    return b""
+
+
 _NUMPY_MODULES = ("numpy", "numpy.core.multiarray", "numpy._core.multiarray")
 _NUMERIC_MODULES = ("numpy.core.numeric", "numpy._core.numeric")
+_BUILTINS = ("__builtin__", "builtins")
 _HARMLESS = {
-    **{(m, "_reconstruct"): multiarray._reconstruct for m in _NUMPY_MODULES},
-    **{(m, "scalar"): multiarray.scalar for m in _NUMPY_MODULES},
-    **{(m, "_frombuffer"): numeric._frombuffer for m in _NUMERIC_MODULES},
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
+    **{(m, "_reconstruct"): _reconstruct for m in _NUMPY_MODULES},
+    **{(m, "scalar"): _scalar for m in _NUMPY_MODULES},
+    **{(m, "_frombuffer"): _frombuffer for m in _NUMERIC_MODULES},
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _Dtype,
     ("_codecs", "encode"): _encode,
     **{(m, "_reconstructor"): _reconstructor for m in ("copy_reg", "copyreg")},
-    **{
-        (m, kind.__name__): kind
-        for m in ("__builtin__", "builtins")
-        for kind in (object, set, frozenset)
-    },
+    **{(m, kind.__name__): kind for m in _BUILTINS for kind in (object, set, frozenset)},
+    **{(m, "bytes"): _no_bytes for m in _BUILTINS},
 }
 
 
@@ -128,7 +192,7 @@ class _Refused(Exception):
 
 
 class _ArrayUnpickler(pickle.Unpickler):
-    """Builds arrays; knows sparse matrices and chumpy objects only as inert stand-ins."""
+    """Knows arrays, sparse matrices and chumpy objects, all as inert stand-ins."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _HARMLESS:
@@ -141,17 +205,17 @@ class _ArrayUnpickler(pickle.Unpickler):
 
 
 def _read_pickle(path: Path) -> dict[str, Any]:
-    with open(path, "rb") as stream:
+    with refuse_damage(path, "a pickle of arrays"):
+        data = path.read_bytes()
+        pickle_end(data)
         try:
             # Written by Python 2, whose strings are bytes.
-            found = _ArrayUnpickler(stream, encoding="latin1").load()
+            found = _ArrayUnpickler(io.BytesIO(data), encoding="latin1").load()
         except _Refused as refused:
             raise InputError(
                 f"{path}: asks Python to run or build '{refused}', expected arrays and sparse"
                 " matrices only; the file was not opened further"
             ) from refused
-        except Exception as error:  # a damaged pickle can fail in any way
-            raise InputError(f"{path}: not a readable pickle of arrays ({error})") from error
     if not isinstance(found, dict):
         raise InputError(f"{path}: holds a {type(found).__name__}, expected a table of arrays")
     return found
@@ -161,35 +225,52 @@ def _plain(path: Path, key: str, value: Any) -> np.ndarray:
     """A dense array of numbers, or text, out of whatever the file held."""
     try:
         value = _unwrap(value)
-    except (KeyError, AttributeError, TypeError, ValueError, IndexError) as error:
+    except (LookupError, AttributeError, TypeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: '{key}' is a damaged {_kind(value)}") from error
-    array = np.asarray(value)
-    if array.dtype == object or isinstance(value, _Inert):
+    # Not a list: a list of the same list twice, and so on, is an array without end.
+    if not isinstance(value, np.ndarray | str | int | float):
         raise InputError(f"{path}: '{key}' is a {_kind(value)}, expected an array")
-    return array
+    return np.asarray(value)
 
 
 def _kind(value: Any) -> str:
+    if isinstance(value, _Array):
+        return "array"
     return value.origin if isinstance(value, _Inert) else type(value).__name__
 
 
+_MOST_DENSE = 64 << 20  # numbers of a sparse matrix that is made dense
+
+
 def _unwrap(value: Any) -> Any:
+    if isinstance(value, _Array):
+        return value.array()
     if not isinstance(value, _Inert):
         return value
     name = value.origin.rsplit(".", 1)[1]
     state = value.state
     if name in ("csc_matrix", "csr_matrix"):
         build = {"csc_matrix": csc_matrix, "csr_matrix": csr_matrix}[name]
-        shape = state.get("_shape", state.get("shape"))
-        matrix = build((state["data"], state["indices"], state["indptr"]), shape=shape)
+        rows, columns = (int(n) for n in state.get("_shape", state.get("shape")))
+        if rows * columns > _MOST_DENSE:
+            raise ValueError(f"a matrix of {rows} x {columns}")
+        parts = tuple(_entries(state[key]) for key in ("data", "indices", "indptr"))
+        matrix = build(parts, shape=(rows, columns))
         matrix.check_format(full_check=True)
         return matrix.toarray()
     if name == "Ch":
         return _unwrap(state["x"])
     if name == "Select":  # entries of a flattened array, in a new shape
-        chosen = np.asarray(_unwrap(state["a"])).ravel()[np.asarray(state["idxs"])]
+        chosen = _entries(state["a"]).ravel()[_entries(state["idxs"])]
         return chosen.reshape(state.get("preferred_shape", chosen.shape))
     return value
+
+
+def _entries(value: Any) -> np.ndarray:
+    array = _unwrap(value)
+    if not isinstance(array, np.ndarray):
+        raise ValueError(f"a {_kind(value)} in place of an array")
+    return array
 
 
 def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
@@ -215,11 +296,22 @@ def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
             raise InputError(f"{path}: '{key}' has shape {found}, expected {shape}")
         if arrays[key].dtype.kind not in "fiu" or not np.isfinite(arrays[key]).all():
             raise InputError(f"{path}: '{key}' holds values that are not finite numbers")
-    faces = arrays["f"]
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise InputError(f"{path}: 'f' has shape {faces.shape}, expected (faces, 3) whole numbers")
-    if faces.min(initial=0) < 0 or faces.max(initial=0) >= count:
-        raise InputError(f"{path}: 'f' names vertex {faces.max()}, expected 0 to {count - 1}")
+    _check_faces(path, "f", arrays["f"], count)
+    if {"vt", "ft"} <= arrays.keys():
+        points = arrays["vt"]
+        if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "fiu":
+            raise InputError(f"{path}: 'vt' has shape {points.shape}, expected (points, 2) numbers")
+        if not np.isfinite(points).all():
+            raise InputError(f"{path}: 'vt' holds values that are not finite numbers")
+        _check_faces(path, "ft", arrays["ft"], len(points))
+        if len(arrays["ft"]) != len(arrays["f"]):
+            raise InputError(
+                f"{path}: 'ft' has {len(arrays['ft'])} faces, expected {len(arrays['f'])} like 'f'"
+            )
+    parts = arrays.get("segmentation", np.zeros(count, np.int32))
+    fits = parts.shape == (count,) and parts.dtype.kind in "iu"
+    if not fits or parts.min(initial=0) < 0 or parts.max(initial=0) >= len(PARENTS):
+        raise InputError(f"{path}: 'segmentation' is not the joint, 0 to 23, of {count} vertices")
     if not np.array_equal(arrays["kintree_table"][0, 1:].astype(np.int64), PARENTS[1:]):
         raise InputError(f"{path}: 'kintree_table' is not SMPL's tree of 24 joints")
     total = arrays["weights"].sum(axis=1)
@@ -230,12 +322,22 @@ def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
         )
 
 
+def _check_faces(path: Path, key: str, faces: np.ndarray, count: int) -> None:
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise InputError(
+            f"{path}: '{key}' has shape {faces.shape}, expected (faces, 3) whole numbers"
+        )
+    least, last = int(faces.min(initial=0)), int(faces.max(initial=0))
+    if least < 0 or last >= count:
+        wrong = least if least < 0 else last
+        raise InputError(f"{path}: '{key}' names vertex {wrong}, expected 0 to {count - 1}")
+
+
 def _tidy(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     out = {
-        key: np.ascontiguousarray(arrays[key], dtype=np.float32)
-        for key in ("v_template", "posedirs", "J_regressor", "weights")
+        key: _float32(arrays[key]) for key in ("v_template", "posedirs", "J_regressor", "weights")
     }
-    out["shapedirs"] = np.ascontiguousarray(arrays["shapedirs"][..., :COMPONENTS], np.float32)
+    out["shapedirs"] = _float32(arrays["shapedirs"][..., :COMPONENTS])
     out["kintree_table"] = arrays["kintree_table"].astype(np.int64)
     out["f"] = arrays["f"].astype(np.int32)
     if "vt" in arrays and "ft" in arrays:
@@ -244,3 +346,8 @@ def _tidy(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     out["segmentation"] = parts.astype(np.int32)
     out["name"] = np.asarray(arrays.get("name", path.stem))
     return out
+
+
+def _float32(array: np.ndarray) -> np.ndarray:
+    """Contiguous and ours to change, which the bytes of a pickle are not."""
+    return np.require(array, np.float32, ["C", "W"])

@@ -1,6 +1,7 @@
 """`info.mat`: what CLOTH3D stores about a sample besides its meshes."""
 
 import io
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 import scipy.io
 
+from drapeline.dataset.matlab import read_matlab
 from drapeline.errors import InputError
-from drapeline.storage import atomic_file
+from drapeline.storage import atomic_file, check_name
 
 # The 116 free bytes at the start of a MATLAB v5 file. scipy writes the current time there, so that
 # files with equal contents would differ.
@@ -112,11 +114,7 @@ def read_info(path: str | Path) -> SampleInfo:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected the info.mat of a CLOTH3D sample")
-    try:
-        raw = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
-    except Exception as error:  # scipy raises many kinds of errors on damaged files
-        raise InputError(f"{path}: not a readable MATLAB v5 file ({error})") from error
-    values = {name: _to_python(value) for name, value in raw.items() if not name.startswith("__")}
+    values = read_matlab(path)
     missing = [name for name in ("poses", "trans", "shape", "gender") if name not in values]
     if missing:
         raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(values)}")
@@ -128,43 +126,58 @@ def read_info(path: str | Path) -> SampleInfo:
             f"{path}: {len(poses)} poses but {len(trans)} trans, expected equal numbers"
         )
     gender = values["gender"]
-    if not np.isscalar(gender) or gender not in (0, 1):
-        raise InputError(f"{path}: gender is {gender}, expected 0 (female) or 1 (male)")
-    outfit = values.get("outfit", {})
-    lights = values.get("lights")
-    if lights is not None and lights["type"] == "point" and isinstance(lights["data"], dict):
-        lights = {**lights, "data": [lights["data"]]}
+    if not isinstance(gender, int | float) or gender not in (0, 1):
+        raise InputError(f"{path}: gender is {gender!r:.100}, expected 0 (female) or 1 (male)")
+    zrot = values.get("zrot", 0.0)
+    if not isinstance(zrot, int | float) or not math.isfinite(zrot):
+        raise InputError(f"{path}: zrot is {zrot!r:.100}, expected an angle in radians")
     tightness, camera = values.get("tightness"), values.get("camLoc")
     return SampleInfo(
         poses=poses,
         trans=trans,
         shape=_columns(path, "shape", values["shape"], 10)[0],
         gender=int(gender),
-        zrot=float(values.get("zrot", 0.0)),
-        outfit=outfit if isinstance(outfit, dict) else {},
+        zrot=float(zrot),
+        outfit=_outfit(path, values.get("outfit")),
         tightness=None if tightness is None else _columns(path, "tightness", tightness, 2)[0],
         camera_location=None if camera is None else _columns(path, "camLoc", camera, 3)[0],
-        lights=lights,
+        lights=_lights(path, values.get("lights")),
     )
+
+
+def _outfit(path: Path, outfit: Any) -> dict[str, dict[str, Any]]:
+    if not isinstance(outfit, dict):
+        return {}
+    for name, garment in outfit.items():
+        check_name(name, f"{path}: a garment")
+        texture = garment.get("texture") if isinstance(garment, dict) else None
+        fabric = garment.get("fabric", "") if isinstance(garment, dict) else None
+        kind = texture.get("type") if isinstance(texture, dict) else None
+        if not isinstance(kind, str) or not isinstance(fabric, str):
+            raise InputError(
+                f"{path}: {name} is {garment!r:.100}, expected a texture with a type, and a fabric"
+            )
+        if "data" in texture:
+            _columns(path, f"the colour of {name}", texture["data"], 3)
+    return outfit
+
+
+def _lights(path: Path, lights: Any) -> dict[str, Any] | None:
+    if lights is None:
+        return None
+    if not isinstance(lights, dict) or not {"type", "data"} <= lights.keys():
+        raise InputError(f"{path}: lights are {lights!r:.100}, expected a type and data")
+    # A single point light is a bare struct.
+    single = lights["type"] == "point" and isinstance(lights["data"], dict)
+    return {**lights, "data": [lights["data"]]} if single else lights
 
 
 def _columns(path: Path, name: str, value: Any, rows: int) -> np.ndarray:
     """Transpose an array (rows, N), or (rows,) if it was squeezed, to (N, rows) float64."""
-    array = np.asarray(value)
-    if array.dtype == object or array.shape[:1] != (rows,) or array.ndim > 2:
+    array = value if isinstance(value, np.ndarray) else np.zeros(0)
+    if array.shape[:1] != (rows,) or array.ndim > 2:
         raise InputError(f"{path}: {name} has shape {array.shape}, expected ({rows}, N)")
     array = np.ascontiguousarray(array.reshape(rows, -1).T, dtype=np.float64)
     if not np.isfinite(array).all():
         raise InputError(f"{path}: {name} holds NaN or infinity, expected finite numbers")
     return array
-
-
-def _to_python(value: Any) -> Any:
-    """Convert MATLAB structs to dicts, cells to lists and single values to scalars."""
-    if isinstance(value, scipy.io.matlab.mat_struct):
-        return {name: _to_python(getattr(value, name)) for name in value._fieldnames}
-    if isinstance(value, np.ndarray):
-        if value.dtype == object:
-            return [_to_python(item) for item in value.ravel()]
-        return value.item() if value.ndim == 0 else value
-    return value

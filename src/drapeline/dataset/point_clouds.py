@@ -20,7 +20,7 @@ from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, create_array, open_array, read_json, write_json
+from drapeline.storage import atomic_folder, create_array, open_arrays, read_json, write_json
 
 Visibility = Literal["all", "multi", "single"]
 Protocol = Literal["surface", "vertices"]
@@ -456,6 +456,9 @@ def create_clouds(folder: Path, frames: int, points: int) -> tuple[np.memmap, np
     )
 
 
+_ABOUT = {"name": str, "status": str, "split": str, "garments?": [str], "gender?": str}
+
+
 def load_clouds(folder: str | Path) -> CloudSequence:
     """Open the clouds of a sequence without reading them.
 
@@ -463,13 +466,8 @@ def load_clouds(folder: str | Path) -> CloudSequence:
         InputError: a file is missing or damaged, or the files do not match.
     """
     folder = Path(folder)
-    about = read_json(folder / "about.json")
-    if about.get("status") != "accepted":
+    about = read_json(folder / "about.json", _ABOUT)
+    if about["status"] != "accepted":
         return CloudSequence(np.zeros((0, 0, 3), np.float32), np.zeros((0, 0), np.uint8), about)
-    points, labels = open_array(folder / "points.npy"), open_array(folder / "labels.npy")
-    if points.shape != (*labels.shape, 3):
-        raise InputError(
-            f"{folder}: points.npy has shape {points.shape} and labels.npy {labels.shape},"
-            " expected (F, P, 3) and (F, P)"
-        )
-    return CloudSequence(points, labels, about)
+    arrays = open_arrays(folder, {"points": "float f p 3", "labels": "int f p"})
+    return CloudSequence(arrays["points"], arrays["labels"], about)

@@ -10,7 +10,7 @@ import numpy as np
 
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.record import EXTRAS, body_fingerprint, meta_path
+from drapeline.dataset.record import EXTRAS, HEALTH, META, body_fingerprint, meta_path
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
 from drapeline.geometry.mesh import Mesh
@@ -132,7 +132,7 @@ class Sample:
     def meta(self) -> dict[str, Any] | None:
         """Contents of `extras/meta.json`, or None if there is none, as in the original."""
         path = meta_path(self.folder)
-        return read_json(path) if path.is_file() else None
+        return read_json(path, META) if path.is_file() else None
 
     @cached_property
     def garments(self) -> tuple[str, ...]:
@@ -179,7 +179,7 @@ class Sample:
     def health(self) -> dict[str, np.ndarray]:
         """Health measures of every frame by name; empty if none are stored."""
         path = self._extras / "health.npz"
-        return load_npz(path) if path.is_file() else {}
+        return load_npz(path, HEALTH) if path.is_file() else {}
 
     @property
     def has_body(self) -> bool:

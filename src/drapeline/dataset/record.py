@@ -8,12 +8,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
-from drapeline.storage import read_json
+from drapeline.storage import check_name, read_json
 
 if TYPE_CHECKING:
     from drapeline.bodies.model import BodyModel
 
+# What is read of a sample's `meta.json`, and of the `status.json` of its registration.
+META = {
+    **dict.fromkeys(("id?", "status?", "split?", "reason?"), str),
+    "conventions?": {"rest_obj_is_turned_by_zrot?": bool},
+    "body?": {"gender?": str, "fingerprint?": str, "vertices?": int},
+    "motion?": {"frames?": int, **dict.fromkeys(("sequence?", "action?", "source?"), str)},
+    "outfit?": {"garments?": [{"name": str, "fabric?": str}]},
+    "garments?": dict,
+    "health?": dict,
+    "simulation?": dict,
+    "self_collision?": dict,
+}
+STATUS = {"id": str, "status": str, "split": str}
+# Measures of every frame, and perhaps of every garment; those that make no sense there are NaN.
+HEALTH = {"*": "any|nan ..."}
 # Subfolder of a sample with everything that CLOTH3D does not have. Some of its readers take every
 # OBJ or PC16 file beside `info.mat` for a garment, so only its own files may lie there.
 EXTRAS = "extras"
@@ -52,6 +68,11 @@ def read_record(folder: str | Path) -> SampleRecord:
     missing = [key for key in ("id", "status", "split", "motion", "outfit") if key not in meta]
     if missing:
         raise InputError(f"{meta_path(folder)}: lacks {', '.join(missing)}")
+    check_name(meta["id"], f"{meta_path(folder)}: 'id'")
+    if meta["split"] not in SPLITS:
+        raise InputError(
+            f"{meta_path(folder)}: 'split' is '{meta['split']}', expected {', '.join(SPLITS)}"
+        )
     sizes = {path: path.stat().st_size for path in folder.rglob("*") if path.is_file()}
     cloth3d_bytes = sum(size for path, size in sizes.items() if path.parent == folder)
     return SampleRecord(folder, meta, cloth3d_bytes, sum(sizes.values()))
@@ -68,7 +89,7 @@ def read_meta(folder: str | Path) -> dict[str, Any]:
     Raises:
         InputError: the file is missing or not JSON.
     """
-    return read_json(meta_path(folder))
+    return read_json(meta_path(folder), META)
 
 
 def outfit_text(meta: Mapping[str, Any]) -> str:

@@ -18,7 +18,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import FPS, GENDERS
 from drapeline.geometry.obj import load_obj
 from drapeline.seeding import rng_for
@@ -232,6 +232,12 @@ def _check_distance(
             )
 
 
+# What is wrong with these is told in more words below.
+_PARAMETERS = {
+    **dict.fromkeys(("poses", "shape", "gender", "trans?", "transl?", "joints?"), "any|nan ..."),
+}
+
+
 def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> BodyParameters:
     """Read the body of scans as described at `read_scans`, with the axes of the file.
 
@@ -243,7 +249,7 @@ def read_body_parameters(path: str | Path, bodies: Mapping[str, BodyModel]) -> B
         raise InputError(
             f"{path}: no such file, expected an .npz with the body's poses, trans, shape and gender"
         )
-    return _parse_body_parameters(path, load_npz(path, "poses", "shape", "gender"), bodies)
+    return _parse_body_parameters(path, load_npz(path, _PARAMETERS), bodies)
 
 
 def _parse_body_parameters(
@@ -307,7 +313,10 @@ def read_frames(path: str | Path) -> list[Scan]:
         raise InputError(f"{path}: no such folder, expected a folder of scans or an .npz of points")
     for name, scan in scans.items():
         _check_scan(name, scan)
-    return list(scans.values())
+    return [
+        scan if scan.triangles is None else scan._replace(triangles=scan.triangles.astype(np.int32))
+        for scan in scans.values()
+    ]
 
 
 def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
@@ -319,7 +328,7 @@ def _natural_sort_key(path: Path) -> list[tuple[int, str]]:
 
 def _read_frames(path: Path) -> list[Scan]:
     """Points of all frames in a single `.npz`, with their labels if it has some."""
-    arrays = load_npz(path, "points")
+    arrays = load_npz(path, dict.fromkeys(("points", "counts?", "labels?"), "any|nan ..."))
     points = arrays["points"]
     if points.dtype.kind not in "fiu":
         raise InputError(f"{path}: points are of type {points.dtype}, expected numbers")
@@ -367,26 +376,42 @@ def _split(array: np.ndarray, ends: np.ndarray | None) -> list[np.ndarray]:
 
 def _read_frame(path: Path) -> Scan:
     if path.suffix == ".npz":
-        arrays = load_npz(path)
+        arrays = load_npz(
+            path, {f"{key}?": "any|nan ..." for key in (*_POINT_KEYS, "faces", "labels")}
+        )
         key = next((key for key in _POINT_KEYS if key in arrays), None)
         if key is None:
-            raise InputError(
-                f"{path}: holds {', '.join(sorted(arrays))}, expected {' or '.join(_POINT_KEYS)}"
-            )
+            raise InputError(f"{path}: holds neither {' nor '.join(_POINT_KEYS)}")
         return Scan(arrays[key], arrays.get("faces"), arrays.get("labels"))
     if path.suffix == ".obj":
-        text = path.read_text(errors="replace")
+        with refuse_damage(path, "obj"):
+            text = path.read_text(errors="replace")
         if re.search(r"^f\s", text, re.MULTILINE):
             mesh = load_obj(path)
             return Scan(mesh.vertices, mesh.triangles)
-    try:
+    if path.suffix == ".ply":
+        _check_ply(path)
+    with refuse_damage(path, path.suffix[1:]):
         geometry = trimesh.load(path, process=False)
-    except Exception as error:  # trimesh raises whatever its parsers happen to raise
-        raise InputError(f"{path}: not readable as {path.suffix[1:]} ({error})") from error
-    vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
-    triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
-    triangles = triangles.astype(np.int32) if len(triangles) else None
-    return Scan(vertices, triangles, _ply_labels(geometry))
+        vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
+        triangles = np.asarray(getattr(geometry, "faces", np.zeros((0, 3), int)))
+        labels = _ply_labels(geometry)
+    return Scan(vertices, triangles if len(triangles) else None, labels)
+
+
+_PLY_ELEMENT = re.compile(rb"element[ \t]+\S+[ \t]+(\S+)")
+
+
+def _check_ply(path: Path) -> None:
+    """Compare counts of elements with the file's size: trimesh takes memory as they say."""
+    with refuse_damage(path, "ply"), open(path, "rb") as stream:
+        head = stream.read(1 << 16)
+    size = path.stat().st_size
+    for count in _PLY_ELEMENT.findall(head[: head.find(b"end_header")]):
+        if not count.isdigit() or len(count) > 18 or int(count) > size:
+            raise InputError(
+                f"{path}: names {count.decode('latin-1')} elements in {size} bytes, expected fewer"
+            )
 
 
 def _ply_labels(geometry: trimesh.Geometry) -> np.ndarray | None:

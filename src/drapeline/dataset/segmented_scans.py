@@ -216,13 +216,27 @@ def save_scans(
     save_npz(path, **arrays)
 
 
+_ARRAYS = {
+    "names": "str n",
+    "*/frame": "int",
+    "*/garments": "str *",
+    "*/gender": "str",
+    "*/points": "float * 3",
+    "*/labels": "int *",
+    "*/joints": "float * 3",
+    "*/rotations": "float 24 3 3",
+    "*/trans": "float 3",
+    "*/shape": "float 10",
+}
+
+
 def load_scans(path: str | Path) -> list[tuple[SegmentedScan, BodyState]]:
     """Scans with the bodies that were fitted to them.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    arrays = load_npz(path, "names")
+    arrays = load_npz(path, _ARRAYS)
     return [_scan(arrays, str(name)) for name in arrays["names"]]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drapeline.errors import InputError
-from drapeline.storage import atomic_file
+from drapeline.storage import atomic_file, read_rows
 
 
 def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -30,16 +30,10 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> list[dict[str, 
         columns: those that must be there.
 
     Raises:
-        InputError: the file is missing or lacks a column.
+        InputError: the file is missing, is no such table, or lacks a column.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a tab-separated table")
-    with open(path, newline="") as stream:
-        reader = csv.DictReader(stream, delimiter="\t")
-        rows = list(reader)
-        found = reader.fieldnames or []
-    missing = [column for column in columns if column not in found]
+    heading, rows = read_rows(path, "a tab-separated table")
+    missing = [column for column in columns if column not in heading]
     if rows and missing:
-        raise InputError(f"{path}: lacks column {', '.join(missing)}; it has {', '.join(found)}")
+        raise InputError(f"{path}: lacks column {', '.join(missing)}; it has {', '.join(heading)}")
     return rows

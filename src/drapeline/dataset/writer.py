@@ -12,13 +12,13 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.record import EXTRAS, body_fingerprint, meta_path
+from drapeline.dataset.record import EXTRAS, HEALTH, body_fingerprint, meta_path
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges
 from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
-from drapeline.outfits.outfit import Garment, load_outfit
+from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
 from drapeline.storage import (
     atomic_folder,
     link_or_copy,
@@ -80,8 +80,8 @@ def write_sample(
     """
     folder, simulation = Path(folder), Path(simulation)
     record = load_body_sequence(body_record)
-    description = read_json(Path(outfit).with_suffix(".json"))
-    status = read_json(simulation / "status.json")
+    description = read_json(Path(outfit).with_suffix(".json"), OUTFIT_JSON)
+    status = read_json(simulation / "status.json", {"status": str, "reason?": str})
     meta = {
         "format": {"name": "drapeline sample", "version": META_VERSION},
         "id": folder.name,
@@ -112,7 +112,7 @@ def write_sample(
                 for garment in garments
             }
             _write_body(scratch, body, record.shape, record.poses)
-            health = load_npz(simulation / "health.npz")
+            health = load_npz(simulation / "health.npz", HEALTH)
             save_npz(scratch / EXTRAS / "health.npz", **health)
             meta["health"] = summarise_health(health)
         write_json(meta_path(scratch), meta)

@@ -1,6 +1,8 @@
 """Checks of an experiment's settings against a closed JSON schema, which fills in defaults."""
 
 import copy
+import math
+import reprlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,6 +27,7 @@ def fill_settings(
     Raises:
         InputError: names the key, its value and what is allowed, for the first problem.
     """
+    _refuse_strange_values(settings, source)
     filled = _fill(settings, schema)
     problems = sorted(
         Draft202012Validator(schema).iter_errors(filled), key=lambda e: list(map(str, e.path))
@@ -37,7 +40,7 @@ def fill_settings(
 def _fill(values: Any, schema: Mapping[str, Any]) -> Any:
     """A copy in which nothing is shared: YAML's aliases are one object."""
     if not isinstance(values, Mapping):
-        return copy.deepcopy(values)
+        return _whole(copy.deepcopy(values), schema)
     parts = schema.get("properties", {})
     own = schema.get("default")
     filled = {**(own if isinstance(own, Mapping) else {}), **values}
@@ -47,11 +50,44 @@ def _fill(values: Any, schema: Mapping[str, Any]) -> Any:
     return {key: _fill(value, parts.get(key, {})) for key, value in filled.items()}
 
 
+def _whole(value: Any, schema: Mapping[str, Any]) -> Any:
+    """3.0 as 3 where the schema asks for whole numbers: JSON does not tell them apart."""
+    if isinstance(value, list):
+        return [_whole(item, schema.get("items", {})) for item in value]
+    kinds = [part.get("type") for part in (schema, *schema.get("anyOf", []))]
+    kinds = [kind for part in kinds for kind in (part if isinstance(part, list) else [part])]
+    whole = isinstance(value, float) and "integer" in kinds and "number" not in kinds
+    return int(value) if whole and value.is_integer() else value
+
+
+_MOST_VALUES = 20_000
+
+
+def _refuse_strange_values(settings: Mapping[str, Any], source: str) -> None:
+    """Refuse NaN and infinity, and aliases of aliases, which no message could print.
+
+    Raises:
+        InputError: names the key.
+    """
+    waiting: list[tuple[str, Any]] = [("", settings)]
+    for _ in range(_MOST_VALUES):
+        if not waiting:
+            return
+        key, value = waiting.pop()
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"{source}: {key} is {value}, expected a finite number")
+        inner = value.items() if isinstance(value, Mapping) else ()
+        if isinstance(value, list | tuple | set):
+            inner = enumerate(value)
+        waiting += [(f"{key}.{name}" if key else str(name), part) for name, part in inner]
+    raise InputError(f"{source}: holds more than {_MOST_VALUES} values, expected fewer aliases (*)")
+
+
 def _sentence(error: ValidationError) -> str:
     key = ".".join(map(str, error.path)) or "the file"
     if error.validator == "additionalProperties":
         known = sorted(error.schema["properties"])
-        unknown = sorted(set(error.instance) - set(known))
+        unknown = sorted(set(error.instance) - set(known), key=str)
         prefix = "" if key == "the file" else f"{key}."
         return f"'{prefix}{unknown[0]}' is not a setting, expected one of {', '.join(known)}"
     if error.validator == "dependentRequired":
@@ -62,7 +98,7 @@ def _sentence(error: ValidationError) -> str:
             if name in error.instance and other not in error.instance
         )
         return f"{key} names {named} but no {missing}, expected both"
-    return f"{key} is {error.instance!r}, expected {_expectation(error.schema)}"
+    return f"{key} is {reprlib.repr(error.instance)}, expected {_expectation(error.schema)}"
 
 
 def _expectation(schema: Mapping[str, Any]) -> str:

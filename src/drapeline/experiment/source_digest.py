@@ -2,16 +2,15 @@
 
 import ast
 import hashlib
-import json
 import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from drapeline.storage import write_json
+from drapeline.storage import read_json, write_json
 
 PACKAGE = "drapeline"
 DATA_SUFFIXES = {".html", ".yaml"}
@@ -192,14 +191,24 @@ def _type_checking_nodes(nodes: Iterable[ast.AST]) -> set[int]:
 
 def _load_memory(memory: Path | None) -> dict[str, _Code]:
     try:
-        entries = {} if memory is None else json.loads(memory.read_text())
+        entries = {} if memory is None else read_json(memory, dict)
         return {
             key: _Code(
-                digest,
-                tuple(_Import(module, tuple(inner)) for module, inner in imports),
-                tuple(names),
+                _text(digest),
+                tuple(_Import(_text(module), _texts(inner)) for module, inner in imports),
+                _texts(names),
             )
             for key, (digest, imports, names) in entries.items()
         }
-    except (OSError, ValueError, TypeError, AttributeError):
+    except (ValueError, TypeError):  # whatever is wrong, the files are parsed anew
         return {}
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _texts(values: Any) -> tuple[str, ...]:
+    return tuple(map(_text, values))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.geometry.mesh import Mesh
 from drapeline.storage import atomic_file
 
@@ -43,7 +43,8 @@ def load_obj(path: str | Path) -> Mesh:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a Wavefront OBJ")
-    text = path.read_text(errors="replace")
+    with refuse_damage(path, "a Wavefront OBJ"):
+        text = path.read_text(errors="replace")
     mesh = _parse_tidy(text)
     return _parse_lines(path, text) if mesh is None else mesh
 
@@ -60,6 +61,7 @@ _TIDY = re.compile(
     + ")",
     re.ASCII,
 )
+_LONG_NUMBER = re.compile(r"\d{19}")  # more than 64 bits hold
 _SEPARATE_CORNERS = str.maketrans("f/", "  ")
 
 
@@ -69,6 +71,8 @@ def _parse_tidy(text: str) -> Mesh | None:
     if match is None:
         return None
     faces_text = match[match.lastindex]
+    if _LONG_NUMBER.search(faces_text):
+        return None
     points = np.fromstring(match[1].replace("v", ""), sep=" ").reshape(-1, 3)
     uv = np.fromstring(match[2].replace("vt", ""), sep=" ").reshape(-1, 2)
     numbers = np.fromstring(faces_text.translate(_SEPARATE_CORNERS), dtype=np.int64, sep=" ") - 1
@@ -104,6 +108,7 @@ def _parse_lines(path: Path, text: str) -> Mesh:
         except ValueError as error:
             raise InputError(f"{path}: line {number} is not OBJ: '{line.strip()}'") from error
     _check_elements(path, vertices, faces)
+    _check_texture(path, uv, uv_faces)
     sizes = {len(face) for face in faces}
     if len(sizes) > 1 or max(sizes) > 4:
         faces = [[f[0], f[i], f[i + 1]] for f in faces for i in range(1, len(f) - 1)]
@@ -130,6 +135,18 @@ def _check_elements(path: Path, vertices: list[list[float]], faces: list[list[in
     last = max(map(max, faces))
     if min(map(min, faces)) < 0 or last >= len(vertices):
         raise InputError(f"{path}: a face names vertex {last + 1}, expected 1 to {len(vertices)}")
+
+
+def _check_texture(path: Path, uv: list[list[float]], uv_faces: list[list[int]]) -> None:
+    if any(len(point) != 2 for point in uv):
+        raise InputError(f"{path}: a texture coordinate has fewer than two numbers")
+    if not np.isfinite(uv).all():
+        raise InputError(f"{path}: a texture coordinate is not finite")
+    last = max((max(face) for face in uv_faces), default=-1)
+    if last >= len(uv) or min((min(face) for face in uv_faces), default=0) < 0:
+        raise InputError(
+            f"{path}: a face names texture coordinate {last + 1}, expected 1 to {len(uv)}"
+        )
 
 
 def _zero_based(text: str, count: int) -> int:

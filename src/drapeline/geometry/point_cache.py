@@ -24,7 +24,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import FPS
 from drapeline.storage import atomic_file
 
@@ -139,10 +139,8 @@ class PointCache:
         """
         self.path = Path(path)
         self._dtype = _dtype_of(self.path)
-        try:
+        with refuse_damage(self.path, "a point cache"):
             self._stream = open(self.path, "rb", buffering=0)  # noqa: SIM115 -- lives as long as self
-        except FileNotFoundError:
-            raise InputError(f"{self.path}: no such file, expected a point cache") from None
         size = os.fstat(self._stream.fileno()).st_size
         self.vertex_count, self.frame_count, self._start = self._layout(size, vertex_count)
         self._frame_bytes = self.vertex_count * 3 * self._dtype.itemsize

@@ -10,7 +10,9 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, signed_tightness
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import STATUS
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.learning_data.static import static_cvar
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -20,14 +22,31 @@ from drapeline.registration.to_body.dynamic_offsets import (
 )
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, create_array, load_npz, open_array, read_json, save_npz
+from drapeline.storage import (
+    atomic_folder,
+    create_array,
+    load_npz,
+    open_arrays,
+    read_json,
+    save_npz,
+)
 
 # Poses that a frame may be conditioned on: its own and those of three before it, every third.
 HISTORY_FRAMES, HISTORY_STEP = 4, 3
 
-_GARMENT_KEYS = ("sample", "split", "garment", "shape", "gender", "tightness")
+_GARMENT_KEYS = {
+    **dict.fromkeys(("sample", "split"), "str g"),
+    "garment": f"int<{len(GARMENTS)} g",
+    "shape": "float g 10",
+    "gender": f"int<{len(GENDERS)} g",
+    "tightness": "float g 2",
+}
 # Mapped, since many samples do not fit into memory; a row is a frame, or a garment.
-_FRAME_ARRAYS, _GARMENT_ARRAYS = ("offsets", "base", "poses"), ("mask", "static")
+_FRAME_ARRAYS = {
+    **dict.fromkeys(("offsets", "base"), "float n v 3"),
+    "poses": f"float n {HISTORY_FRAMES} 72",
+}
+_GARMENT_ARRAYS = {"mask": "bool g v", "static": "float g v 3"}
 
 
 @dataclass(frozen=True)
@@ -125,7 +144,7 @@ def collect_dynamic(
 
 
 def _accepted_sample(folder: Path, registration: Path, step: int) -> Iterator[_AcceptedSample]:
-    if read_json(registration / "status.json")["status"] == "accepted":
+    if read_json(registration / "status.json", STATUS)["status"] == "accepted":
         with Sample(folder) as sample:
             frames = np.arange(0, sample.frame_count, step)
             yield _AcceptedSample(folder, registration, list(sample.garments), frames)
@@ -134,7 +153,8 @@ def _accepted_sample(folder: Path, registration: Path, step: int) -> Iterator[_A
 def _recordings(
     accepted: _AcceptedSample, bodies: Mapping[str, BodyModel], version: Version
 ) -> Iterator[_Recording]:
-    status, frames = read_json(accepted.registration / "status.json"), accepted.frames
+    status = read_json(accepted.registration / "status.json", STATUS)
+    frames = accepted.frames
     with Sample(accepted.folder) as sample:
         info, body = sample.info, bodies[sample.gender]
         back = frames[:, None] - HISTORY_STEP * np.arange(HISTORY_FRAMES)
@@ -189,14 +209,18 @@ class DynamicData:
             InputError: a file is missing or lacks an array.
         """
         folder = Path(folder)
-        frames = load_npz(folder / "frames.npz", "frame", "garment_index")
-        garments = load_npz(folder / "garments.npz", "version", *_GARMENT_KEYS)
+        garments = load_npz(folder / "garments.npz", {"version": "str", **_GARMENT_KEYS})
+        count = len(garments["garment"])
+        frames = load_npz(
+            folder / "frames.npz", {"frame": "int n", "garment_index": "int<g n"}, g=count
+        )
         self.frame, self.garment_index = frames["frame"], frames["garment_index"]
         self.version = str(garments.pop("version"))
         for key in _GARMENT_KEYS:
             setattr(self, key, garments[key])
-        for key in (*_FRAME_ARRAYS, *_GARMENT_ARRAYS):
-            setattr(self, key, open_array(folder / f"{key}.npy"))
+        arrays = open_arrays(folder, _FRAME_ARRAYS | _GARMENT_ARRAYS, n=len(self.frame), g=count)
+        for key, array in arrays.items():
+            setattr(self, key, array)
 
     def __len__(self) -> int:
         return len(self.frame)

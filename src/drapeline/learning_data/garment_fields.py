@@ -18,7 +18,7 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, create_array, load_npz, open_array, save_npz
+from drapeline.storage import atomic_folder, create_array, load_npz, open_arrays, save_npz
 
 # Points near the surface are moved off it by a normal deviate in each coordinate: half of them by
 # about a wall's thickness, half as far as clipped distances reach.
@@ -27,8 +27,20 @@ SKIN_DEVIATION_M = 0.03
 BEYOND_M = 0.2
 
 Box = tuple[Sequence[float], Sequence[float]]
-_ROWS = ("shape", "gender", "garment", "outfit", "split", "occlusion")
-_POINTS = ("near", "near_distance", "space", "space_distance")
+_ROWS = {
+    "shape": "float n 10",
+    "gender": f"int<{len(GENDERS)} n",
+    "garment": f"int<{len(GARMENTS)} n",
+    "outfit": "str n",
+    "split": "str n",
+    "occlusion": "bool n r r",
+}
+_POINTS = {
+    "near": "float n near 3",
+    "near_distance": "float n near",
+    "space": "float n space 3",
+    "space_distance": "float n space",
+}
 
 
 def unsigned_distances(points: np.ndarray, garment: Mesh) -> np.ndarray:
@@ -190,7 +202,7 @@ def collect_fields(
         InputError: a shard lacks arrays, or no garment of these types is for training.
     """
     codes = [GARMENTS.index(name) for name in garments]
-    about = [load_npz(path, *_ROWS, only=True) for path in shards]
+    about = [load_npz(path, _ROWS) for path in shards]
     chosen = [np.flatnonzero(np.isin(part["garment"], codes)) for part in about]
     rows = {
         key: np.concatenate([part[key][some] for part, some in zip(about, chosen, strict=True)])
@@ -205,19 +217,21 @@ def collect_fields(
     covered = covered_often(rows["occlusion"][training], pixels)
     mean = np.mean([rest_body(body, np.zeros(10)) for body in bodies.values()], axis=0)
     with atomic_folder(output) as scratch:
-        _copy_points(scratch, shards, chosen, len(training))
+        sizes = {path: len(part["garment"]) for path, part in zip(shards, about, strict=True)}
+        _copy_points(scratch, sizes, chosen, len(training))
         save_npz(scratch / "rows.npz", **rows)
         save_npz(scratch / "clusters.npz", vertices=body_clusters(mean, covered, clusters))
     return len(training)
 
 
 def _copy_points(
-    folder: Path, shards: Sequence[str | Path], chosen: Sequence[np.ndarray], count: int
+    folder: Path, shards: Mapping[str | Path, int], chosen: Sequence[np.ndarray], count: int
 ) -> None:
     arrays: dict[str, np.memmap] = {}
     start = 0
-    for path, some in progress(zip(shards, chosen, strict=True), total=len(shards), label="shards"):
-        part = load_npz(path, *_POINTS, only=True)
+    pairs = zip(shards.items(), chosen, strict=True)
+    for (path, rows), some in progress(pairs, total=len(shards), label="shards"):
+        part = load_npz(path, _POINTS, n=rows)
         end = start + len(some)
         for name in _POINTS:
             if name not in arrays:
@@ -281,7 +295,7 @@ def load_clusters(folder: str | Path) -> np.ndarray:
     Raises:
         InputError: the file is missing or damaged.
     """
-    return load_npz(Path(folder) / "clusters.npz", "vertices")["vertices"]
+    return load_npz(Path(folder) / "clusters.npz", {"vertices": "int k"})["vertices"]
 
 
 class FieldData:
@@ -305,24 +319,17 @@ class FieldData:
             InputError: a file is missing or the files count different rows.
         """
         self.folder = Path(folder)
-        rows = load_npz(self.folder / "rows.npz", *_ROWS)
+        rows = load_npz(self.folder / "rows.npz", _ROWS)
         self.shape, self.gender, self.garment = rows["shape"], rows["gender"], rows["garment"]
         self.outfit, self.split = rows["outfit"], rows["split"]
         self.occlusion = rows["occlusion"]
         self.clusters = load_clusters(self.folder)
-        self.near, self.space = self._open("near"), self._open("space")
-        self.near_distance = self._open("near_distance")
-        self.space_distance = self._open("space_distance")
+        points = open_arrays(self.folder, _POINTS, n=len(self))
+        self.near, self.space = points["near"], points["space"]
+        self.near_distance, self.space_distance = points["near_distance"], points["space_distance"]
 
     def __len__(self) -> int:
         return len(self.garment)
-
-    def _open(self, name: str) -> np.ndarray:
-        path = self.folder / f"{name}.npy"
-        array = open_array(path)
-        if len(array) != len(self):
-            raise InputError(f"{path}: has {len(array)} rows, expected {len(self)}")
-        return array
 
     def rows(self, split: str) -> np.ndarray:
         """Indices of the rows of "train", "val" or "test"."""

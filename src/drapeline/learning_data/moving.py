@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import STATUS
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -101,7 +102,7 @@ def moving_files(
         InputError: a file is missing or damaged.
     """
     for folder, registration in zip(map(Path, samples), map(Path, registrations), strict=True):
-        status = read_json(registration / "status.json")
+        status = read_json(registration / "status.json", STATUS)
         if status["status"] == "accepted" and status["split"] in splits:
             with Sample(folder) as sample:
                 names = sample.garments

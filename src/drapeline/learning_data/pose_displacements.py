@@ -26,7 +26,7 @@ from drapeline.geometry.mesh import Mesh, edges
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, create_array, load_npz, open_array, save_npz
+from drapeline.storage import atomic_folder, create_array, load_npz, open_arrays, save_npz
 
 # Cloth does not reach the ends of limbs, and a turn of the whole body is told by gravity.
 _LEFT_OUT = ("pelvis", "ankle", "foot", "neck", "head", "wrist", "hand")
@@ -39,9 +39,24 @@ POSE_NUMBERS = 9 * len(POSE_JOINTS) + 3
 # Share of each training sequence, at its end, that stands in for a validation split without any.
 _HELD_BACK = 1 / 6
 
-_GARMENT_KEYS = ("sample", "split", "garment", "shape", "gender", "vertices", "edges", "frames")
+_GARMENTS = {
+    "sample": "str g",
+    "split": "str g",
+    "garment": f"int<{len(GARMENTS)} g",
+    "shape": "float g 10",
+    "gender": f"int<{len(GENDERS)} g",
+    **dict.fromkeys(("vertices", "edges", "frames"), "int g"),
+}
 _PER_POINT = ("points", "straight", "weights", "displacement")
-_ARRAYS = (*_PER_POINT, "edges", "pose", "motions")
+_ARRAYS = {
+    "points": "float v 3",
+    "straight": "float v 3",
+    "weights": "float v 24",
+    "displacement": "float * 3",
+    "edges": "int * 2",
+    "pose": f"float n {POSE_NUMBERS}",
+    "motions": "float n 24 3 4",
+}
 
 
 def encode_poses(poses: np.ndarray) -> np.ndarray:
@@ -287,12 +302,12 @@ class DisplacementData:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        table = load_npz(self.folder / "garments.npz", *_GARMENT_KEYS)
+        table = load_npz(self.folder / "garments.npz", _GARMENTS)
         self.sample, self.split, self.garment = (table[k] for k in ("sample", "split", "garment"))
         self.shape, self.gender = table["shape"], table["gender"]
         self._frames, self._vertices = table["frames"], table["vertices"]
         self.garment_index = np.repeat(np.arange(len(self.garment)), self._frames)
-        self._arrays = {name: open_array(self.folder / f"{name}.npy") for name in _ARRAYS}
+        self._arrays = open_arrays(self.folder, _ARRAYS)
         self.pose = self._arrays["pose"]
         moved = self._frames * self._vertices
         self._parts = {

@@ -26,17 +26,22 @@ from drapeline.storage import (
     atomic_folder,
     create_array,
     load_npz,
-    open_array,
+    open_arrays,
     read_json,
     save_npz,
     write_json,
 )
 
 SOURCES = ("simulated", "skinned")
-_PER_SEQUENCE = (
-    *("name", "source", "split", "start", "count", "shape", "gender", "canonical"),
-    "coefficients",
-)
+_PER_SEQUENCE = {
+    **dict.fromkeys(("name", "source", "split"), "str s"),
+    **dict.fromkeys(("start", "count"), "int s"),
+    "shape": "float s 10",
+    "gender": f"int<{len(GENDERS)} s",
+    "canonical": "float s n 3",
+    "coefficients": "float s d",
+}
+_ARRAYS = {"points": "float f p 3", "labels": "int f p", "garment": "float f n 3"}
 
 
 @dataclass(frozen=True)
@@ -226,19 +231,25 @@ class SequenceData:
 
     def __init__(self, folder: str | Path) -> None:
         folder = Path(folder)
-        self.garment_type = str(read_json(folder / "about.json")["garment"])
+        self.garment_type = read_json(folder / "about.json", {"garment": str})["garment"]
         self.label = LABELS.index(self.garment_type)
         self.space = load_space(folder / "space.npz")
-        self.points, self.labels, self.garment = (
-            open_array(folder / f"{key}.npy") for key in ("points", "labels", "garment")
+        arrays = open_arrays(folder, _ARRAYS, n=len(self.space.mean))
+        self.points, self.labels, self.garment = (arrays[key] for key in _ARRAYS)
+        frames = load_npz(
+            folder / "frames.npz", {"poses": "float f 72", "sequence": "int f", "number": "int f"}
         )
-        frames = load_npz(folder / "frames.npz", "poses", "sequence", "number")
         self.poses, self.number = frames["poses"], frames["number"]
-        table = load_npz(folder / "sequences.npz", *_PER_SEQUENCE)
+        components, vertices, _ = self.space.components.shape
+        table = load_npz(folder / "sequences.npz", _PER_SEQUENCE, n=vertices, d=components)
         self.name, self.source, self.split = (table[key] for key in ("name", "source", "split"))
         self.start, self.count = table["start"], table["count"]
         self.shape, self.gender = table["shape"], table["gender"]
         self.canonical, self.coefficients = table["canonical"], table["coefficients"]
+        if not np.array_equal(self.start, np.cumsum(self.count) - self.count):
+            raise InputError(
+                f"{folder / 'sequences.npz'}: starts of sequences do not follow from their counts"
+            )
         lengths = {len(x) for x in (self.points, self.labels, self.garment, self.poses)}
         if lengths != {int(self.count.sum())}:
             raise InputError(
@@ -272,7 +283,9 @@ class SequenceData:
     @cached_property
     def originals(self) -> dict[str, Mesh]:
         """Name of a sequence -> canonical garment before registration; none for training."""
-        arrays = load_npz(self._folder / "originals.npz")
+        arrays = load_npz(
+            self._folder / "originals.npz", {"*/vertices": "float * 3", "*/faces": "int * 3"}
+        )
         names = dict.fromkeys(key.rpartition("/")[0] for key in arrays)
         return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}
 
@@ -294,10 +307,20 @@ class SequenceData:
         return np.array(windows, dtype=np.int64).reshape(-1, 2)
 
     def label_share(self, split: str) -> np.ndarray:
-        """(L,) of the points of a split that have each of `LABELS`."""
+        """(L,) of the points of a split that have each of `LABELS`.
+
+        Raises:
+            InputError: a point has another label.
+        """
         count = np.zeros(len(LABELS), dtype=np.int64)
         for sequence in self.of_split(split):
-            count += np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+            own = np.bincount(self.labels[self.rows(sequence)].ravel(), minlength=len(LABELS))
+            if len(own) > len(LABELS):
+                raise InputError(
+                    f"{self._folder / 'labels.npy'}: holds label {len(own) - 1},"
+                    f" expected 0 to {len(LABELS) - 1}"
+                )
+            count += own
         return count / max(count.sum(), 1)
 
     def clouds(
@@ -312,4 +335,6 @@ class SequenceData:
 
     @cached_property
     def _body_relative_points(self) -> np.ndarray:
-        return open_array(self._folder / "body_relative_points.npy")
+        form = {"body_relative_points": "float f p 4"}
+        frames, points, _ = self.points.shape
+        return open_arrays(self._folder, form, f=frames, p=points)["body_relative_points"]

@@ -39,7 +39,7 @@ from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, load_npz, open_array, read_json, save_npz, write_json
+from drapeline.storage import atomic_folder, load_npz, open_arrays, read_json, save_npz, write_json
 
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.
@@ -309,6 +309,15 @@ class SkinnedSequence(NamedTuple):
     garments: dict[str, np.ndarray]
 
 
+_SEQUENCES = {
+    **dict.fromkeys(("name", "split", "gender", "sample"), "str n"),
+    "shape": "float n 10",
+    "number": "int n f",
+    "poses": "float n f 72",
+    "vertices": "int n *",
+}
+
+
 def load_skinned(folder: str | Path) -> Iterator[SkinnedSequence]:
     """Yield the sequences of a folder that `write_skinned` wrote.
 
@@ -316,14 +325,11 @@ def load_skinned(folder: str | Path) -> Iterator[SkinnedSequence]:
         InputError: a file is missing or damaged, or the files do not fit together.
     """
     folder = Path(folder)
-    names = read_json(folder / "about.json")["garments"]
-    table = load_npz(
-        folder / "sequences.npz",
-        *("name", "split", "gender", "shape", "sample", "number", "poses", "vertices"),
-    )
-    points, labels, cloth = (
-        open_array(folder / f"{key}.npy") for key in ("points", "labels", "cloth")
-    )
+    names = read_json(folder / "about.json", {"garments": [[str]]})["garments"]
+    table = load_npz(folder / "sequences.npz", _SEQUENCES, n=len(names))
+    points, labels, cloth = open_arrays(
+        folder, {"points": "float f p 3", "labels": "int f p", "cloth": "float * 3"}
+    ).values()
     frames = table["number"].shape[1]
     wanted = (frames * len(names), frames * int(table["vertices"].sum()))
     if (len(points), len(cloth)) != wanted:

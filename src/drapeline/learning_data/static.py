@@ -13,9 +13,17 @@ from drapeline.learning_data.vertex_moments import body_statistics, offset_stati
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, create_array, load_npz, open_array, save_npz
+from drapeline.storage import atomic_folder, create_array, load_npz, open_arrays, save_npz
 
-_ROWS = ("shape", "gender", "tightness", "garment", "outfit", "split")
+_ROWS = {
+    "shape": "float n 10",
+    "gender": f"int<{len(GENDERS)} n",
+    "tightness": "float n 2",
+    "garment": f"int<{len(GARMENTS)} n",
+    "outfit": "str n",
+    "split": "str n",
+}
+_OFFSETS = {"offsets": "float n v 3", "mask": "bool n v"}
 
 
 def collect_static(
@@ -35,7 +43,7 @@ def collect_static(
         InputError: a shard lacks arrays or has another number of vertices than the bodies, or no
             row is for training.
     """
-    about = [load_npz(path, *_ROWS, only=True) for path in shards]
+    about = [load_npz(path, _ROWS) for path in shards]
     rows = {key: np.concatenate([part[key] for part in about]) for key in _ROWS}
     chosen = np.flatnonzero(rows["split"] == "train")
     if not len(chosen):
@@ -51,8 +59,10 @@ def collect_static(
         offsets = create_array(scratch / "offsets.npy", np.float32, (*shape, 3))
         mask = create_array(scratch / "mask.npy", np.bool_, shape)
         start = 0
-        for path in progress(shards, total=len(shards), label="shards"):
-            part = load_npz(path, "offsets", "mask", only=True)
+        for path, own in progress(
+            zip(shards, about, strict=True), total=len(shards), label="shards"
+        ):
+            part = load_npz(path, _OFFSETS, n=len(own["split"]))
             for array in part.values():
                 if array.shape[1] != count:
                     raise InputError(
@@ -99,28 +109,20 @@ class StaticData:
             InputError: a file is missing or the files count different rows.
         """
         self.folder = Path(folder)
-        rows = load_npz(self.folder / "rows.npz", *_ROWS)
+        rows = load_npz(self.folder / "rows.npz", _ROWS)
         statistics = load_npz(
-            self.folder / "statistics.npz", "mean", "std", "body_mean", "body_std"
+            self.folder / "statistics.npz",
+            dict.fromkeys(("mean", "std", "body_mean", "body_std"), "float v 3"),
         )
         self.shape, self.gender, self.tightness = rows["shape"], rows["gender"], rows["tightness"]
         self.garment, self.outfit, self.split = rows["garment"], rows["outfit"], rows["split"]
         self.mean, self.std = statistics["mean"], statistics["std"]
         self.body_mean, self.body_std = statistics["body_mean"], statistics["body_std"]
-        self.offsets, self.mask = self._open("offsets"), self._open("mask")
+        arrays = open_arrays(self.folder, _OFFSETS, n=len(self), v=len(self.mean))
+        self.offsets, self.mask = arrays["offsets"], arrays["mask"]
 
     def __len__(self) -> int:
         return len(self.garment)
-
-    def _open(self, name: str) -> np.ndarray:
-        path = self.folder / f"{name}.npy"
-        array = open_array(path)
-        if array.shape[:2] != (len(self), len(self.mean)):
-            raise InputError(
-                f"{path}: has shape {array.shape}, expected {len(self)} rows"
-                f" of {len(self.mean)} vertices"
-            )
-        return array
 
     def rows(self, split: str) -> np.ndarray:
         """Indices of the rows of "train", "val" or "test"."""

@@ -70,13 +70,27 @@ class FittedPicture:
         save_npz(path, name=self.name, labels=self.labels, photo=photo, people=count, **arrays)
 
 
+_ARRAYS = {
+    "name": "str",
+    "labels": "int h w",
+    "photo": "int * * 3",
+    "people": "int",
+    "*/intrinsics": "number 3 3",
+    "*/world_to_camera": "number 4 4",
+    "*/vertices": "float * 3",
+    "*/faces": "int * 3",
+    "*/garments": "str *",
+    "*/true": "str *",
+}
+
+
 def load_fitted_picture(path: str | Path) -> FittedPicture:
     """Read what `FittedPicture.save` wrote.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    arrays = load_npz(path, "name", "labels", "photo", "people")
+    arrays = load_npz(path, _ARRAYS)
     photo = arrays["photo"]
     return FittedPicture(
         str(arrays["name"]),

@@ -30,6 +30,9 @@ def scan_class(region: str, properties: Mapping[str, float]) -> str:
     return f"{'long' if reach >= _LONG else 'short'} {region}"
 
 
+_ARRAYS = {"keys": "str n", "*/vertices": "float * 3", "*/faces": "int * 3"}
+
+
 def save_fitted_scans(path: str | Path, found: Mapping[str, Fits]) -> None:
     """Write scan's name -> fits, which `load_fitted_scans` reads."""
     arrays, keys = {}, []
@@ -49,7 +52,7 @@ def load_fitted_scans(path: str | Path) -> dict[str, dict[str, dict[str, Mesh]]]
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    arrays = load_npz(path, "keys")
+    arrays = load_npz(path, _ARRAYS)
     found: dict[str, dict[str, dict[str, Mesh]]] = {}
     for key in map(str, arrays["keys"]):
         scan, variant, name = key.split("/")

@@ -57,15 +57,31 @@ class Reconstruction:
         save_npz(path, **vars(self))
 
 
+_ARRAYS = {
+    **dict.fromkeys(("name", "garment"), "str"),
+    "faces": "int<n * 3",
+    "canonical": "float n 3",
+    **dict.fromkeys(("proposal", "final"), "float f n 3"),
+    "true": "float ...",
+    "true_canonical": "float ...",
+    "points": "float f p 3",
+    "labels": "int f p",
+    "body": "float f v 3",
+    "rest_body": "float v 3",
+    "body_faces": "int<v * 3",
+    "root_rotation": "float f 3",
+    "root_height": "float f",
+    "number": "int f",
+}
+
+
 def load_reconstruction(path: str | Path) -> Reconstruction:
     """Read what `Reconstruction.save` wrote.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    names = list(Reconstruction.__dataclass_fields__)
-    arrays = load_npz(path, *names)
-    values = {name: arrays[name] for name in names}
+    values = load_npz(path, _ARRAYS)
     words = {name: str(values[name]) for name in ("name", "garment")}
     return Reconstruction(**{**values, **words})
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.errors import InputError
-from drapeline.storage import atomic_file
+from drapeline.storage import atomic_file, read_rows
 
 ALL = "all"
 LOW, HIGH = "_low95", "_high95"
@@ -172,10 +172,7 @@ def read_metrics(path: str | Path) -> list[MetricRow]:
         InputError: the file is missing, has other columns, or holds a row that is no metric.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a table of metrics")
-    with open(path, newline="") as stream:
-        header, *lines = [*csv.reader(stream, delimiter="\t")] or [[]]
+    header, lines = read_rows(path, "a table of metrics")
     if tuple(header) != MetricRow._fields:
         raise InputError(
             f"{path}: has the columns {', '.join(header) or 'none'},"
@@ -184,10 +181,12 @@ def read_metrics(path: str | Path) -> list[MetricRow]:
     rows = []
     for number, line in enumerate(lines, 2):
         try:
-            *words, value, unit, n, seed = line
+            *words, value, unit, n, seed = line.values()
             rows.append(MetricRow(*words, float(value), unit, int(n), int(seed)))
         except (TypeError, ValueError) as error:
-            raise InputError(f"{path}: line {number} is no row of metrics: {line}") from error
+            raise InputError(
+                f"{path}: line {number} is no row of metrics: {' '.join(line.values()):.200}"
+            ) from error
     _check(rows, path)
     return rows
 

@@ -11,6 +11,7 @@ from drapeline.storage import load_npz
 
 POSE_SIZES = {72: "SMPL", 156: "SMPL-H", 165: "SMPL-X"}
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")
+RATES = {f"{key}?": "number|nan ..." for key in RATE_KEYS}
 # SMPL's translation moves the whole model, whose root joint lies here at rest (mean shape, Y up).
 # It turns about that joint, so this vector stays as it is whatever the pose.
 _ROOT_JOINT_M = np.array([0.0, -0.22, 0.03])
@@ -29,7 +30,8 @@ def read_amass(path: str | Path) -> Motion:
         InputError: names the file, the key and what was expected.
     """
     # Stage-II files of SMPL-X also hold pickled markers, which are neither needed nor opened.
-    arrays = load_npz(path, "poses", "trans", optional=RATE_KEYS, only=True)
+    forms = {"poses": "number|nan ...", "trans": "number|nan ...", **RATES}
+    arrays = load_npz(path, forms)
     poses, trans = np.asarray(arrays["poses"]), np.asarray(arrays["trans"], dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] not in POSE_SIZES:
         sizes = ", ".join(f"{size} ({model})" for size, model in POSE_SIZES.items())
@@ -54,5 +56,9 @@ def frame_rate(path: str | Path, arrays: dict[str, np.ndarray]) -> float:
     """Frames per second from whichever key the file has."""
     for key in RATE_KEYS:
         if key in arrays:
-            return float(arrays[key])
+            if arrays[key].size != 1:
+                raise InputError(
+                    f"{path}: '{key}' has shape {arrays[key].shape}, expected a number"
+                )
+            return float(arrays[key].item())
     raise InputError(f"{path}: has no frame rate, expected one of {', '.join(RATE_KEYS)}")

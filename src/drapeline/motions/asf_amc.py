@@ -1,14 +1,17 @@
 """Acclaim skeletons and motions (.asf and .amc), the CMU database's own format."""
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.motions.skeleton import Take, chain, globals_from_locals
 
+_FRAME_NUMBER = re.compile(rb"\s*\d{1,18}\s*")
+_HUGE = 1e9  # no angle and no place of a skeleton; beyond, turns come out as nothing
 CMU_FPS = 120.0  # AMC files do not tell their frame rate
 
 
@@ -72,8 +75,11 @@ def read_asf_amc(asf: str | Path, amc: str | Path, *, fps: float = CMU_FPS) -> T
     for parent in names:
         names += [child for child, above in skeleton.parents.items() if above == parent]
     parents = np.array([-1] + [names.index(skeleton.parents[name]) for name in names[1:]])
+    if len(names) < len(skeleton.bones):
+        lost = sorted(set(skeleton.bones) - set(names))
+        raise InputError(f"{asf}: bone {lost[0]} hangs from nothing, expected a tree from the root")
     frames = _parse_amc(amc, _lines(amc, "an AMC motion"), skeleton)
-    count = len(frames["root"])
+    count = len(next(iter(frames.values())))
     local = np.zeros((count, len(names), 3, 3))
     for joint, name in enumerate(names):
         local[:, joint] = _local_rotation(skeleton, skeleton.bones[name], frames.get(name), count)
@@ -94,29 +100,29 @@ def read_asf_amc(asf: str | Path, amc: str | Path, *, fps: float = CMU_FPS) -> T
 def amc_frames(path: str | Path) -> int:
     """Number of frames of an AMC file, from the frame numbers at its two ends."""
     path = Path(path)
-    try:
-        with open(path, "rb") as stream:
-            head = stream.read(1 << 14)
-            stream.seek(0, 2)
-            stream.seek(max(stream.tell() - (1 << 16), 0))
-            tail = stream.read()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file, expected an AMC motion") from error
+    with refuse_damage(path, "an AMC motion"), open(path, "rb") as stream:
+        head = stream.read(1 << 14)
+        size = stream.seek(0, 2)
+        stream.seek(max(size - (1 << 16), 0))
+        tail = stream.read()
     numbers = [
-        [int(word) for word in part.split(b"\n") if word.strip().isdigit()] for part in (head, tail)
+        [int(line) for line in part.split(b"\n") if _FRAME_NUMBER.fullmatch(line)]
+        for part in (head, tail)
     ]
     if not numbers[0] or not numbers[1]:
         raise InputError(f"{path}: holds 0 frames, expected at least 1")
-    return numbers[1][-1] - numbers[0][0] + 1
+    count = numbers[1][-1] - numbers[0][0] + 1
+    if not 0 < 2 * count <= size:  # a digit and the end of a line for each
+        raise InputError(
+            f"{path}: its frames are numbered {numbers[0][0]} to {numbers[1][-1]} in {size} bytes,"
+            " expected one or more, in their order"
+        )
+    return count
 
 
 def _lines(path: Path, expected: str) -> list[list[str]]:
-    try:
+    with refuse_damage(path, expected):
         text = path.read_text(encoding="latin-1")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file, expected {expected}") from error
-    except OSError as error:
-        raise InputError(f"{path}: not readable ({error.strerror}), expected {expected}") from error
     rows = (line.split("#")[0].split() for line in text.splitlines())
     return [row for row in rows if row]
 
@@ -125,7 +131,7 @@ def _parse_asf(path: Path, lines: list[list[str]]) -> _Skeleton:
     bones = {"root": _Bone("root")}
     parents: dict[str, str] = {}
     in_degrees, section, bone = True, "", _Bone()
-    try:
+    with refuse_damage(path, "ASF"):
         for words in lines:
             key = words[0].lower()
             if key.startswith(":"):
@@ -143,13 +149,27 @@ def _parse_asf(path: Path, lines: list[list[str]]) -> _Skeleton:
                 _parse_bone_line(bone, words, in_degrees)
             elif section == ":hierarchy" and key not in ("begin", "end"):
                 parents.update(dict.fromkeys(words[1:], words[0]))
-    except (ValueError, IndexError) as error:
-        raise InputError(f"{path}: not readable as ASF ({error})") from error
     strange = sorted({*parents, *parents.values()} - set(bones))
-    if strange or not parents or set(bones) - {"root"} - set(parents):
-        listed = ", ".join(strange or sorted(set(bones) - {"root"} - set(parents)) or ["none"])
+    if strange or not parents or set(bones) - {"root"} != set(parents):
+        listed = ", ".join(strange or sorted((set(bones) - {"root"}) ^ set(parents)) or ["none"])
         raise InputError(f"{path}: bones and hierarchy disagree on {listed}, expected a whole ASF")
+    for name, bone in bones.items():
+        _check_bone(path, name, bone)
     return _Skeleton(bones, parents, in_degrees)
+
+
+def _check_bone(path: Path, name: str, bone: _Bone) -> None:
+    if bone.vector.shape != (3,) or not np.isfinite(bone.vector).all():
+        raise InputError(
+            f"{path}: bone {name} has no direction and length, expected finite numbers"
+        )
+    moves = [f"{kind}{axis}" for kind in "tr" for axis in "xyz"] + ["l"]
+    strange = [word for word in bone.degrees_of_freedom if word not in moves]
+    if strange or len(set(bone.degrees_of_freedom)) < len(bone.degrees_of_freedom):
+        found = " ".join(bone.degrees_of_freedom)
+        raise InputError(
+            f"{path}: bone {name} moves in {found}, expected some of {' '.join(moves)}"
+        )
 
 
 def _parse_bone_line(bone: _Bone, words: list[str], in_degrees: bool) -> None:
@@ -161,11 +181,17 @@ def _parse_bone_line(bone: _Bone, words: list[str], in_degrees: bool) -> None:
     elif key == "length":
         bone.length = float(words[1])
     elif key == "axis":
-        bone.order = words[4].lower()
+        bone.order = _order(words[4])
         angles = np.array(words[1:4], dtype=np.float64)
         bone.axis = Rotation.from_euler(bone.order, angles, degrees=in_degrees)
     elif key == "dof":
         bone.degrees_of_freedom = tuple(word.lower() for word in words[1:])
+
+
+def _order(word: str) -> str:
+    if sorted(word.lower()) != ["x", "y", "z"]:
+        raise ValueError(f"axes '{word:.20}', expected an order of XYZ")
+    return word.lower()
 
 
 def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:
@@ -173,7 +199,7 @@ def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:
     if key == "order":
         root.degrees_of_freedom = tuple(word.lower() for word in words[1:])
     elif key == "axis":
-        root.order = words[1].lower()
+        root.order = _order(words[1])
     elif key == "orientation":
         angles = np.array(words[1:4], dtype=np.float64)
         root.axis = Rotation.from_euler(root.order, angles, degrees=in_degrees)
@@ -200,12 +226,14 @@ def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[
         except ValueError as error:
             raise InputError(f"{path}: frame {frame}, bone {name}: {error}") from error
         expected = len(skeleton.bones[name].degrees_of_freedom)
-        if len(values) != expected or not np.isfinite(values).all():
+        if len(values) != expected or not (np.abs(values) < _HUGE).all():
             raise InputError(
                 f"{path}: frame {frame}, bone {name} holds {' '.join(words[1:])}, "
                 f"expected {expected} finite numbers"
             )
         rows[name].append(values)
+    if not rows:
+        raise InputError(f"{path}: its skeleton has no bone that moves, expected at least the root")
     if count == 0:
         raise InputError(f"{path}: holds 0 frames, expected at least 1")
     short = [name for name, values in rows.items() if len(values) != count]

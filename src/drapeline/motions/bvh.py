@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -61,9 +62,14 @@ def bvh_frames(path: str | Path) -> tuple[int, float]:
     head, rows = _halves(path, motion_lines=6)
     hierarchy = _parse_hierarchy(path, head)
     count, frame_time_s, first_row = _parse_motion_header(path, rows)
+    size = path.stat().st_size
+    if 2 * count * hierarchy.width > size:  # a digit and a space for each number
+        raise InputError(
+            f"{path}: {size} bytes, expected more for {count} frames of {hierarchy.width} channels"
+        )
     start = [row.split() for row in rows[first_row : first_row + 3] if row.strip()]
     if len(start) == 3 and all(len(row) == hierarchy.width for row in start):
-        values = np.array(start, dtype=np.float64)
+        values = _numbers(path, start)
         count -= int(_starts_with_rest_pose(values, _rotation_columns(hierarchy)))
     return count, 1.0 / frame_time_s
 
@@ -139,6 +145,10 @@ def _check_hierarchy(path: Path, hierarchy: _Hierarchy) -> None:
     twice = {name for name in hierarchy.names if hierarchy.names.count(name) > 1}
     if twice:
         raise InputError(f"{path}: joint {sorted(twice)[0]} appears twice, expected unique names")
+    if not hierarchy.width:
+        raise InputError(f"{path}: has no channels, expected those of joints that move")
+    if not np.isfinite(hierarchy.offsets).all():
+        raise InputError(f"{path}: holds an OFFSET that is not finite, expected a length")
     for name, channels in zip(hierarchy.names, hierarchy.channels, strict=True):
         for channel in channels:
             axis, kind = channel[:1].upper(), channel[1:].lower()
@@ -171,11 +181,7 @@ def _parse_motion_header(path: Path, rows: list[str]) -> tuple[int, float, int]:
 
 def _parse_values(path: Path, rows: list[str], hierarchy: _Hierarchy, count: int) -> np.ndarray:
     """(frames, channels) values of the MOTION part."""
-    text = " ".join(rows).split()
-    try:
-        values = np.array(text, dtype=np.float64)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}, expected numbers in the motion part") from error
+    values = _numbers(path, " ".join(rows).split())
     if len(values) != count * hierarchy.width:
         raise InputError(
             f"{path}: holds {len(values)} motion values, expected {count} frames of "
@@ -190,6 +196,13 @@ def _parse_values(path: Path, rows: list[str], hierarchy: _Hierarchy, count: int
             "expected a finite number"
         )
     return values
+
+
+def _numbers(path: Path, words: list[Any]) -> np.ndarray:
+    try:
+        return np.array(words, dtype=np.float64)
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{path}: {error}, expected numbers in the motion part") from error
 
 
 def _rotation_columns(hierarchy: _Hierarchy) -> np.ndarray:

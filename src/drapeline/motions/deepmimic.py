@@ -1,13 +1,13 @@
 """The humanoid3d clips of DeepMimic, as the pybullet wheel has them (JSON in .txt files)."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.motions.skeleton import Take, chain, globals_from_locals
+from drapeline.storage import read_json
 
 # X ahead, Y up, Z right; metres. Joint: parent, offset. Sizes of pybullet's humanoid.urdf,
 # which is four times life size, divided by four.
@@ -47,23 +47,17 @@ def read_deepmimic(path: str | Path) -> tuple[Take, bool]:
         InputError: the file is missing, unreadable or of another layout.
     """
     path = Path(path)
-    try:
-        content = json.loads(path.read_text())
+    with refuse_damage(path, "a DeepMimic clip"):
+        content = read_json(path, {"Frames": [[float]]})
         frames = np.array(content["Frames"], dtype=np.float64)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file, expected a DeepMimic clip") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: not readable as a DeepMimic clip ({error})") from error
     if frames.ndim != 2 or frames.shape[1] != FRAME_SIZE or len(frames) < 2:
         raise InputError(
             f"{path}: frames of shape {frames.shape}, expected (2 or more, {FRAME_SIZE})"
         )
-    if not np.isfinite(frames).all():
-        row = int(np.argmin(np.isfinite(frames).all(1)))
-        raise InputError(f"{path}: frame {row} holds a value that is not a number")
     names, parents = tuple(_JOINTS), np.array([parent for parent, _ in _JOINTS.values()])
     offsets = np.array([offset for _, offset in _JOINTS.values()])
-    rotations = globals_from_locals(parents, _local_rotations(frames))
+    with refuse_damage(path, "a DeepMimic clip"):  # quaternions of length zero
+        rotations = globals_from_locals(parents, _local_rotations(frames))
     positions = chain(parents, rotations, offsets[None]) + frames[:, None, 1:4]
     # A frame's duration is the time until the next one.
     times = np.concatenate([[0.0], np.cumsum(frames[:-1, 0])])

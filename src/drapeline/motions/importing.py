@@ -1,6 +1,5 @@
 """Import of motion files of all formats, and the number of frames they will have."""
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.motions.amass import RATE_KEYS, read_amass
+from drapeline.motions.amass import RATES, frame_rate, read_amass
 from drapeline.motions.asf_amc import CMU_FPS, amc_frames, find_asf, read_asf_amc
 from drapeline.motions.bvh import bvh_frames, read_bvh
 from drapeline.motions.grounding import set_on_floor
@@ -23,7 +22,9 @@ from drapeline.motions.motion import (
     resampled_count,
 )
 from drapeline.motions.retarget import retarget
+from drapeline.storage import load_npz
 
+_MIN_FPS, _MAX_FPS = 1.0, 10_000.0
 SUFFIXES = (".npz", ".bvh", ".amc")
 
 
@@ -67,6 +68,7 @@ def import_motion(
         chosen = built_in_map(take) if joint_map is None else load_joint_map(joint_map)
         poses, trans = retarget(take, chosen)
         fps = amc_fps if path.suffix.lower() == ".amc" else _rate(take.times_s)
+        _check_rate(path, fps)
         times = np.arange(resampled_count(len(poses), fps)) / FPS
         poses, trans = interpolate(poses, trans, take.times_s, times)
         motion = Motion(poses, trans, float(FPS), "", "", str(path), path.stem)
@@ -98,6 +100,7 @@ def frame_count(path: str | Path, *, frames: int | None = None, amc_fps: float =
         count, fps = bvh_frames(path)
     else:
         count, fps = amc_frames(path), amc_fps
+    _check_rate(path, fps)
     count = resampled_count(count, fps)
     if frames is None:
         return count
@@ -117,46 +120,30 @@ def _check_suffix(path: str | Path) -> Path:
 
 def _read_npz(path: Path) -> Motion:
     """Read our own file, recognised by its leg length, or else an AMASS file."""
-    with _archive(path) as archive:
-        ours = "reference_leg_length_m.npy" in archive.namelist()
-    if ours:
-        return resample(load_motion(path))
+    ours = load_npz(path, {"reference_leg_length_m?": "any ..."})
+    motion = load_motion(path) if ours else read_amass(path)
+    _check_rate(path, motion.fps)
+    motion = resample(motion)
     # AMASS is in SMPL's pose space already, so its poses are kept.
-    return set_on_floor(resample(read_amass(path)), feet=False, hands=False)
+    return motion if ours else set_on_floor(motion, feet=False, hands=False)
+
+
+def _check_rate(path: Path, fps: float) -> None:
+    """No recording is slower or faster; what is makes motions without end or without frames."""
+    if not _MIN_FPS <= fps <= _MAX_FPS:
+        raise InputError(
+            f"{path}: {fps:g} frames per second, expected {_MIN_FPS:g} to {_MAX_FPS:g}"
+        )
 
 
 def _npz_frames(path: Path) -> tuple[int, float, bool]:
     """Frames, frames per second, and whether it is cyclic, from the array headers."""
-    with _archive(path) as archive:
-        names = archive.namelist()
-        if "poses.npy" not in names:
-            raise InputError(f"{path}: lacks 'poses', it holds {', '.join(sorted(names))}")
-        try:
-            with archive.open("poses.npy") as stream:
-                version = np.lib.format.read_magic(stream)
-                read_header = {
-                    (1, 0): np.lib.format.read_array_header_1_0,
-                    (2, 0): np.lib.format.read_array_header_2_0,
-                }[version]
-                shape = read_header(stream)[0]
-            rates = [key for key in RATE_KEYS if f"{key}.npy" in names]
-            with archive.open(f"{rates[0]}.npy") as stream:
-                fps = float(np.lib.format.read_array(stream, allow_pickle=False))
-        except (ValueError, KeyError, IndexError, OSError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path}: no readable 'poses' and frame rate ({error})") from error
-        if not shape or shape[0] < 1 or not fps > 0:
-            raise InputError(
-                f"{path}: poses of shape {shape} at {fps} frames per second, expected at least 1 "
-                "frame at a positive rate"
-            )
-        return int(shape[0]), fps, "cycle_turn_rad.npy" in names
-
-
-def _archive(path: Path) -> zipfile.ZipFile:
-    try:
-        return zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, OSError) as error:
-        raise InputError(f"{path}: not a readable .npz ({error})") from error
+    forms = {"poses": "number ...", "cycle_turn_rad?": "number", **RATES}
+    arrays = load_npz(path, forms, unread=["poses"])
+    shape, fps = arrays["poses"].shape, frame_rate(path, arrays)
+    if not shape or shape[0] < 1:
+        raise InputError(f"{path}: poses of shape {shape}, expected at least 1 frame")
+    return shape[0], fps, "cycle_turn_rad" in arrays
 
 
 def _rate(times_s: np.ndarray) -> float:

@@ -3,12 +3,14 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import yaml
 
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import JOINT_NAMES
 from drapeline.motions.skeleton import Take
+from drapeline.storage import read_text
 
 BUILT_IN = Path(__file__).parent / "joint_maps"
 _LIMB_PARTS = ("hip", "knee", "ankle", "shoulder", "elbow")
@@ -51,6 +53,15 @@ class JointMap:
         return {joint: take.names.index(source) for joint, source in self.joints.items()}
 
 
+class _PlainLoader(yaml.SafeLoader):
+    """Refuses aliases: a few of them make a value that takes for ever to print."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.YAMLError("it has an alias (*), expected plain values")
+        return super().compose_node(parent, index)
+
+
 def load_joint_map(path: str | Path) -> JointMap:
     """Read a joint map from YAML.
 
@@ -58,13 +69,9 @@ def load_joint_map(path: str | Path) -> JointMap:
         InputError: the file is missing, is not YAML, or maps a joint that SMPL does not have.
     """
     path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text())
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file, expected a joint map in YAML") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        line = str(error).splitlines()[0]
-        raise InputError(f"{path}: not readable as YAML ({line}), expected a joint map") from error
+    text = read_text(path, "a joint map in YAML")
+    with refuse_damage(path, "YAML, expected a joint map"):
+        content = yaml.load(text, _PlainLoader)
     if not isinstance(content, dict) or not isinstance(content.get("joints"), dict):
         raise InputError(f"{path}: expected a key 'joints' with SMPL joint: source joint lines")
     strange = sorted(set(map(str, content)) - set(KEYS))
@@ -80,7 +87,7 @@ def load_joint_map(path: str | Path) -> JointMap:
     if lacking:
         raise InputError(f"{path}: maps no source joint to {_join(lacking)}, which is required")
     up = content.get("up")
-    if up is not None and up not in UP_AXES:
+    if up is not None and (not isinstance(up, str) or up not in UP_AXES):
         raise InputError(f"{path}: 'up' is {up!r}, expected one of {_join(UP_AXES)}")
     return JointMap(str(path), joints, up, _twists(path, content.get("twist_deg", {})))
 

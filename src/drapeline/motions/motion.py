@@ -114,13 +114,25 @@ def save_motion(path: str | Path, motion: Motion) -> None:
     save_npz(path, **arrays)
 
 
+# What is wrong with poses and places is told by frame and joint; see `check_motion`.
+_ARRAYS = {
+    "poses": "number|nan ...",
+    "trans": "number|nan ...",
+    "fps": "number|nan",
+    "reference_leg_length_m": "number",
+    **dict.fromkeys(("action?", "subject?", "source?", "sequence?"), "str"),
+    "cycle_turn_rad?": "number",
+    "cycle_shift_m?": "number 2",
+}
+
+
 def load_motion(path: str | Path) -> Motion:
     """Read a motion written by `save_motion`.
 
     Raises:
         InputError: the file is missing, unreadable, lacks a key or holds unusable values.
     """
-    a = load_npz(path, "poses", "trans", "fps", "reference_leg_length_m")
+    a = load_npz(path, _ARRAYS)
     cycle = None
     if "cycle_turn_rad" in a and "cycle_shift_m" in a:
         cycle = Cycle(float(a["cycle_turn_rad"]), a["cycle_shift_m"].astype(np.float64))

@@ -1,6 +1,6 @@
 """The table that lists the motions of an experiment."""
 
-import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +8,7 @@ from typing import Any
 
 from drapeline.errors import InputError
 from drapeline.motions.importing import frame_count
+from drapeline.storage import check_name, read_rows
 
 REQUIRED = ("name", "file")
 OPTIONAL = ("action", "subject", "loop", "joint_map", "asf", "amc_fps")
@@ -64,7 +65,8 @@ def motion_table(
     Args:
         path: columns `name` and `file` (relative to the table's folder), and optionally `action`,
             `subject`, `loop` (yes: the clip is one round of a cycle), `joint_map`, `asf` and
-            `amc_fps`.
+            `amc_fps`. Names become parts of paths, see `storage.NAME_RULE`; files may be called
+            anything.
         names: which rows, in this order; all rows if empty.
         loop_frames: length in frames that cyclic clips are repeated to.
 
@@ -72,19 +74,17 @@ def motion_table(
         InputError: names the table, the row or name, and what was expected.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a table of motions")
-    with open(path, newline="") as stream:
-        rows = list(csv.DictReader(stream, delimiter="\t"))
+    heading, rows = read_rows(path, "a table of motions")
     if not rows:
         raise InputError(f"{path}: lists no motion, expected at least one row below the header")
-    known = {*REQUIRED, *OPTIONAL, *DESCRIPTIVE}
-    columns = set(rows[0]) - {None}
+    known, columns = {*REQUIRED, *OPTIONAL, *DESCRIPTIVE}, set(heading)
     if not columns <= known or not set(REQUIRED) <= columns:
         raise InputError(
             f"{path}: columns {', '.join(sorted(columns))}, expected {' and '.join(REQUIRED)}"
             f" and perhaps {', '.join([*OPTIONAL, *DESCRIPTIVE])}, separated by tabs"
         )
+    for number, row in enumerate(rows, 1):
+        check_name(row["name"], f"{path}: the name of motion {number}")
     by_name = {row["name"]: row for row in rows}
     if len(by_name) < len(rows):
         listed = [row["name"] for row in rows]
@@ -101,12 +101,9 @@ def _entry(table: Path, row: dict[str, str], loop_frames: int) -> MotionEntry:
     loop = row.get("loop") or "no"
     if loop not in ("yes", "no"):
         raise InputError(f"{table}: '{row['name']}' has loop '{loop}', expected yes or no")
-    try:
-        amc_fps = float(row["amc_fps"]) if row.get("amc_fps") else None
-    except ValueError as error:
-        raise InputError(
-            f"{table}: '{row['name']}' has amc_fps '{row['amc_fps']}', expected a number"
-        ) from error
+    if not row["file"]:
+        raise InputError(f"{table}: '{row['name']}' has no file, expected the motion's")
+    amc_fps = _rate(table, row)
 
     def beside(column: str) -> str | None:
         return str(table.parent / row[column]) if row.get(column) else None
@@ -125,3 +122,18 @@ def _entry(table: Path, row: dict[str, str], loop_frames: int) -> MotionEntry:
         beside("asf"),
         amc_fps,
     )
+
+
+def _rate(table: Path, row: dict[str, str]) -> float | None:
+    text = row.get("amc_fps")
+    if not text:
+        return None
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 0 < rate < math.inf:
+        raise InputError(
+            f"{table}: '{row['name']}' has amc_fps '{text:.100}', expected a number above 0"
+        )
+    return rate

@@ -70,20 +70,42 @@ class Outfit:
         )
 
 
+OUTFIT_JSON = {
+    "garments": [{"name": str}],
+    "gender": str,
+    **{key: [float] for key in ("shape", "tightness", "signed_tightness")},
+}
+# Sizes differ from garment to garment.
+_ARRAYS = {
+    "vertices": "float {v} 3",
+    "faces": "int<{v} * *",
+    "uv": "float {t} 2",
+    "uv_faces": "int<{t} * *",
+    "pin": "float *",
+    "elastic": "float *",
+}
+
+
 def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
     """Read what `Outfit.save` wrote.
 
     Raises:
         InputError: a file is missing or lacks a garment's arrays.
     """
-    about = read_json(json_path)
-    keys = ("vertices", "faces", "uv", "uv_faces", "pin", "elastic")
+    about = read_json(json_path, OUTFIT_JSON)
     names = [g["name"] for g in about["garments"]]
-    arrays = load_npz(npz_path, *(f"{name}/{key}" for name in names for key in keys))
+    arrays = load_npz(
+        npz_path,
+        {
+            f"{name}/{key}": form.format(v=f"v{index}", t=f"t{index}")
+            for index, name in enumerate(names)
+            for key, form in _ARRAYS.items()
+        },
+    )
     garments = tuple(
         Garment(
             g["name"],
-            *(arrays[f"{g['name']}/{key}"] for key in keys),
+            *(arrays[f"{g['name']}/{key}"] for key in _ARRAYS),
             about={k: v for k, v in g.items() if k != "name"},
         )
         for g in about["garments"]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.outfits.outfit import Garment, Outfit
+from drapeline.outfits.outfit import OUTFIT_JSON, Garment, Outfit
 from drapeline.storage import load_npz, read_json, save_npz, write_json
 
 
@@ -59,15 +59,12 @@ def load_static(path: str | Path) -> list[StaticOutfit]:
     Raises:
         InputError: a file is missing or lacks a garment's arrays.
     """
-    told = read_json(Path(path).with_suffix(".json"))
+    told = read_json(Path(path).with_suffix(".json"), [{"name": str, "split": str, **OUTFIT_JSON}])
+    names = [f"{about['name']}/{g['name']}" for about in told for g in about["garments"]]
     arrays = load_npz(
         path,
-        *(
-            f"{about['name']}/{g['name']}/{key}"
-            for about in told
-            for g in about["garments"]
-            for key in ("vertices", "faces")
-        ),
+        {f"{name}/vertices": f"float v{index} 3" for index, name in enumerate(names)}
+        | {f"{name}/faces": f"int<v{index} * *" for index, name in enumerate(names)},
     )
     return [_read(about, arrays) for about in told]
 

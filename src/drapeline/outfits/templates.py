@@ -116,10 +116,16 @@ def load_templates(path: str | Path) -> Templates:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    required = [f"{n}/{k}" for n in _TUBES for k in ("start_m", "centre", "radius")]
-    required += [f"{n}/{k}" for n in _FIELDS for k in ("origin", "distance")]
-    required += [f"garments/{n}/{k}" for n in TEMPLATE_NUMBERS for k in _MESH]
-    a = load_npz(path, "body_name", *required)
+    forms = {"body_name": "str", "landmarks/*": "number"}
+    for name in _TUBES:
+        forms |= {f"{name}/start_m": "number", f"{name}/centre": f"float {name} 2"}
+        forms |= {f"{name}/radius": f"float {name} *"}
+    for name in _FIELDS:
+        forms |= {f"{name}/origin": "float 3", f"{name}/distance": "float * * *"}
+    for name in TEMPLATE_NUMBERS:
+        mesh = (f"float v{name} 3", f"int<v{name} * 4", f"float t{name} 2", f"int<t{name} * 4")
+        forms |= {f"garments/{name}/{k}": form for k, form in zip(_MESH, mesh, strict=True)}
+    a = load_npz(path, forms)
     tubes = {n: Tube(float(a[f"{n}/start_m"]), a[f"{n}/centre"], a[f"{n}/radius"]) for n in _TUBES}
     fields = {n: Field(a[f"{n}/origin"], a[f"{n}/distance"]) for n in _FIELDS}
     marks = {k.split("/")[1]: float(v) for k, v in a.items() if k.startswith("landmarks/")}

@@ -6,6 +6,7 @@ import pytest
 from drapeline.bodies import bake
 from drapeline.bodies.bake_surface import mirror_map
 from drapeline.bodies.model import shape_body
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.geometry.mesh import edge_counts
 
@@ -153,3 +154,17 @@ def test_shape_space_has_unit_variance_and_rebuilds_people():
 def test_open_mesh_has_no_mirror_map():
     with pytest.raises(ValueError, match="not symmetric"):
         mirror_map(np.array([[0.0, 0, 0], [1, 0, 0]]), axis=0)
+
+
+def test_a_damaged_cache_is_named(tmp_path, monkeypatch):
+    def load_damaged():
+        raise OSError("header too large\nmore")
+
+    monkeypatch.setattr(bake, "get_anny_cache_path", lambda: tmp_path)
+    monkeypatch.setattr(bake.anny, "Anny", load_damaged)
+    with pytest.raises(
+        InputError, match=r"cannot be loaded from its cache .*\(header too large\)"
+    ) as e:
+        bake.bake_bodies(0, 1)
+    assert str(e.value).startswith(f"{tmp_path}: ")
+    assert "ANNY_CACHE_DIR" in str(e.value)

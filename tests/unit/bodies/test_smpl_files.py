@@ -221,7 +221,7 @@ def test_other_unusable_files(tmp_path, smpl_arrays):
         load_body(tmp_path / "a.txt")
     for name in ("a.npz", "a.pkl"):
         (tmp_path / name).write_bytes(b"\x80\x02 nonsense")
-        with pytest.raises(InputError, match="not a readable"):
+        with pytest.raises(InputError, match="not readable as"):
             load_body(tmp_path / name)
     write_pickle(tmp_path / "list.pkl", [1])
     with pytest.raises(InputError, match="holds a list"):
@@ -230,3 +230,80 @@ def test_other_unusable_files(tmp_path, smpl_arrays):
     np.savez(tmp_path / "less.npz", **some)
     with pytest.raises(InputError, match="lacks weights"):
         load_body(tmp_path / "less.npz")
+
+
+@pytest.mark.parametrize("protocol", [2, 4, 5])
+def test_honest_pickles_may_hold_empty_arrays_and_single_numbers(tmp_path, smpl_arrays, protocol):
+    extra = {"empty": np.zeros((0, 3)), "one": np.float64(2.5), "names": np.array(["a", "bc"])}
+    path = tmp_path / "a.pkl"
+    path.write_bytes(pickle.dumps({**smpl_arrays, **extra}, protocol))
+    body = load_body(path)
+    np.testing.assert_array_equal(body.faces, smpl_arrays["f"])
+    assert body.v_template.flags.writeable
+
+
+def _pickled(code):
+    """The instructions that make one entry of a table of arrays."""
+    return b"\x80\x02}U\x01v" + code + b"s."
+
+
+_RAW = b"U\x08\x01\x02\x03\x04\x05\x06\x07\x08"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        # An object array over raw bytes, which are addresses to whoever reads it.
+        b"cnumpy.core.multiarray\nscalar\ncnumpy\ndtype\nU\x02O8\x85R" + _RAW + b"\x86R",
+        b"cnumpy.core.multiarray\n_frombuffer\n("
+        + _RAW
+        + b"cnumpy\ndtype\nU\x02O8\x85R(K\x01tU\x01CtR",
+        # A type of numbers with fields and flags of the file's own.
+        b"cnumpy\ndtype\nU\x02V8\x85R(K\x03U\x01|NNNK\x08K\x01K?tb",
+        # An array of more numbers than there are bytes.
+        b"cnumpy\nndarray\n(J\xff\xff\xff\x7fcnumpy\ndtype\nU\x02f8\x85RtR",
+    ],
+)
+def test_pickles_that_reach_for_memory_are_refused(tmp_path, code):
+    path = tmp_path / "a.pkl"
+    path.write_bytes(_pickled(code))
+    with pytest.raises(InputError, match=r"a\.pkl: (lacks v_template|not readable|asks)"):
+        load_body(path)
+
+
+def test_an_array_with_too_few_bytes_is_refused(tmp_path, smpl_arrays):
+    path = tmp_path / "a.pkl"
+    data = pickle.dumps({**smpl_arrays, "v_template": np.zeros((5, 3))}, protocol=2)
+    assert data.count(b"K\x05K\x03\x86") == 1
+    path.write_bytes(data.replace(b"K\x05K\x03\x86", b"K\x07K\x03\x86"))
+    with pytest.raises(InputError, match=r"a\.pkl: 'v_template' is a damaged array"):
+        load_body(path)
+
+
+def test_a_list_of_itself_is_no_array(tmp_path, smpl_arrays):
+    twice = [1.0]
+    for _ in range(40):
+        twice = [twice, twice]
+    path = tmp_path / "a.pkl"
+    write_pickle(path, {**smpl_arrays, "v_template": twice})
+    with pytest.raises(InputError, match="'v_template' is a list, expected an array"):
+        load_body(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("ft", np.array([[0, 1, 3]]), "'ft' names vertex 3, expected 0 to 2"),
+        ("ft", np.array([[0, 1, 2**32]]), "'ft' names vertex 4294967296, expected 0 to 2"),
+        ("ft", np.array([[0, 1, 2]] * 2), "'ft' has 2 faces, expected 1 like 'f'"),
+        ("vt", np.zeros((3, 3)), r"'vt' has shape \(3, 3\), expected \(points, 2\)"),
+        ("vt", np.full((3, 2), np.nan), "'vt' holds values that are not finite"),
+        ("segmentation", np.full(VERTICES, 24), "'segmentation' is not the joint"),
+        ("segmentation", np.zeros(5, int), "'segmentation' is not the joint"),
+    ],
+)
+def test_texture_and_segmentation_are_checked(tmp_path, smpl_arrays, key, value, message):
+    whole = {"f": np.array([[0, 1, 2]]), "vt": np.zeros((3, 2)), "ft": np.array([[0, 1, 2]])}
+    np.savez(tmp_path / "a.npz", **{**smpl_arrays, **whole, key: value})
+    with pytest.raises(InputError, match=message):
+        load_body(tmp_path / "a.npz")

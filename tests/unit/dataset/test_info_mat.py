@@ -117,10 +117,10 @@ def test_a_damaged_file_is_one_sentence(tmp_path, info):
         read_info(path)
     write_info(path, info)
     path.write_bytes(path.read_bytes()[:700])
-    with pytest.raises(InputError, match="not a readable MATLAB v5 file"):
+    with pytest.raises(InputError, match="not readable as a MATLAB v5 file"):
         read_info(path)
     path.write_text("poses")
-    with pytest.raises(InputError, match="not a readable MATLAB v5 file"):
+    with pytest.raises(InputError, match="not readable as a MATLAB v5 file"):
         read_info(path)
 
 

@@ -302,8 +302,8 @@ def test_damaged_clouds_are_refused(clouds, tmp_path):
         load_clouds(tmp_path)
     folder = shutil.copytree(clouds / "a", tmp_path / "a")
     np.save(folder / "labels.npy", np.zeros((5, 300), np.uint8))
-    with pytest.raises(InputError, match=r"points.npy has shape \(6, 300, 3\) and labels.npy"):
+    with pytest.raises(InputError, match=r"labels.npy: has shape .*expected \(6, 300\)"):
         load_clouds(folder)
     (folder / "points.npy").write_bytes(b"\x93NUMPY")
-    with pytest.raises(InputError, match="points.npy: not readable as an array"):
+    with pytest.raises(InputError, match="points.npy: does not start like an .npy"):
         load_clouds(folder)

@@ -231,7 +231,7 @@ def test_bad_folders_and_files_are_refused(tmp_path, truth):
         read_frames(folder)
     (folder / "0.ply").unlink()
     np.savez(folder / "0.npz", pose=np.zeros(72))
-    with pytest.raises(InputError, match="0.npz: holds pose, expected points or v_posed"):
+    with pytest.raises(InputError, match="0.npz: holds neither points nor v_posed"):
         read_frames(folder)
     np.savez(folder / "0.npz", points=truth[2][0], faces=np.array([[0, 1, 99999]]))
     with pytest.raises(InputError, match="faces do not match the .* vertices"):

@@ -148,3 +148,31 @@ def test_a_value_of_none_of_the_forms_is_told_all(devices):
     )
     with pytest.raises(InputError, match=expected):
         fill_settings({"devices": devices}, FORMS, "x.yaml")
+
+
+def test_whole_numbers_may_be_written_with_a_point():
+    filled = fill_settings({"seed": 3.0, "cloth": {"gap_m": 0.01}}, SCHEMA, "x.yaml")
+    assert filled["seed"] == 3
+    assert isinstance(filled["seed"], int)
+    with pytest.raises(InputError, match=r"x\.yaml: seed is 3.5, expected an integer"):
+        fill_settings({"seed": 3.5}, SCHEMA, "x.yaml")
+
+
+@pytest.mark.parametrize("word", [".nan", ".inf", "-.inf"])
+def test_numbers_must_be_finite(word):
+    given = yaml.safe_load(f"cloth: {{gap_m: {word}}}")
+    with pytest.raises(InputError, match=r"x\.yaml: cloth\.gap_m is .*, expected a finite number"):
+        fill_settings(given, SCHEMA, "x.yaml")
+
+
+def test_unknown_keys_of_any_type_are_named():
+    with pytest.raises(InputError, match="x.yaml: '1' is not a setting"):
+        fill_settings({1: 2, "tail": 3, None: 4}, SCHEMA, "x.yaml")
+
+
+def test_aliases_of_aliases_are_refused_before_they_are_printed():
+    lines = ["a0: &a0 [x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
+    given = yaml.safe_load("\n".join([*lines, "seed: *a11"]))
+    with pytest.raises(InputError, match="expected fewer aliases"):
+        fill_settings(given, SCHEMA, "x.yaml")

@@ -80,3 +80,27 @@ def test_unusable_obj_files_are_named(tmp_path, text, message):
 def test_a_missing_obj_is_named(tmp_path):
     with pytest.raises(InputError, match="none.obj: no such file"):
         load_obj(tmp_path / "none.obj")
+
+
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+TIDY = CORNERS.replace(" 0", " 0.0").replace(" 1", " 1.0")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        # Numbers that 32 or 64 bits would turn into honest ones.
+        (CORNERS + "f 1 2 4294967299\n", "a face names vertex 4294967299, expected 1 to 3"),
+        (TIDY + "f 1 2 18446744073709551619\n", "names vertex 18446744073709551619, expected"),
+        (CORNERS + "vt 0 0\nf 1/1 2/1 3/4294967297\n", "texture coordinate 4294967297, expected 1"),
+        (CORNERS + "vt 0 0\nf 1/1 2/1 3/2\n", "texture coordinate 2, expected 1 to 1"),
+        (CORNERS + "vt 0 0\nf 1/1 2/1 3/-2\n", "a face names texture coordinate"),
+        (CORNERS + "vt 0\nf 1/1 2/1 3/1\n", "a texture coordinate has fewer than two numbers"),
+        (CORNERS + "vt nan 0\nf 1/1 2/1 3/1\n", "a texture coordinate is not finite"),
+    ],
+)
+def test_indices_are_checked_before_they_are_narrowed(tmp_path, text, message):
+    path = tmp_path / "a.obj"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"a\.obj: .*{message}"):
+        load_obj(path)

@@ -73,7 +73,7 @@ def test_statistics_are_of_masked_training_rows_only(shards, tmp_path, toy_body)
 def test_shards_of_other_bodies_and_lost_files_are_refused(shards, tmp_path, toy_body):
     collect_static(tmp_path / "data", shards, {"female": toy_body})
     np.save(tmp_path / "data" / "mask.npy", np.zeros((5, 3), dtype=bool))
-    with pytest.raises(InputError, match=r"mask.npy.*expected 6 rows"):
+    with pytest.raises(InputError, match=r"mask.npy.*expected \(6, "):
         StaticData(tmp_path / "data")
     (tmp_path / "data" / "rows.npz").unlink()
     with pytest.raises(InputError, match=r"rows.npz"):
@@ -84,6 +84,6 @@ def test_shards_of_other_bodies_and_lost_files_are_refused(shards, tmp_path, toy
     less["offsets"] = less["offsets"][:, :-1]
     save_npz(shards[1], **less)
     with pytest.raises(
-        InputError, match=rf"1\.npz: counts {count - 1} body vertices, expected {count}"
+        InputError, match=rf"1\.npz: .*has shape \(\d+, {count}\).*expected \(\d+, {count - 1}\)"
     ):
         collect_static(tmp_path / "data", shards, {"female": toy_body})

@@ -15,12 +15,25 @@ from drapeline.storage import save_npz
 
 def test_reconstructions_survive_a_file(tmp_path):
     rng = rng_for(0, "garment4d file")
-    arrays = {
-        name: rng.normal(size=(2, 3))
-        for name in Reconstruction.__dataclass_fields__
-        if name not in ("name", "garment")
-    }
-    made = Reconstruction(name="00001", garment="Skirt", **{**arrays, "true": np.zeros((0, 3))})
+    cloth, body = rng.normal(size=(2, 4, 3)), rng.normal(size=(2, 5, 3))
+    made = Reconstruction(
+        name="00001",
+        garment="Skirt",
+        faces=np.array([[0, 1, 3]]),
+        canonical=cloth[0],
+        proposal=cloth,
+        final=cloth + 1,
+        true=np.zeros((0, 3)),
+        true_canonical=np.zeros((0, 3)),
+        points=rng.normal(size=(2, 6, 3)),
+        labels=np.zeros((2, 6), np.uint8),
+        body=body,
+        rest_body=body[0],
+        body_faces=np.array([[0, 1, 4]]),
+        root_rotation=np.zeros((2, 3)),
+        root_height=np.zeros(2),
+        number=np.arange(2),
+    )
     made.save(tmp_path / "r.npz")
     back = load_reconstruction(tmp_path / "r.npz")
     assert (back.name, back.garment) == ("00001", "Skirt")

@@ -8,79 +8,7 @@ from drapeline.motions.asf_amc import amc_frames, find_asf, read_asf_amc
 from drapeline.motions.joint_map import built_in_map
 from drapeline.motions.retarget import retarget
 from drapeline.motions.skeleton import reference_joints
-
-# name: parent, direction, length, axis in degrees, degrees of freedom
-BONES = {
-    "lowerback": ("root", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
-    "upperback": ("lowerback", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
-    "thorax": ("upperback", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
-    "lowerneck": ("thorax", (0, 1, 0), 1.5, (0, 0, 0), "rx ry rz"),
-    "head": ("lowerneck", (0, 1, 0), 2, (0, 0, 0), "rx ry rz"),
-}
-for side, sign in (("l", 1), ("r", -1)):
-    slant = (0.34202 * sign, -0.939693, 0)
-    BONES |= {
-        f"{side}hipjoint": ("root", (0.6 * sign, -0.7, 0.3), 2.4, (0, 0, 0), ""),
-        f"{side}femur": (f"{side}hipjoint", slant, 7.2, (0, 0, 20 * sign), "rx ry rz"),
-        f"{side}tibia": (f"{side}femur", slant, 7.5, (0, 0, 20 * sign), "rx"),
-        f"{side}foot": (
-            f"{side}tibia",
-            (0.06 * sign, -0.18, 0.98),
-            2.3,
-            (-90, 0, 20 * sign),
-            "rx rz",
-        ),
-        f"{side}toes": (f"{side}foot", (0, 0, 1), 1.2, (-90, 0, 20 * sign), "rx"),
-        f"{side}clavicle": ("thorax", (0.94 * sign, 0.33, 0), 3.6, (0, 0, 0), "ry rz"),
-        f"{side}humerus": (
-            f"{side}clavicle",
-            (sign, 0, 0),
-            5,
-            (180, -30 * sign, -90 * sign),
-            "rx ry rz",
-        ),
-        f"{side}radius": (f"{side}humerus", (sign, 0, 0), 3, (180, -30 * sign, -90 * sign), "rx"),
-        f"{side}wrist": (f"{side}radius", (sign, 0, 0), 1.5, (180, -30 * sign, -90 * sign), "ry"),
-    }
-
-
-def asf_text():
-    lines = [
-        ":version 1.10",
-        ":units",
-        "  mass 1.0",
-        "  length 0.45",
-        "  angle deg",
-        ":root",
-        "   order TX TY TZ RX RY RZ",
-        "   axis XYZ",
-        "   position 0 0 0",
-        "   orientation 0 0 0",
-        ":bonedata",
-    ]
-    for number, (name, (_, direction, length, axis, freedom)) in enumerate(BONES.items(), 1):
-        lines += ["begin", f"id {number}", f"name {name}"]
-        lines += ["direction " + " ".join(map(str, direction)), f"length {length}"]
-        lines += ["axis " + " ".join(map(str, axis)) + " XYZ"]
-        lines += [f"dof {freedom}", "limits (-180 180)"] if freedom else []
-        lines += ["end"]
-    lines += [":hierarchy", "begin"]
-    for parent in ["root", *BONES]:
-        children = [name for name, bone in BONES.items() if bone[0] == parent]
-        if children:
-            lines.append(" ".join([parent, *children]))
-    return "\n".join([*lines, "end"]) + "\n"
-
-
-def amc_text(frames):
-    lines = [":FULLY-SPECIFIED", ":DEGREES"]
-    for number, frame in enumerate(frames, 1):
-        lines.append(str(number))
-        values = {"root": [0, 17, 0, 0, 0, 0]}
-        values |= {name: [0] * len(bone[4].split()) for name, bone in BONES.items() if bone[4]}
-        values |= frame
-        lines += [f"{name} " + " ".join(map(str, row)) for name, row in values.items()]
-    return "\n".join(lines) + "\n"
+from motion_files import amc_text, asf_text
 
 
 @pytest.fixture
@@ -198,3 +126,29 @@ def test_no_frames_and_no_file(files, tmp_path):
         amc_frames(amc)
     with pytest.raises(InputError, match=r"none\.amc: no such file"):
         read_asf_amc(asf, tmp_path / "none.amc")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("root lowerback", "root lowerback\nhead root", "disagree on root"),
+        ("root lowerback", "toes lowerback", "disagree on toes"),
+        ("axis 0 0 0 XYZ", "axis 0 0 0 XYW", "not readable as ASF"),
+        ("dof rx ry rz", "dof rx ry rq", "moves in rx ry rq, expected some of"),
+        ("length 2", "length nan", "has no direction and length"),
+        ("direction 0 1 0", "direction 0 1", "has no direction and length"),
+    ],
+)
+def test_skeletons_that_are_none_are_refused(files, old, new, message):
+    asf, amc = files({})
+    asf.write_text(asf.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=rf"07\.asf: .*({message})"):
+        read_asf_amc(asf, amc)
+
+
+@pytest.mark.parametrize("last", ["999999999", "0"])
+def test_frame_numbers_that_the_file_cannot_hold_are_refused(files, last):
+    _, amc = files({}, {})
+    amc.write_text(amc.read_text().replace("\n2\n", f"\n{last}\n"))
+    with pytest.raises(InputError, match=rf"07_01\.amc: its frames are numbered 1 to {last} in"):
+        amc_frames(amc)

@@ -125,3 +125,24 @@ def test_unknown_joints_are_listed_with_what_to_write(walk):
     path = edited(walk[0], "JOINT LeftUpLeg", "JOINT Oberschenkel")
     with pytest.raises(InputError, match="Oberschenkel.*'joint_map' YAML"):
         built_in_map(read_bvh(path))
+
+
+def test_a_count_that_the_file_cannot_hold_is_refused_from_the_header(walk):
+    path, _ = walk
+    path.write_text(path.read_text().replace("Frames: 20", "Frames: 200000000"))
+    with pytest.raises(
+        InputError, match=r"walk\.bvh: \d+ bytes, expected more for 200000000 frames"
+    ):
+        bvh_frames(path)
+    with pytest.raises(InputError, match=r"walk\.bvh: holds \d+ motion values, expected 200000000"):
+        read_bvh(path)
+
+
+def test_a_skeleton_that_does_not_move_is_refused(tmp_path):
+    path = tmp_path / "a.bvh"
+    path.write_text(
+        "HIERARCHY\nROOT a\n{\n OFFSET 1 2 3\n CHANNELS 0\n}\n"
+        "MOTION\nFrames: 100000000000\nFrame Time: 0.01\n"
+    )
+    with pytest.raises(InputError, match=r"a\.bvh: has no channels"):
+        bvh_frames(path)

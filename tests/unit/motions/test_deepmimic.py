@@ -51,7 +51,7 @@ def test_knees_bend_back_and_elbows_forward_on_their_own_side(tmp_path):
         ([[1, 2, 3]] * 3, r"frames of shape \(3, 3\)"),
         (
             [deepmimic_frame(), deepmimic_frame(left_knee=float("nan"))],
-            "frame 1 holds a value that is not a number",
+            "not readable as JSON .NaN is no number of JSON",
         ),
         ([deepmimic_frame(), [1.0]], "not readable as a DeepMimic clip"),
     ],

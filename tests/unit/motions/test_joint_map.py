@@ -61,6 +61,7 @@ def test_a_prefix_of_every_joint_is_ignored():
         (lines() + "twist_deg: 3\n", "'twist_deg' is 3, expected angles of left_hip"),
         (lines() + "twist_deg: {head: 3}\n", "expected angles of left_hip"),
         (lines() + "twist_deg: {left_hip: x}\n", "twist of left_hip is x, expected -180 to 180"),
+        (lines() + "up: &a [X]\ntwist_deg: *a\n", "it has an alias"),
         ("joints: !!python/object/apply:os.system ['true']\n", "not readable as YAML"),
     ],
 )

@@ -62,3 +62,37 @@ def test_an_unusable_table_is_named(folder, rows, header, names, message):
 def test_a_missing_table_is_named(tmp_path):
     with pytest.raises(InputError, match="none.tsv: no such file, expected a table of motions"):
         motion_table(tmp_path / "none.tsv", loop_frames=50)
+
+
+@pytest.mark.parametrize(
+    "name", ["../../evil", "walk (2)", "a+b", "a[b", "", ".hidden", "é", "a b"]
+)
+def test_a_name_that_is_no_part_of_a_path_is_refused(folder, name):
+    path = table(folder, f"{name}\tplain.npz\t\tno")
+    with pytest.raises(InputError, match=r"clips\.tsv: the name of motion 1 is '.*', expected up"):
+        motion_table(path, loop_frames=50)
+
+
+def test_a_file_may_be_called_anything(folder):
+    (folder / "walk (2) [é].npz").write_bytes((folder / "plain.npz").read_bytes())
+    assert motion_table(table(folder, "a\twalk (2) [é].npz"), loop_frames=50)["a"].frames == 20
+
+
+def test_fields_may_be_left_out_at_the_end_of_a_row_but_not_added(folder):
+    assert motion_table(table(folder, "a\tplain.npz"), loop_frames=50)["a"].action == ""
+    with pytest.raises(InputError, match=r"clips\.tsv: line 2 has 5 fields, expected 4 as in the"):
+        motion_table(table(folder, "a\tplain.npz\twait\tno\tyes"), loop_frames=50)
+
+
+def test_text_in_another_encoding_is_refused_with_its_line(folder):
+    path = table(folder, *ROWS)
+    path.write_bytes(path.read_bytes().replace(b"wait", b"caf\xe9"))
+    with pytest.raises(InputError, match=r"clips\.tsv: line 2 is not UTF-8 text \(byte 0xe9\)"):
+        motion_table(path, loop_frames=50)
+
+
+@pytest.mark.parametrize("rate", ["0", "-1", "nan", "inf", "x"])
+def test_a_rate_must_be_above_zero(folder, rate):
+    path = table(folder, f"a\ta.amc\t{rate}", header="name\tfile\tamc_fps")
+    with pytest.raises(InputError, match=rf"'a' has amc_fps '{rate}', expected a number above 0"):
+        motion_table(path, loop_frames=50)

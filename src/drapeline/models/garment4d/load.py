@@ -8,7 +8,7 @@ from drapeline.errors import InputError
 from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.stage import Stage
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_template.garment_space import GarmentSpace
 
@@ -35,8 +35,9 @@ def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
         raise InputError(
             f"{path}: holds a '{about['checkpoint_type']}' network, expected {' or '.join(types)}"
         )
-    stage = _build(about)
-    stage.load_state_dict(checkpoint["state_dict"])
+    with building(path):
+        stage = _build(about)
+    load_state(stage, checkpoint, path)
     return stage.eval()
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drapeline.bodies.model import load_body, save_body
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.settings import SkinningSettings
@@ -61,8 +62,16 @@ def load_posed_files(folder: str | Path) -> PosedFiles:
         InputError: a file is missing or damaged.
     """
     folder = Path(folder)
-    found = load_npz(folder / _SIZES, "body_points", "points")
-    bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
     names = WornGarmentStatistics._fields
-    worn = WornGarmentStatistics(*map(found.get, names)) if names[0] in found else None
+    found = load_npz(
+        folder / _SIZES,
+        {"body_points": "int", "points": "int", **{f"{name}?": "float *" for name in names}},
+    )
+    for name in ("body_points", "points"):
+        if found[name] < 1:
+            raise InputError(
+                f"{folder / _SIZES}: '{name}' is {int(found[name])}, expected at least 1"
+            )
+    bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
+    worn = WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
     return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), worn)

@@ -11,6 +11,7 @@ from drapeline.dataset.splits import SPLITS
 from drapeline.models.gcvae.codec import GarmentCodec, Garments
 from drapeline.models.gcvae.loss import kl_nat
 from drapeline.models.training.batches import as_tensors
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
 
 if TYPE_CHECKING:  # a training does not depend on how its results are measured
@@ -97,11 +98,18 @@ def save_codes(path: str | Path, codes: Codes, garments: "StaticRows") -> None:
     )
 
 
+_ARRAYS = {
+    **dict.fromkeys(("mean", "log_variance"), "float n z"),
+    "garment": f"int<{len(GARMENTS)} n",
+    **dict.fromkeys(("outfit", "split"), "str n"),
+}
+
+
 def load_codes(path: str | Path) -> tuple[Codes, dict[str, np.ndarray]]:
     """Codes (N, Z), and `garment`, `outfit` and `split` (N,) of the same rows.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    about = load_npz(path, "mean", "log_variance", "garment", "outfit", "split")
+    about = load_npz(path, _ARRAYS)
     return Codes(about.pop("mean"), about.pop("log_variance")), about

@@ -7,7 +7,7 @@ from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.garment_ppca import DynamicPpca, StaticPpca
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
 
 _CLASSES: dict[str, type[GarmentCodec]] = {
     cls.checkpoint_type: cls for cls in (StaticVae, DynamicVae, StaticPpca, DynamicPpca)
@@ -31,7 +31,8 @@ def load_codec(path: str | Path) -> GarmentCodec:
             f"{path}: holds a '{checkpoint_type}' network, expected {' or '.join(_CLASSES)}"
         )
     cls = _CLASSES[checkpoint_type]
-    template = BodyTemplate.from_tensors(about["body_template"])
-    model = cls(cls.parse(about["settings"]), template)
-    model.load_state_dict(checkpoint["state_dict"])
+    with building(path):
+        template = BodyTemplate.from_tensors(about["body_template"])
+        model = cls(cls.parse(about["settings"]), template)
+    load_state(model, checkpoint, path)
     return model.eval()

@@ -10,7 +10,7 @@ import numpy as np
 
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes, encode_garments
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import Topology, save_topology
@@ -47,7 +47,7 @@ def save_static_files(
         garments: that it was trained on.
         topology: of the bodies.
     """
-    model.load_state_dict(read_checkpoint(folder / BEST)["state_dict"])
+    load_state(model, read_checkpoint(folder / BEST), folder / BEST)
     rows = garments.rows("train")
     codes = encode_garments(model.eval(), garments, rows)
     garment = np.asarray(garments.garment)
@@ -76,14 +76,19 @@ def mask_rates(garment: np.ndarray, mask: np.ndarray, rows: np.ndarray) -> np.nd
     return (total / np.maximum(count, 1)[:, None]).astype(np.float32)
 
 
+_CODES = {
+    **dict.fromkeys(("mean", "log_variance"), "float n z"),
+    "garment": f"int<{len(GARMENTS)} n",
+    "mask_rate": f"float {len(GARMENTS)} *",
+}
+
+
 def load_training_codes(folder: str | Path) -> TrainingCodes:
     """Read what `save_static_files` wrote of the training garments.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    found = load_npz(
-        Path(folder) / TRAINING_CODES, "mean", "log_variance", "garment", "mask_rate", only=True
-    )
+    found = load_npz(Path(folder) / TRAINING_CODES, _CODES)
     codes = Codes(found["mean"], found["log_variance"])
     return TrainingCodes(codes, found["garment"], found["mask_rate"])

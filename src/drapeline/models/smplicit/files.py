@@ -8,10 +8,12 @@ import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel, save_body
+from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.network import GarmentField
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import load_state, read_checkpoint
 from drapeline.models.training.module import BEST
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
 
 TRAINING_CODES = "training_codes.npz"
@@ -51,7 +53,7 @@ def save_model_files(
         data: that it was trained on.
         bodies: by gender.
     """
-    model.load_state_dict(read_checkpoint(folder / BEST)["state_dict"])
+    load_state(model, read_checkpoint(folder / BEST), folder / BEST)
     model.eval()
     rows = data.rows("train")
     with torch.no_grad():
@@ -69,11 +71,19 @@ def save_model_files(
         save_body(body_file(folder, gender), body)
 
 
+_CODES = {
+    "z": "float n *",
+    "garment": f"int<{len(GARMENTS)} n",
+    "outfit": "str n",
+    "shape": "float n 10",
+    "gender": f"int<{len(GENDERS)} n",
+}
+
+
 def load_training_codes(folder: str | Path) -> TrainingCodes:
     """Read what `save_model_files` wrote of the training garments.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    found = load_npz(Path(folder) / TRAINING_CODES, *TrainingCodes._fields, only=True)
-    return TrainingCodes(**found)
+    return TrainingCodes(**load_npz(Path(folder) / TRAINING_CODES, _CODES))

@@ -25,6 +25,7 @@ from drapeline.storage import atomic_folder, load_npz, save_npz
 GARMENTS_TABLE, CODES = "garments.tsv", "codes.npz"
 CORRELATIONS, REGRESSIONS = "correlations.tsv", "regressions.tsv"
 _PICTURED = ("sheet", "row", "column", "caption", "garment", "gender", "shape", "name")
+_FORMS = {**dict.fromkeys(_PICTURED, "str n"), "shape": "float n 10", "z": "float n *"}
 _BEYOND = 0.1  # of the span of the training garments' property
 Row = dict[str, str | float]
 
@@ -124,7 +125,7 @@ def load_gallery(folder: str | Path, bodies: Mapping[str, BodyModel]) -> list[Ga
         InputError: a file is missing or damaged.
     """
     folder = Path(folder)
-    about = load_npz(folder / CODES, *_PICTURED)
+    about = load_npz(folder / CODES, {key: _FORMS[key] for key in _PICTURED})
     return [
         GalleryGarment(
             *(str(row[key]) for key in ("sheet", "row", "column", "caption", "garment")),
@@ -146,7 +147,7 @@ def posed_prototype(folder: str | Path) -> tuple[str, np.ndarray]:
     Raises:
         InputError: the gallery's codes are missing or damaged.
     """
-    about = load_npz(Path(folder) / CODES, "sheet", "column", "z")
+    about = load_npz(Path(folder) / CODES, {key: _FORMS[key] for key in ("sheet", "column", "z")})
     chosen = about["sheet"] == "prototypes"
     names = list(dict.fromkeys(about["column"][chosen].tolist()))
     name = names[min(1, len(names) - 1)]

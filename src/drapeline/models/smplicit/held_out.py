@@ -42,21 +42,28 @@ def save_held_out(path: str | Path, held_out: HeldOut) -> None:
     )
 
 
+_ARRAYS = {
+    "z": "float n *",
+    "outfit": "str n",
+    "garment": f"int<{len(GARMENTS)} n",
+    "*/vertices": "float * 3",
+    "*/faces": "int * 3",
+}
+
+
 def load_held_out(path: str | Path) -> dict[tuple[str, str], tuple[np.ndarray, Mesh]]:
     """(outfit, garment type) -> its code (cut + style,) and its rebuilt open surface.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    names = load_npz(path, "z", "outfit", "garment", only=True)
-    keys = [f"{index}/{part}" for index in range(len(names["z"])) for part in ("vertices", "faces")]
-    arrays = load_npz(path, *keys, only=True)
+    arrays = load_npz(path, _ARRAYS)
     return {
         (str(outfit), GARMENTS[garment]): (
-            names["z"][index],
+            arrays["z"][index],
             Mesh(arrays[f"{index}/vertices"], arrays[f"{index}/faces"]),
         )
         for index, (outfit, garment) in enumerate(
-            zip(names["outfit"], names["garment"], strict=True)
+            zip(arrays["outfit"], arrays["garment"], strict=True)
         )
     }

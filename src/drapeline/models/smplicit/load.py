@@ -11,7 +11,7 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldSettings
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 
 
@@ -32,10 +32,11 @@ def load_field(folder: str | Path) -> GarmentField:
             f"{path}: holds a '{about['checkpoint_type']}' network, expected"
             f" {GarmentField.checkpoint_type}"
         )
-    settings = GarmentField.parse(about["settings"])
-    basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
-    model = GarmentField(about["name"], settings, basis, about["rows"], start=False)
-    model.load_state_dict(checkpoint["state_dict"])
+    with building(path):
+        settings = GarmentField.parse(about["settings"])
+        basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
+        model = GarmentField(about["name"], settings, basis, about["rows"], start=False)
+    load_state(model, checkpoint, path)
     return model.eval().requires_grad_(False)
 
 

@@ -12,7 +12,7 @@ from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.displacement_network import DisplacementField
 from drapeline.models.smplicit.displacement_settings import DisplacementSettings
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
 from drapeline.models.training.module import BEST
 
 
@@ -33,10 +33,11 @@ def load_displacement(folder: str | Path) -> DisplacementField:
             f"{path}: holds a '{about['checkpoint_type']}' network, expected"
             f" {DisplacementField.checkpoint_type}"
         )
-    settings = DisplacementField.parse(about["settings"])
-    basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
-    network = DisplacementField(about["name"], settings, basis, about["garments"])
-    network.load_state_dict(checkpoint["state_dict"])
+    with building(path):
+        settings = DisplacementField.parse(about["settings"])
+        basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
+        network = DisplacementField(about["name"], settings, basis, about["garments"])
+    load_state(network, checkpoint, path)
     return network.eval().requires_grad_(False)
 
 

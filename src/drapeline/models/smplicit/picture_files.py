@@ -35,10 +35,8 @@ def files_of_picture(path: str | Path) -> list[Path]:
         InputError: it is not readable as JSON with entries by name.
     """
     path = Path(path)
-    given = read_json(path)
-    if not isinstance(given, dict):
-        raise InputError(f"{path}: holds a {type(given).__name__}, expected entries by name")
-    people = given.get("people") or []
+    given = read_json(path, dict)
+    people = given["people"] if isinstance(given.get("people"), list) else []
     named = [given.get(key) for key in ("segmentation", "photo", "instances")]
     named += [one.get("mask") for one in people if isinstance(one, dict)]
     return [path, *(path.parent / name for name in named if isinstance(name, str))]

@@ -20,21 +20,23 @@
 docs/how-to/own-pictures.md explains every entry. Everything is checked on reading.
 """
 
+import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.bodies.rest_body import SHAPES
-from drapeline.errors import InputError
+from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import GENDERS
 from drapeline.rendering.camera import Camera
-from drapeline.storage import read_json
+from drapeline.storage import open_arrays, read_json
 
 _FAR_M = 400.0  # from where a pinhole's picture is that of a weak perspective, to a pixel
 _CROP_PX = 224  # of the crops that most body estimators look at
@@ -184,10 +186,10 @@ def read_picture(path: str | Path, bodies: Mapping[str, BodyModel], *, least_px:
     given = _object(path, read_json(path), "the picture")
     labels = _labels(path, given)
     values = _image(path, given, "segmentation")
-    if values.ndim != 2:
+    if values.ndim != 2 or values.dtype.kind not in "iub" or not values.size:
         raise InputError(
-            f"{path}: 'segmentation' has {values.shape[2]} colours per pixel, expected one label"
-            " per pixel (a grey or palette image)"
+            f"{path}: 'segmentation' has shape {values.shape} and type {values.dtype}, expected one"
+            " label per pixel (a grey or palette image)"
         )
     classes = _classes(path, values, labels)
     photo = _photo(path, given, classes.shape) if given.get("photo") is not None else None
@@ -215,6 +217,9 @@ def _object(path: Path, value: Any, name: str) -> dict[str, Any]:
     return value
 
 
+_LABEL = re.compile(r"[0-9]{1,9}")
+
+
 def _labels(path: Path, given: Mapping[str, Any]) -> dict[int, str]:
     labels = given.get("labels")
     if isinstance(labels, str) and labels in LABELS:
@@ -224,7 +229,7 @@ def _labels(path: Path, given: Mapping[str, Any]) -> dict[int, str]:
             f"{path}: 'labels' is {labels!r}, expected {', '.join(LABELS)} or a table of labels and"
             " classes"
         )
-    wrong = [k for k, v in labels.items() if not k.isdigit() or v not in CLASSES]
+    wrong = [k for k, v in labels.items() if not _LABEL.fullmatch(k) or v not in CLASSES]
     if wrong:
         raise InputError(
             f"{path}: 'labels' has '{wrong[0]}': {labels[wrong[0]]!r}, expected a number and one of"
@@ -239,17 +244,14 @@ def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> n
     if not isinstance(name, str):
         raise InputError(f"{path}: {where}'{key}' is {name!r}, expected the name of an image")
     file = path.parent / name
-    try:
-        if file.suffix == ".npy":
-            return np.load(file, allow_pickle=False)
+    if file.suffix == ".npy":
+        return np.array(open_arrays(file.parent, {file.stem: "number ..."})[file.stem])
+    with refuse_damage(file, f"an image, the {key} of {path}"), warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
         with Image.open(file) as image:
             return np.asarray(
                 image if image.mode in ("L", "P", "I;16", "I") else image.convert("RGB")
             )
-    except FileNotFoundError as error:
-        raise InputError(f"{file}: no such file, expected the {key} of {path}") from error
-    except (UnidentifiedImageError, OSError, ValueError) as error:
-        raise InputError(f"{file}: not readable as an image ({error})") from error
 
 
 def _photo(path: Path, given: Mapping[str, Any], shape: tuple[int, int]) -> np.ndarray:

@@ -48,15 +48,23 @@ class SampleGarment:
         return np.einsum("nmki,mk->nmi", garment[:, self.corner], self.bary)
 
 
+_ARRAYS = {
+    "mask": "bool v",
+    "vertex": "int<v m",
+    "corner": "int m 3",
+    "bary": "float m 3",
+    "offsets": "float v 3",
+    "weights": "float m 24",
+}
+
+
 def load_sample_garment(path: str | Path) -> SampleGarment:
     """Read what `SampleGarment.save` wrote.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    names = list(SampleGarment.__dataclass_fields__)
-    arrays = load_npz(path, *names)
-    return SampleGarment(**{name: arrays[name] for name in names})
+    return SampleGarment(**load_npz(path, _ARRAYS))
 
 
 def dynamic_offsets(

@@ -133,12 +133,28 @@ def load_hierarchy(path: str | Path) -> Hierarchy:
     """
     out = Hierarchy({}, {}, {}, {})
     numbers = {what: LEVELS - (what == "parent") for what in _tables(out)}
-    names = [f"{t}/{what}_{k}" for t in TOPOLOGIES for what, n in numbers.items() for k in range(n)]
-    arrays = load_npz(path, *names)
+    arrays = load_npz(
+        path,
+        {
+            f"{topology}/{what}_{k}": form.format(k=f"{topology}{k}", next=f"{topology}{k + 1}")
+            for topology in TOPOLOGIES
+            for what, form in _FORMS.items()
+            for k in range(numbers[what])
+        },
+    )
     for what, tables in _tables(out).items():
         for topology in TOPOLOGIES:
             tables[topology] = [arrays[f"{topology}/{what}_{k}"] for k in range(numbers[what])]
     return out
+
+
+# Sizes of levels differ from one topology to the other.
+_FORMS = {
+    "parent": "int<{next} {k}",
+    "edges": "int<{k} * 2",
+    "positions": "float {k} 3",
+    "vertices": "int {k}",
+}
 
 
 def _tables(hierarchy: Hierarchy) -> dict[str, dict[str, list[np.ndarray]]]:

@@ -103,12 +103,22 @@ def save_topology(path: str | Path, topology: Topology) -> None:
     save_npz(path, **{f.name: getattr(topology, f.name) for f in fields(topology)})
 
 
+_ARRAYS = {
+    "faces": "int<v * 3",
+    "skirt_faces": "int<v * 3",
+    "joining": "int",
+    "inner_leg": "bool v",
+    "segments": "int v",
+    "corners": "int v 3",
+    "shares": "float v 3",
+    "rest": "float v 3",
+}
+
+
 def load_topology(path: str | Path) -> Topology:
     """Read a topology.
 
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    names = [f.name for f in fields(Topology)]
-    arrays = load_npz(path, *names)
-    return Topology(**{name: arrays[name] for name in names})
+    return Topology(**load_npz(path, _ARRAYS))

@@ -11,7 +11,13 @@ from drapeline.storage import load_npz, save_npz
 # A coordinate that hardly varies would blow up its noise to the size of a sleeve's length.
 _SCALE_FLOOR_M = 0.002
 _RANK = 1e-6  # deviation of a direction, in the first one's, that is rounding alone
-_ARRAYS = ("faces", "mean", "components", "explained", "scale")
+_ARRAYS = {
+    "faces": "int<n * 3",
+    "mean": "float n 3",
+    "components": "float d n 3",
+    "explained": "float d",
+    "scale": "float n 3",
+}
 
 
 @dataclass(frozen=True)
@@ -59,8 +65,7 @@ def load_space(path: str | Path) -> GarmentSpace:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    arrays = load_npz(path, *_ARRAYS)
-    return GarmentSpace(**{name: arrays[name] for name in _ARRAYS})
+    return GarmentSpace(**load_npz(path, _ARRAYS))
 
 
 def fit_space(canonical: np.ndarray, components: int, faces: np.ndarray) -> GarmentSpace:

@@ -13,7 +13,12 @@ LOOP_NAMES = {
     "Tshirt": ("neck", "hem", "left_cuff", "right_cuff"),
     "Trousers": ("waist", "left_cuff", "right_cuff"),
 }
-_ARRAYS = ("vertices", "faces", "loop", "loop_names")
+_ARRAYS = {
+    "vertices": "float n 3",
+    "faces": "int<n * 3",
+    "loop": "int n",
+    "loop_names": "str *",
+}
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ def load_template(path: str | Path) -> GarmentTemplate:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    a = load_npz(path, *_ARRAYS)
+    a = load_npz(path, _ARRAYS)
     return GarmentTemplate(
         a["vertices"], a["faces"], a["loop"], tuple(str(name) for name in a["loop_names"])
     )

@@ -40,7 +40,7 @@ def load_tables(folders: Iterable[str | Path], garment: str) -> dict[str, Remesh
     found = {}
     for folder in folders:
         path = Path(folder) / f"{garment}.npz"
-        arrays = load_npz(path)
+        arrays = load_npz(path, {"*/corners": "int * 3", "*/shares": "float * 3"})
         for name in dict.fromkeys(key.rpartition("/")[0] for key in arrays):
             for key in RemeshTable._fields:
                 if f"{name}/{key}" not in arrays:

@@ -6,6 +6,7 @@ from drapeline.frames import GENDERS
 from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.worn_statistics import training_worn_statistics
+from drapeline.storage import save_npz
 
 SKINNING = SkinningSettings(neighbours=16, passes=5)
 
@@ -31,4 +32,10 @@ def test_a_missing_body_is_named(sequences, tmp_path):
     save_posed_files(tmp_path, sequences, SKINNING)
     (tmp_path / "bodies" / f"{GENDERS[1]}.npz").unlink()
     with pytest.raises(InputError, match=r"male\.npz: no such file"):
+        load_posed_files(tmp_path)
+
+
+def test_numbers_of_points_are_above_zero(tmp_path):
+    save_npz(tmp_path / "reconstruction.npz", body_points=-1, points=5)
+    with pytest.raises(InputError, match=r"reconstruction\.npz: 'body_points' is -1, expected at"):
         load_posed_files(tmp_path)

@@ -48,5 +48,5 @@ def test_all_images_of_a_picture_are_listed(tmp_path):
 
 def test_a_file_that_is_no_picture_is_refused(tmp_path):
     (tmp_path / "street.json").write_text("[]")
-    with pytest.raises(InputError, match="street.json: holds a list, expected entries by name"):
+    with pytest.raises(InputError, match="street.json: the file is .*, expected entries by name"):
         files_of_picture(tmp_path / "street.json")

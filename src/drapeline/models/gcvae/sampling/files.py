@@ -110,6 +110,9 @@ class SavedSample(NamedTuple):
     cvar: np.ndarray
 
 
+_ARRAYS = {"name": "str n", "cvar": "float n *", "garment": "str n", "asked": "bool n"}
+
+
 def load_samples(folder: str | Path) -> list[SavedSample]:
     """Read what `save_samples` wrote.
 
@@ -117,7 +120,7 @@ def load_samples(folder: str | Path) -> list[SavedSample]:
         InputError: a file is missing or damaged.
     """
     folder = Path(folder)
-    about = load_npz(folder / "codes.npz", "name", "cvar", "garment", "asked")
+    about = load_npz(folder / "codes.npz", _ARRAYS)
     nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     samples = []
     for name, garment, asked, cvar in zip(

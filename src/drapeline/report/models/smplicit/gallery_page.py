@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.errors import InputError
 from drapeline.report.html import Cell, html_table, write_page
-from drapeline.storage import atomic_file
+from drapeline.storage import atomic_file, read_rows
 
 Row = Mapping[str, str]
 
@@ -38,10 +37,7 @@ def read_gallery_tables(folder: str | Path) -> GalleryTables:
 
 
 def _read(path: Path) -> list[Row]:
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a table of a gallery")
-    with open(path, newline="") as stream:
-        return list(csv.DictReader(stream, delimiter="\t"))
+    return read_rows(path, "a table of a gallery")[1]
 
 
 def write_correlations(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:

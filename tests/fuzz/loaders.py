@@ -1,0 +1,893 @@
+"""Every loader of files that users have, and an honest file for each.
+
+`LOADERS` is the list. Files are made once, by `make_files`, from the toys of the other tests.
+"""
+
+import json
+import pickle
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+import torch
+import trimesh
+import yaml
+from PIL import Image
+
+from drapeline.bodies.model import BodyModel, load_body, save_body
+from drapeline.bodies.sequence import load_body_sequence
+from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
+from drapeline.dataset.info_mat import read_info
+from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
+from drapeline.dataset.reader import Cloth3D, Sample
+from drapeline.dataset.record import outfit_text, read_record
+from drapeline.dataset.scans import read_body_parameters, read_frames
+from drapeline.dataset.tables import read_table, write_table
+from drapeline.dataset.writer import write_sample
+from drapeline.experiment.checks import refuse_contradictions
+from drapeline.experiment.config import fill_settings
+from drapeline.experiment.source_digest import Sources
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.geometry.point_cache import PointCache, write_point_cache
+from drapeline.learning_data.dynamic import DynamicData, collect_dynamic
+from drapeline.learning_data.garment_fields import FieldData, collect_fields
+from drapeline.learning_data.moving import load_moving
+from drapeline.learning_data.occlusion import texture_pixels
+from drapeline.learning_data.sequences import SequenceData
+from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write_skinned
+from drapeline.learning_data.static import StaticData, collect_static
+from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_fitted_picture
+from drapeline.metrics.reconstructions import Reconstruction, load_reconstruction
+from drapeline.metrics.table import read_metrics, write_metrics
+from drapeline.models.garment4d.canonical_stage import CanonicalStage
+from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
+from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.conditioning import load_conditioning
+from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
+from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.sampling.files import load_samples
+from drapeline.models.gcvae.static_files import load_training_codes
+from drapeline.models.gcvae.vae import StaticVae
+from drapeline.models.load import load
+from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
+from drapeline.models.smplicit.files import load_training_codes as load_field_codes
+from drapeline.models.smplicit.files import save_model_files
+from drapeline.models.smplicit.gallery_files import CODES, load_gallery, posed_prototype
+from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
+from drapeline.models.smplicit.load import load_field, new_field
+from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
+from drapeline.models.smplicit.pictures import read_picture
+from drapeline.models.smplicit.released import load_released
+from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
+from drapeline.motions.deepmimic import read_deepmimic
+from drapeline.motions.importing import frame_count, import_motion
+from drapeline.motions.joint_map import BUILT_IN, load_joint_map
+from drapeline.motions.motion import Cycle, save_motion
+from drapeline.motions.table import motion_table
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.outfit import load_outfit
+from drapeline.outfits.own_garments import own_garments
+from drapeline.outfits.static import load_static, save_static
+from drapeline.outfits.templates import build_templates, load_templates
+from drapeline.outfits.user_garment import load_user_garment
+from drapeline.registration.to_body.dynamic_offsets import load_sample_garment
+from drapeline.registration.to_body.hierarchy import Hierarchy, load_hierarchy, save_hierarchy
+from drapeline.registration.to_body.topology import (
+    TOPOLOGIES,
+    Topology,
+    load_topology,
+    save_topology,
+)
+from drapeline.registration.to_template.garment_space import load_space
+from drapeline.registration.to_template.garment_template import load_template
+from drapeline.registration.to_template.remesh_table import RemeshTable, load_tables
+from drapeline.report.models.smplicit.gallery_page import read_gallery_tables
+from drapeline.seeding import rng_for
+from drapeline.storage import save_npz
+from fuzz.runs import Loader
+from garment4d_toys import CANONICAL, POSED, open_toy_data, save_toy_data
+from gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
+from gcvae_toys import toy_template
+from metric_rows import metric_row
+from motion_files import (
+    amc_text,
+    asf_text,
+    deepmimic_frame,
+    smooth_turns,
+    standing_motion,
+    write_bvh,
+    write_deepmimic,
+)
+from moving_toys import write_registered_sample
+from smplicit_toys import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
+from smplicit_toys import tube as sheet
+from template_toys import toy_template as toy_garment_template
+from tiny_sample import tube, write_tiny_sample
+from toys import toy_body
+
+ROOT = Path(__file__).parents[2]
+_CELL_M = 0.06  # a coarse body, so that files are small
+
+
+@cache
+def body() -> BodyModel:
+    """The coarse body, read from a file so that the toy is not built in every process."""
+    return load_body(_FILES["bodies"] / "body.npz")
+
+
+def bodies() -> dict[str, BodyModel]:
+    """The same for both genders."""
+    return dict.fromkeys(GENDERS, body())
+
+
+_FILES: dict[str, Path] = {}
+
+
+def make_files(root: Path, loaders: "list[Loader]") -> None:
+    """Write every loader's honest files to its folder under `root`, unless they are there."""
+    open_files(root)
+    target = root / "bodies" / "body.npz"
+    if not target.is_file():
+        save_body(target, replace(toy_body(_CELL_M), name="toy"))
+    for loader in loaders:
+        folder = root / loader.name
+        if not (root / f"{loader.name}.made").is_file():
+            folder.mkdir(exist_ok=True)
+            loader.make(folder)
+            (root / f"{loader.name}.made").touch()
+
+
+def open_files(root: Path) -> None:
+    """Use the files that `make_files` wrote."""
+    _FILES["bodies"] = root / "bodies"
+
+
+# ---- motions --------------------------------------------------------------------------------
+
+
+def _make_motion(folder: Path) -> None:
+    motion = standing_motion(40, height=0.9, cycle=Cycle(0.1, np.array([0.1, 0.0])))
+    save_motion(folder / "walk.npz", motion)
+
+
+def _make_amass(folder: Path) -> None:
+    poses = np.tile(np.concatenate([[np.pi / 2], np.zeros(155)]), (40, 1))
+    np.savez(
+        folder / "walk.npz",
+        poses=poses,
+        trans=np.zeros((40, 3)),
+        betas=np.zeros(16),
+        mocap_framerate=np.array(60.0),
+        gender=np.array("female"),
+    )
+
+
+def _make_bvh(folder: Path) -> None:
+    turns = smooth_turns(rng_for(0, "fuzz bvh"), 12, 24, 0.3)
+    write_bvh(folder / "walk.bvh", turns, np.tile([0.0, 0.9, 0.0], (12, 1)))
+
+
+def _make_amc(folder: Path) -> None:
+    (folder / "07.asf").write_text(asf_text())
+    (folder / "07_01.amc").write_text(amc_text([{}] * 8))
+
+
+def _import(folder: Path) -> Any:
+    path = next(p for p in sorted(folder.iterdir()) if p.suffix in (".npz", ".bvh", ".amc"))
+    return import_motion(path, frames=30)
+
+
+def _count(folder: Path) -> Any:
+    path = next(p for p in sorted(folder.iterdir()) if p.suffix in (".npz", ".bvh", ".amc"))
+    return frame_count(path, frames=None)
+
+
+def _make_motion_table(folder: Path) -> None:
+    _make_motion(folder)
+    _make_amc(folder)
+    header = "name\tfile\taction\tsubject\tloop\tjoint_map\tasf\tamc_fps\n"
+    (folder / "clips.tsv").write_text(
+        header + "walk\twalk.npz\twalk\t01\tyes\t\t\t\ntake\t07_01.amc\t\t\tno\t\t07.asf\t120\n"
+    )
+
+
+# ---- config ---------------------------------------------------------------------------------
+
+
+@cache
+def _schema() -> Any:
+    return yaml.load((ROOT / "workflow/schemas/config.schema.yaml").read_text(), yaml.CSafeLoader)
+
+
+def _load_config(folder: Path) -> Any:
+    from drapeline.errors import InputError
+
+    path = folder / "config.yaml"
+    try:  # Snakemake's own reading, whose errors are its own
+        given = yaml.safe_load(path.read_bytes())
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
+        raise InputError(f"{path}: not YAML") from error
+    if not isinstance(given, dict):
+        return None
+    settings = fill_settings(given, _schema(), str(path))
+    refuse_contradictions(settings)
+    own_garments(settings["outfits"]["own_garments"])
+    return settings
+
+
+# ---- bodies ---------------------------------------------------------------------------------
+
+
+def _make_pickle(folder: Path, protocol: int) -> None:
+    arrays = read_body_arrays(_FILES["bodies"] / "body.npz")
+    with open(folder / "body.pkl", "wb") as stream:
+        pickle.dump({k: v for k, v in arrays.items() if k != "name"}, stream, protocol=protocol)
+
+
+# ---- samples --------------------------------------------------------------------------------
+
+
+def _make_sample(folder: Path) -> None:
+    write_tiny_sample(folder, body(), "00001")
+
+
+def _use_sample(folder: Path) -> None:
+    """Everything that a sample has."""
+    with Sample(folder / "samples" / "00001", bodies=bodies()) as sample:
+        _ = sample.meta, sample.health, sample.fabrics, sample.gender, sample.tightness
+        for garment in sample.garments:
+            _ = sample.mesh(garment)
+            sample.vertices(garment, 0, sample.frame_count)
+        sample.body_mesh()
+        sample.body_vertices(0, sample.frame_count)
+
+
+def _use_dataset(folder: Path) -> None:
+    for sample in Cloth3D(folder / "samples"):
+        _ = sample.frame_count, sample.garments
+
+
+def _write_again(folder: Path) -> None:
+    write_sample(
+        rng_for(0, "again"),
+        folder / "again" / "00001",
+        body=body(),
+        body_record=folder / "bodies" / "00001.npz",
+        outfit=folder / "outfits" / "00001.npz",
+        simulation=folder / "simulation" / "00001",
+        seed=0,
+        split="train",
+    )
+
+
+def _load_record(folder: Path) -> None:
+    record = read_record(folder / "samples" / "00001")
+    _ = record.accepted
+    outfit_text(record.meta)
+
+
+def _make_info(folder: Path) -> None:
+    from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
+
+    camera, lights = sample_scene(rng_for(3, "scene"))
+    texture = {"texture": {"type": "color", "data": np.array([0.1, 0.2, 0.3])}, "fabric": "silk"}
+    write_info(
+        folder / "info.mat",
+        SampleInfo(
+            np.zeros((4, 72)),
+            np.zeros((4, 3)),
+            np.zeros(10),
+            1,
+            0.5,
+            {"Top": texture},
+            np.zeros(2),
+            camera,
+            lights,
+        ),
+    )
+
+
+def _make_packed_info(folder: Path) -> None:
+    _make_info(folder)
+    loaded = scipy.io.loadmat(folder / "info.mat")
+    values = {k: v for k, v in loaded.items() if not k.startswith("__")}
+    scipy.io.savemat(folder / "info.mat", values, do_compression=True)
+
+
+def _make_clouds(folder: Path) -> None:
+    write_tiny_sample(folder / "stages", body(), "00001")
+    write_clouds(
+        folder / "clouds", folder / "stages" / "samples" / "00001", CloudSettings(points=60)
+    )
+
+
+def _make_cache(folder: Path, suffix: str) -> None:
+    write_point_cache(folder / f"cache{suffix}", np.zeros((4, 20, 3), np.float32))
+
+
+# ---- scans ----------------------------------------------------------------------------------
+
+
+def _make_parameters(folder: Path) -> None:
+    poses = np.tile(REST_POSE, (3, 1))
+    save_npz(
+        folder / "body.npz",
+        poses=poses,
+        trans=np.zeros((3, 3)),
+        shape=np.zeros(10),
+        gender="female",
+    )
+
+
+def _make_ply(folder: Path, encoding: str) -> None:
+    shown = body()
+    mesh = trimesh.Trimesh(
+        shown.v_template[:300], shown.faces[(shown.faces < 300).all(1)], process=False
+    )
+    (folder / "f1.ply").write_bytes(mesh.export(file_type="ply", encoding=encoding))
+
+
+# ---- garments, registrations, learning data -------------------------------------------------
+
+
+def _make_garment(folder: Path) -> None:
+    save_obj(folder / "skirt.obj", tube(0.3, -0.4, 0.05, around=16))
+
+
+def _make_untidy_obj(folder: Path) -> None:
+    text = ["# a comment", "o skirt"]
+    mesh = tube(0.3, -0.4, 0.05)
+    text += [f"v {x} {y} {z}" for x, y, z in mesh.vertices]
+    text += [f"vt {u} {v}" for u, v in mesh.uv]
+    text += ["vn 0 0 1"]
+    for face, corners in zip(mesh.faces, mesh.uv_faces, strict=True):
+        text.append(
+            "f " + " ".join(f"{a + 1}/{b + 1}/1" for a, b in zip(face, corners, strict=True))
+        )
+    (folder / "mesh.obj").write_text("\n".join(text) + "\n")
+
+
+def _make_hierarchy(folder: Path) -> None:
+    rng = rng_for(0, "fuzz hierarchy")
+    counts = [40, 20, 12, 8, 6, 4]
+    level = {
+        "parents": [rng.integers(b, size=a).astype(np.int32) for a, b in pairwise(counts)],
+        "edges": [np.array([[0, 1], [1, 2]], np.int32)] * 6,
+        "positions": [rng.normal(size=(n, 3)).astype(np.float32) for n in counts],
+        "vertices": [np.arange(n, dtype=np.int32) for n in counts],
+    }
+    save_hierarchy(
+        folder / "hierarchy.npz", Hierarchy(*(dict.fromkeys(TOPOLOGIES, level[k]) for k in level))
+    )
+
+
+def _make_topology(folder: Path) -> None:
+    faces = body().faces
+    count = len(body().v_template)
+    save_topology(
+        folder / "topology.npz",
+        Topology(
+            faces=faces,
+            skirt_faces=faces,
+            joining=np.int32(4),
+            inner_leg=np.zeros(count, bool),
+            segments=np.zeros(count, np.int32),
+            corners=np.zeros((count, 3), np.int32),
+            shares=np.full((count, 3), 1 / 3),
+            rest=body().v_template,
+        ),
+    )
+
+
+def _make_tables(folder: Path) -> None:
+    corner = np.array([[0, 1, 2], [2, 2, 0]], dtype=np.int32)
+    share = np.array([[0.25, 0.5, 0.25], [0.5, 0.5, 0.0]], dtype=np.float32)
+    arrays = RemeshTable(corner, share)._asdict()
+    save_npz(folder / "Skirt.npz", **{f"s1/{key}": value for key, value in arrays.items()})
+
+
+def _make_moving(folder: Path) -> None:
+    write_registered_sample(folder, body(), "00001", "train")
+
+
+def _load_moving(folder: Path) -> Any:
+    return list(
+        load_moving([folder / "samples" / "00001"], [folder / "registration" / "00001"], "train")
+    )
+
+
+def _make_dynamic(folder: Path) -> None:
+    made = write_registered_sample(folder / "stages", body(), "00001", "train")
+    collect_dynamic(
+        folder / "data", {made.tiny.folder: made.registration}, bodies(), version="posed", step=2
+    )
+
+
+def _use_dynamic(folder: Path) -> None:
+    data = DynamicData(folder / "data")
+    rows = data.rows("train")
+    data.topology(rows)
+    data.static_batch(np.unique(data.garment_index[rows]))
+
+
+def _use_static(folder: Path) -> None:
+    data = StaticData(folder / "data")
+    rows = data.rows("train")
+    data.cvar(rows), data.topology(rows), data.names(rows)
+
+
+def _make_static_shard(folder: Path) -> None:
+    count, vertices = 6, len(body().v_template)
+    save_npz(
+        folder / "shard.npz",
+        offsets=np.zeros((count, vertices, 3), np.float32),
+        mask=np.ones((count, vertices), bool),
+        shape=np.zeros((count, 10), np.float32),
+        gender=np.zeros(count, np.int8),
+        tightness=np.zeros((count, 2), np.float32),
+        garment=np.arange(count, dtype=np.int8),
+        outfit=np.array([f"s{row}" for row in range(count)]),
+        split=np.array(["train"] * 4 + ["val", "test"]),
+    )
+
+
+def _make_field_shard(folder: Path) -> None:
+    save_npz(folder / "shard.npz", **toy_shard(body))
+
+
+def _collect_fields(folder: Path) -> None:
+    pixels = texture_pixels(body(), RESOLUTION)
+    shards = [folder / "shard.npz"]
+    collect_fields(folder / "data", shards, ["Skirt"], bodies(), pixels, clusters=20)
+
+
+def _use_fields(folder: Path) -> None:
+    data = FieldData(folder / "data")
+    rows = data.rows("train")
+    data.batch(rows), data.names(rows)
+
+
+def _make_skinned(folder: Path) -> None:
+    stages = folder / "stages"
+    write_tiny_sample(stages, body(), "00001", "train")
+    outfits = toy_outfits()[:1]
+    save_static(stages / "000.npz", outfits)
+    write_skinned(
+        folder / "out",
+        stages / "000.npz",
+        [stages / "samples" / "00001"],
+        bodies(),
+        SkinnedSettings(frames=3, clouds=CloudSettings(points=60)),
+        garments=["Skirt"],
+    )
+
+
+def _use_sequences(folder: Path) -> None:
+    data = SequenceData(folder / "data")
+    for sequence in range(len(data)):
+        data.rows(sequence), data.consecutive(sequence)
+    _ = data.originals
+    data.windows("train", 3, 1)
+    data.label_share("train")
+    data.clouds(0, body_relative_points=True)
+
+
+# ---- models ---------------------------------------------------------------------------------
+
+
+def _make_svae(folder: Path) -> None:
+    save_model(folder / "svae", garments=save_static_data(folder / "data"))
+    for path in sorted((folder / "data").iterdir()):
+        path.unlink()
+    (folder / "data").rmdir()
+
+
+def _make_ppca(folder: Path) -> None:
+    garments = TypedGarments()
+    model = StaticPpca(PpcaSettings(latent=4), toy_template())
+    model.fit(garments)
+    save_model(folder / "ppca", model.eval(), garments)
+
+
+def _make_conditioning(folder: Path) -> None:
+    weights = StaticVae(SETTINGS, toy_template()).conditioning.state_dict()
+    state = {f"autoencoder.{name}": value for name, value in weights.items()}
+    content = {"state_dict": state, "drapeline": {"checkpoint_type": "conditioning"}}
+    torch.save(content, folder / "best.ckpt")
+
+
+def _load_conditioning(folder: Path) -> None:
+    path = folder / "best.ckpt"
+    load_conditioning(read_checkpoint(path), StaticVae(SETTINGS, toy_template()).conditioning, path)
+
+
+def _make_codes(folder: Path) -> None:
+    rng = rng_for(0, "fuzz codes")
+    save_npz(
+        folder / "codes.npz",
+        mean=rng.normal(size=(5, 4)).astype(np.float32),
+        log_variance=rng.normal(size=(5, 4)).astype(np.float32),
+        garment=np.arange(5),
+        outfit=np.array([f"s{k}" for k in range(5)]),
+        split=np.array(["train"] * 5),
+    )
+
+
+def _make_samples(folder: Path) -> None:
+    save_npz(
+        folder / "codes.npz",
+        name=np.array(["001", "002"]),
+        garment=np.array(["Skirt", "Top"]),
+        asked=np.array([True, False]),
+        cvar=np.zeros((2, 13), np.float32),
+    )
+    save_obj(folder / "001.obj", tube(0.3, -0.4, 0.05))
+
+
+def _make_stages(folder: Path) -> None:
+    """Untrained stages of Garment4D."""
+    save_toy_data(folder / "data", body())
+    sequences = open_toy_data(folder / "data", body(), 30)
+    canonical = CanonicalStage(
+        CanonicalStage.parse(CANONICAL), sequences.data.space, sequences.data.label
+    )
+    posed = PosedStage(PosedStage.parse(POSED), canonical)
+    for name, stage in (("canonical", canonical), ("posed", posed)):
+        out = folder / name
+        out.mkdir()
+        torch.save({"state_dict": stage.state_dict(), "drapeline": stage.about()}, out / BEST)
+    save_posed_files(out, sequences, posed.settings.skinning)
+
+
+def _make_field_model(folder: Path) -> None:
+    data = toy_fields(folder / "fields", body)
+    model = new_field("skirt", data, bodies(), toy_settings())
+    out = folder / "skirt"
+    out.mkdir()
+    torch.save({"state_dict": model.state_dict(), "drapeline": model.about()}, out / "best.ckpt")
+    save_model_files(out, model, data, bodies())
+
+
+def _make_released(folder: Path) -> None:
+    from drapeline.models.smplicit.decoder import Decoder
+    from drapeline.models.smplicit.released import export_released
+
+    export_released(folder / "decoder.pth", Decoder(20, 2, 3, rng=torch.Generator()), 1.0)
+
+
+def _encoder() -> ImageEncoder:
+    return ImageEncoder(4, width=2, rng=torch.Generator().manual_seed(0))
+
+
+def _make_encoder(folder: Path) -> None:
+    torch.save(_encoder().state_dict(), folder / "resnet.pth")
+
+
+def _make_gallery(folder: Path) -> None:
+    names = np.array(["001", "002"])
+    save_npz(
+        folder / CODES,
+        z=np.zeros((2, 5), np.float32),
+        shape=np.zeros((2, 10), np.float32),
+        gender=np.array(["female", "male"]),
+        sheet=np.array(["prototypes"] * 2),
+        row=np.array(["a", "b"]),
+        column=np.array(["x", "y"]),
+        caption=np.array(["one", "two"]),
+        garment=np.array(["Skirt", "Skirt"]),
+        name=names,
+    )
+    for name in names:
+        save_obj(folder / f"{name}.obj", tube(0.3, -0.4, 0.05))
+
+
+def _use_gallery(folder: Path) -> None:
+    load_gallery(folder, bodies())
+    posed_prototype(folder)
+
+
+def _make_gallery_tables(folder: Path) -> None:
+    for name in ("garments", "correlations", "regressions"):
+        write_table(folder / f"{name}.tsv", [{"model": "skirt", "name": "001", "value": 0.5}] * 2)
+
+
+def _make_held_out(folder: Path) -> None:
+    kinds = np.array([GARMENTS.index("Top")] * 2, np.int8)
+    z = np.zeros((2, 3), np.float32)
+    sheets = [sheet(0.3, -0.5, 0.0), sheet(0.2, -0.5, 0.0)]
+    save_held_out(folder / "held_out.npz", HeldOut(np.array(["s1", "s2"]), kinds, z, sheets))
+
+
+# ---- pictures and what was found in them ----------------------------------------------------
+
+
+def _make_picture(folder: Path, labels: str) -> None:
+    values = np.zeros((60, 80), np.uint8)
+    values[20:40, 30:50] = 12
+    values[5:18, 30:50] = 5
+    if labels.endswith(".npy"):
+        np.save(folder / labels, values)
+    else:
+        Image.fromarray(values).save(folder / labels)
+    to_camera = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
+    person = {
+        "gender": "female",
+        "shape": [0.0] * 10,
+        "pose": REST_POSE.tolist(),
+        "trans": [0.0] * 3,
+    }
+    given = {
+        "segmentation": labels,
+        "labels": "lip",
+        "camera": {"focal_px": 70.0, "world_to_camera": to_camera},
+        "people": [person],
+    }
+    (folder / "street.json").write_text(json.dumps(given))
+
+
+def _read_picture(folder: Path) -> Any:
+    for path in picture_files([folder]):
+        files_of_picture(path)
+        read_picture(path, bodies(), least_px=50)
+
+
+def _make_fitted_picture(folder: Path) -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    mesh = Mesh(vertices, np.array([[0, 1, 2]], np.int32))
+    person = PersonShown(np.diag([90.0, 90, 1]), np.eye(4), mesh, {"Skirt": mesh}, {"Skirt": mesh})
+    photo = np.zeros((4, 6, 3), np.uint8)
+    FittedPicture("street", photo[..., 0], photo, (person,)).save(folder / "street.npz")
+
+
+def _make_reconstruction(folder: Path) -> None:
+    frames, points = 2, 3
+    cloth = np.zeros((frames, points, 3), np.float32)
+    faces = np.array([[0, 1, 2]], np.int32)
+    Reconstruction(
+        name="00001",
+        garment="Skirt",
+        faces=faces,
+        canonical=cloth[0],
+        proposal=cloth,
+        final=cloth,
+        true=cloth,
+        true_canonical=cloth[0],
+        points=cloth,
+        labels=np.zeros((frames, points), np.uint8),
+        body=cloth,
+        rest_body=cloth[0],
+        body_faces=faces,
+        root_rotation=np.zeros((frames, 3)),
+        root_height=np.zeros(frames),
+        number=np.arange(frames),
+    ).save(folder / "r.npz")
+
+
+def _make_metrics(folder: Path) -> None:
+    rows = [metric_row("ours", garment, "surface_error_mm", 3.0) for garment in ("Top", "Skirt")]
+    write_metrics(folder / "metrics.tsv", rows)
+
+
+def _make_sources(folder: Path) -> None:
+    sources = Sources(ROOT / "src", memory=str(folder / "sources.json"))
+    sources.digest(ROOT / "scripts" / "collect_metrics.py")
+    sources.remember()
+
+
+def _digest(folder: Path) -> Any:
+    sources = Sources(ROOT / "src", memory=str(folder / "sources.json"))
+    return sources.digest(ROOT / "scripts" / "collect_metrics.py")
+
+
+def _loaders() -> Iterator[Loader]:
+    yield Loader("motion", _make_motion, _import)
+    yield Loader("motion_length", _make_motion, _count)
+    yield Loader("amass", _make_amass, _import)
+    yield Loader("amass_length", _make_amass, _count)
+    yield Loader("bvh", _make_bvh, _import)
+    yield Loader("bvh_length", _make_bvh, _count)
+    yield Loader("amc", _make_amc, _import)
+    yield Loader("amc_length", _make_amc, _count, "*.amc")
+    yield Loader(
+        "deepmimic",
+        lambda f: write_deepmimic(f / "clip.json", [deepmimic_frame(x=0.01 * k) for k in range(6)]),
+        lambda f: read_deepmimic(f / "clip.json"),
+    )
+    yield Loader(
+        "joint_map",
+        lambda f: (f / "map.yaml").write_text((sorted(BUILT_IN.glob("*.yaml"))[0]).read_text()),
+        lambda f: load_joint_map(f / "map.yaml"),
+    )
+    yield Loader(
+        "motion_table",
+        _make_motion_table,
+        lambda f: motion_table(f / "clips.tsv", loop_frames=60),
+        "clips.tsv",
+    )
+    yield Loader(
+        "config",
+        lambda f: (f / "config.yaml").write_text((ROOT / "config.yaml").read_text()),
+        _load_config,
+    )
+    yield Loader("source_digests", _make_sources, _digest)
+    yield Loader(
+        "body", lambda f: save_body(f / "body.npz", body()), lambda f: load_body(f / "body.npz")
+    )
+    for protocol in (2, 4):
+        yield Loader(
+            f"body_pickle_{protocol}",
+            lambda f, protocol=protocol: _make_pickle(f, protocol),
+            lambda f: load_body(f / "body.pkl"),
+        )
+    yield Loader(
+        "convert_body",
+        lambda f: save_body(f / "body.npz", body()),
+        lambda f: convert_to_pickle(f / "body.npz", f / "out.pkl"),
+    )
+    yield Loader(
+        "body_sequence",
+        _make_sample,
+        lambda f: load_body_sequence(f / "bodies" / "00001.npz"),
+        "bodies/*.npz",
+    )
+    yield Loader(
+        "outfit",
+        _make_sample,
+        lambda f: load_outfit(f / "outfits" / "00001.npz", f / "outfits" / "00001.json"),
+        "outfits/*",
+    )
+    yield Loader("sample_writer", _make_sample, _write_again, "bodies/* outfits/* simulation/*/*")
+    yield Loader("sample", _make_sample, _use_sample, "samples/00001/**/*.*")
+    yield Loader("dataset", _make_sample, _use_dataset, "samples/00001/*")
+    yield Loader("sample_record", _make_sample, _load_record, "samples/00001/extras/meta.json")
+    yield Loader("info", _make_info, lambda f: read_info(f / "info.mat"))
+    yield Loader("packed_info", _make_packed_info, lambda f: read_info(f / "info.mat"))
+    yield Loader("clouds", _make_clouds, lambda f: load_clouds(f / "clouds"), "clouds/*")
+    for suffix in (".pc2", ".pc16", ".mdd", ".f32"):
+        yield Loader(
+            f"cache_{suffix[1:]}",
+            lambda f, suffix=suffix: _make_cache(f, suffix),
+            lambda f, suffix=suffix: PointCache(
+                f / f"cache{suffix}", 20 if suffix == ".f32" else None
+            ).frames(),
+        )
+    yield Loader("obj", _make_garment, lambda f: load_obj(f / "skirt.obj"))
+    yield Loader("untidy_obj", _make_untidy_obj, lambda f: load_obj(f / "mesh.obj"))
+    yield Loader("garment", _make_garment, lambda f: load_user_garment(f / "skirt.obj", body()))
+    yield Loader(
+        "scans",
+        lambda f: save_npz(f / "points.npz", points=_scan()),
+        lambda f: read_frames(f / "points.npz"),
+    )
+    yield Loader("scan_npz", lambda f: save_npz(f / "f1.npz", points=_scan()[0]), read_frames)
+    yield Loader("scan_ply", lambda f: _make_ply(f, "binary"), read_frames)
+    yield Loader("scan_ply_text", lambda f: _make_ply(f, "ascii"), read_frames)
+    yield Loader("scan_obj", _make_garment, read_frames)
+    yield Loader(
+        "scan_parameters",
+        _make_parameters,
+        lambda f: read_body_parameters(f / "body.npz", bodies()),
+    )
+    yield Loader(
+        "table",
+        lambda f: write_table(f / "t.tsv", [{"id": "1", "value": 2.5}] * 3),
+        lambda f: read_table(f / "t.tsv", ["id", "value"]),
+    )
+    yield Loader("metrics", _make_metrics, lambda f: read_metrics(f / "metrics.tsv"))
+    yield Loader("gallery_tables", _make_gallery_tables, read_gallery_tables)
+    yield Loader(
+        "templates",
+        lambda f: build_templates(body()).save(f / "t.npz"),
+        lambda f: load_templates(f / "t.npz"),
+    )
+    yield Loader(
+        "static_outfits",
+        lambda f: save_static(f / "000.npz", toy_outfits()[:2]),
+        lambda f: load_static(f / "000.npz"),
+    )
+    yield Loader("topology", _make_topology, lambda f: load_topology(f / "topology.npz"))
+    yield Loader("hierarchy", _make_hierarchy, lambda f: load_hierarchy(f / "hierarchy.npz"))
+    yield Loader(
+        "registered_garment",
+        _make_moving,
+        lambda f: load_sample_garment(f / "registration" / "00001" / "Skirt.npz"),
+        "registration/00001/Skirt.npz",
+    )
+    yield Loader("moving", _make_moving, _load_moving, "registration/00001/*")
+    yield Loader("remesh_table", _make_tables, lambda f: load_tables([f], "Skirt"))
+    yield Loader(
+        "garment_template",
+        lambda f: toy_garment_template().save(f / "t.npz"),
+        lambda f: load_template(f / "t.npz"),
+    )
+    yield Loader(
+        "static_shard",
+        _make_static_shard,
+        lambda f: collect_static(f / "data", [f / "shard.npz"], bodies()),
+    )
+    yield Loader("static_data", lambda f: save_static_data(f / "data"), _use_static, "data/*")
+    yield Loader("dynamic_data", _make_dynamic, _use_dynamic, "data/*")
+    yield Loader("field_shard", _make_field_shard, _collect_fields)
+    yield Loader("field_data", lambda f: toy_fields(f, body), _use_fields, "data/*")
+    yield Loader("skinned", _make_skinned, lambda f: list(load_skinned(f / "out")), "out/*")
+    yield Loader(
+        "sequence_data", lambda f: save_toy_data(f / "data", body()), _use_sequences, "data/*"
+    )
+    yield Loader(
+        "garment_space",
+        lambda f: save_toy_data(f / "data", body()),
+        lambda f: load_space(f / "data" / "space.npz"),
+        "data/space.npz",
+    )
+    yield Loader("static_model", _make_svae, lambda f: load(f / "svae"), "svae/*")
+    yield Loader(
+        "static_checkpoint",
+        _make_svae,
+        lambda f: load_codec(f / "svae" / "best.ckpt"),
+        "svae/best.ckpt",
+    )
+    yield Loader(
+        "static_codes",
+        _make_svae,
+        lambda f: load_training_codes(f / "svae"),
+        "svae/training_codes.npz",
+    )
+    yield Loader("ppca", _make_ppca, lambda f: load(f / "ppca"), "ppca/best.ckpt")
+    yield Loader("conditioning", _make_conditioning, _load_conditioning)
+    yield Loader(
+        "canonical_stage",
+        _make_stages,
+        lambda f: load_stage(f / "canonical", CanonicalStage),
+        "canonical/*",
+    )
+    yield Loader("codes", _make_codes, lambda f: load_codes(f / "codes.npz"))
+    yield Loader("sampled_garments", _make_samples, load_samples)
+    yield Loader("reconstruction_model", _make_stages, lambda f: load(f / "posed"), "posed/*")
+    yield Loader(
+        "posed_files", _make_stages, lambda f: load_posed_files(f / "posed"), "posed/*.npz"
+    )
+    yield Loader("fitting_model", _make_field_model, lambda f: load(f / "skirt"), "skirt/*")
+    yield Loader(
+        "field_checkpoint", _make_field_model, lambda f: load_field(f / "skirt"), "skirt/best.ckpt"
+    )
+    yield Loader(
+        "field_codes",
+        _make_field_model,
+        lambda f: load_field_codes(f / "skirt"),
+        "skirt/training_codes.npz",
+    )
+    yield Loader("released_decoder", _make_released, lambda f: load_released(f / "decoder.pth"))
+    yield Loader(
+        "encoder_weights",
+        _make_encoder,
+        lambda f: load_encoder_weights(_encoder(), f / "resnet.pth"),
+    )
+    yield Loader("gallery", _make_gallery, _use_gallery)
+    yield Loader("held_out", _make_held_out, lambda f: load_held_out(f / "held_out.npz"))
+    for labels in ("labels.png", "labels.npy"):
+        yield Loader(
+            f"picture_{labels[-3:]}",
+            lambda f, labels=labels: _make_picture(f, labels),
+            _read_picture,
+        )
+    yield Loader(
+        "fitted_picture", _make_fitted_picture, lambda f: load_fitted_picture(f / "street.npz")
+    )
+    yield Loader("reconstruction", _make_reconstruction, lambda f: load_reconstruction(f / "r.npz"))
+
+
+def _scan() -> np.ndarray:
+    return rng_for(0, "fuzz scan").uniform(-0.5, 0.5, (2, 60, 3)).astype(np.float32)
+
+
+LOADERS = {loader.name: loader for loader in _loaders()}

@@ -1,0 +1,46 @@
+"""Messages of one line, and what parsers raise as one of them."""
+
+import pickle
+
+import pytest
+
+from drapeline.errors import InputError, refuse_damage
+
+
+def test_a_message_is_one_printable_line_of_bounded_length():
+    assert str(InputError("a.obj: line 3 is 'v é 1'")) == "a.obj: line 3 is 'v é 1'"
+    assert str(InputError("a\nb\x00\x1b[0m\ud800")) == r"a\nb\x00\x1b[0m\ud800"
+    long = str(InputError("start " + "x" * 5000 + " end"))
+    assert len(long) < 1100
+    assert long.startswith("start ")
+    assert long.endswith(" end")
+
+
+def test_an_error_survives_being_sent_to_another_process():
+    error = pickle.loads(pickle.dumps(InputError("a.obj: damaged")))
+    assert isinstance(error, InputError)
+    assert str(error) == "a.obj: damaged"
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (KeyError("poses"), r"a\.mat: not readable as MATLAB \('poses'\)"),
+        (ValueError("first\nsecond"), r"a\.mat: not readable as MATLAB \(first\)"),
+        (RecursionError(), r"a\.mat: not readable as MATLAB \(RecursionError\)"),
+        (PermissionError(13, "Permission denied"), r"MATLAB \(Permission denied\)"),
+        (FileNotFoundError(2, "x"), r"a\.mat: no such file, expected MATLAB"),
+    ],
+)
+def test_whatever_a_parser_raises_names_the_file(error, message):
+    with pytest.raises(InputError, match=message), refuse_damage("a.mat", "MATLAB"):
+        raise error
+
+
+@pytest.mark.parametrize(
+    "error", [InputError("b.obj: its own"), MemoryError(), KeyboardInterrupt()]
+)
+def test_what_is_not_damage_passes(error):
+    with pytest.raises(type(error)) as caught, refuse_damage("a.mat", "MATLAB"):
+        raise error
+    assert caught.value is error
