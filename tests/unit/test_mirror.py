@@ -18,14 +18,16 @@ MODULES = sorted(
 
 # Modules that the tests of another one, or of a rule, cover.
 COVERED_BY = {
-    "errors": "unit/test_rule_log.py",
     "metrics/predictions": "unit/report/models/gcvae/test_views.py",
     "models/garment4d/scans": "rules/test_garment4d.py",
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",
     "models/gcvae/static_model": "rules/test_train_svae.py",
     "models/gcvae/static_template": "rules/test_train_svae.py",
     "models/smplicit/figure_cases": "rules/test_smplicit.py",
+    "models/smplicit/own_scans": "rules/test_smplicit_scans.py",
+    "models/smplicit/scan_fitter": "rules/test_smplicit_scans.py",
     "registration/to_body/samples": "rules/test_register_sample.py",
+    "registration/worn_garments": "unit/registration/test_to_points.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
     "report/registration/registration_sheet": "rules/test_make_static_outfits.py",
     "simulation/solver": "unit/simulation/test_simulate.py",

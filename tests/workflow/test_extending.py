@@ -353,11 +353,14 @@ def extended(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def inputs(extended):
-    """Rule -> input files, of one job of each rule that the tiny experiment has."""
+    """Rule -> input files of all its jobs in the tiny experiment."""
     run = snakemake(extended, "all", "--dry-run", "--forceall", "--configfile", CONFIG)
     assert run.returncode == 0, run.stderr[-2000:]
     jobs = re.findall(r"^rule (\w+):\n(?:    input: (.*))?", run.stdout + run.stderr, re.MULTILINE)
-    return {rule: files.split(", ") for rule, files in jobs}
+    found: dict[str, list[str]] = {}
+    for rule, files in jobs:
+        found.setdefault(rule, []).extend(files.split(", "))
+    return found
 
 
 def test_a_models_own_files_and_one_line_plan_it_with_all_the_rest(inputs):

@@ -34,16 +34,17 @@ NAMED = {"simulate_outfit": [cloth_solvers()["blender"][0]]}
 # What a trained garment VAE of either kind decodes garments for, and what Garment4D trains.
 USE_SVAE = {
     *("compare_gcvae", "evaluate_static", "plot_gcvae_errors", "plot_gcvae_walks"),
-    *("plot_gcvae_wrinkles", "sample_garments"),
+    *("plot_gcvae_wrinkles", "sample_garments", "evaluate_scans_gcvae"),
 }
 TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
 TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
 GALLERY = {"make_smplicit_gallery", "plot_smplicit_gallery", "pose_smplicit_garment"}
 FIT_IMAGES = {"fit_picture", "evaluate_images"}
-USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY | FIT_IMAGES
 TRAIN_DISPLACEMENT = {"train_displacement", "evaluate_displacement"}
 USE_DISPLACEMENT = {"evaluate_displacement", "pose_smplicit_garment"}
-USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment"}
+USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment", "evaluate_scans_garment4d"}
+FIT_SCANS = {"evaluate_scans_smplicit", "fit_own_scans"}
+USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY | FIT_IMAGES | FIT_SCANS
 MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
 REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
 FIT_TEMPLATES = {"fit_sample_templates", "fit_static_templates"}
@@ -56,7 +57,7 @@ RERUN = {
     "bodies/sampling.py": {"animate_body", "make_static_outfits"},
     "bodies/weight_transfer.py": {
         *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
-        *("register_sample", "skin_static", "train_garment4d_posed"),
+        *("register_sample", "skin_static", "train_garment4d_posed", "evaluate_scans_garment4d"),
     }
     | {"pose_smplicit_garment", "collect_displacements"}
     | TRAIN_DISPLACEMENT,
@@ -85,7 +86,10 @@ RERUN = {
     | {"plot_gcvae_errors", "plot_gcvae_wrinkles"},
     "metrics/baselines.py": {"evaluate_baselines", "compare_gcvae"},
     "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
-    "models/contract.py": {"compare_gcvae", "compare_garment4d", "compare_smplicit"},
+    "models/contract.py": {
+        *("compare_gcvae", "compare_garment4d", "compare_smplicit", "evaluate_scans_gcvae"),
+        *("evaluate_scans_garment4d", "evaluate_scans_smplicit"),
+    },
     "models/gcvae/train.py": {"train_svae", "train_dvae"},
     "models/gcvae/static_model.py": set(),
     "models/load.py": set(),
@@ -101,7 +105,7 @@ RERUN = {
     "models/garment4d/canonical_stage.py": TRAIN_GARMENT4D | USE_GARMENT4D,
     "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
     "models/garment4d/evaluate.py": {"evaluate_garment4d"},
-    "registration/to_points.py": USE_GARMENT4D,
+    "registration/to_points.py": USE_GARMENT4D | FIT_SCANS | {"evaluate_scans_gcvae"},
     "models/smplicit/train.py": {"train_smplicit"},
     "models/smplicit/decoder.py": {"train_smplicit", "train_displacement", "evaluate_displacement"}
     | USE_SMPLICIT,
@@ -112,7 +116,12 @@ RERUN = {
     "learning_data/pose_displacements.py": {"collect_displacements", "train_displacement"}
     | USE_DISPLACEMENT,
     "models/smplicit/sheet.py": USE_SMPLICIT,
-    "models/smplicit/fit_images.py": FIT_IMAGES,
+    "models/smplicit/fit_images.py": FIT_IMAGES | FIT_SCANS,
+    "models/smplicit/fit_scans.py": FIT_SCANS,
+    "bodies/scan_fit.py": FIT_SCANS | {"scan_sample"},
+    "models/compare_scans.py": {
+        *("evaluate_scans_gcvae", "evaluate_scans_garment4d", "evaluate_scans_smplicit"),
+    },
     "models/smplicit/fitting.py": set(),
     "models/smplicit/evaluate_images.py": {"evaluate_images"},
     "learning_data/occlusion.py": {"sample_fields", "collect_fields"}

@@ -19,11 +19,13 @@ docs/how-to/extending.md lists what it has outside its folder.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from drapeline.bodies.moved_body import BodyState
-from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
+
+if TYPE_CHECKING:  # comparisons of codes have nothing to do with scans
+    from drapeline.bodies.moved_body import BodyState
+    from drapeline.dataset.segmented_scans import SegmentedScan
 
 
 class HeldOutGarment(NamedTuple):
@@ -69,7 +71,7 @@ class Representation(Protocol):
 class ScanFitter(Protocol):
     """Finds the garments in segmented scans, whose bodies are known by then."""
 
-    def fit(self, scan: SegmentedScan, body: BodyState) -> Mapping[str, Mapping[str, Mesh]]:
+    def fit(self, scan: "SegmentedScan", body: "BodyState") -> Mapping[str, Mapping[str, Mesh]]:
         """The garments in a scan, in each of the ways that the model has.
 
         Args:

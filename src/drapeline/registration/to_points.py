@@ -6,7 +6,6 @@ equations for the vertices, which is linear and the same in every round.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -16,6 +15,7 @@ from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import barycentric
 from drapeline.geometry.sparse import symmetric_factor
 from drapeline.registration.springs import spring_lengths, springs
+from drapeline.registration.worn_garments import WornGarmentStatistics
 
 _APART_M = 4.0  # between frames that are laid out side by side for one search
 _ROW = 16  # frames per row of that layout
@@ -25,21 +25,6 @@ _REACH_M = 0.06  # a point this far from the garment pulls half as hard as a clo
 _DEEP_M = 0.05  # the surface nearest to vertices further inside is likely another limb's
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
 _USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
-
-
-class WornGarmentStatistics(NamedTuple):
-    """How worn garments of a type differ from their skinned proposals.
-
-    Attributes:
-        shares: (K,) lengths of `springs` when worn, over those in the canonical
-            garment.
-        error_m: (N,) root mean square error of the proposals, metres.
-        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
-    """
-
-    shares: np.ndarray
-    error_m: np.ndarray
-    follow: np.ndarray
 
 
 @dataclass(frozen=True)

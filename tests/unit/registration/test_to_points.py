@@ -9,11 +9,11 @@ from drapeline.registration.to_points import (
     Cloth,
     RefineSettings,
     SpaceTime,
-    WornGarmentStatistics,
     body_push,
     fit_to_points,
     point_pull,
 )
+from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.seeding import rng_for
 from gcvae_toys import VERTICES, tube, tube_faces
 

@@ -29,7 +29,8 @@ from drapeline.models.garment4d.reconstruct import (
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
-from drapeline.registration.to_points import RefineSettings, WornGarmentStatistics
+from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.rule_log import LOGGER, progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder

@@ -24,9 +24,9 @@ from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.registration.to_points import (
     RefineSettings,
-    WornGarmentStatistics,
     fit_to_points,
 )
+from drapeline.registration.worn_garments import WornGarmentStatistics
 
 _BATCH = 4  # windows at once
 

@@ -11,7 +11,7 @@ from drapeline.models.garment4d.dressed import propose_garment
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.registration.springs import spring_lengths, springs
-from drapeline.registration.to_points import WornGarmentStatistics
+from drapeline.registration.worn_garments import WornGarmentStatistics
 
 _SMALL_M = 1e-9
 
