@@ -17,6 +17,7 @@ import numpy as np
 
 from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.tables import read_table
+from drapeline.metrics.fitted_scans import CLASSES
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value, read_metrics
 from drapeline.models.smplicit.variants import FIELD_MODELS
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
@@ -73,6 +74,21 @@ PICTURES = {
     "smplicit_images_nearest": "training code with the least loss",
     "smplicit_images_mean_code": "mean code",
 }
+SCANS = {
+    "smplicit_scan_start": "SMPLicit, mean code on the estimated body",
+    "smplicit_scan_nearest": "SMPLicit, training code with the least loss",
+    "smplicit_scan_code": "SMPLicit, fitted code",
+    "smplicit_scan_joint": "SMPLicit, code and body fitted jointly",
+    "static_ppca_scan": "masked PPCA (ours), fitted code",
+    "svae_scan": "garment VAE, as printed, fitted code",
+    "garment4d_scan_pca": "PCA of Garment4D's templates, fitted",
+    "garment4d_scan_posed": "Garment4D's networks",
+    "smplicit_scan_moved": "SMPLicit, moved to the points",
+    "static_ppca_scan_moved": "masked PPCA (ours), moved to the points",
+    "svae_scan_moved": "garment VAE, moved to the points",
+    "garment4d_scan_moved": "PCA of Garment4D's templates, moved to the points",
+    "garment4d_scan_ours": "Garment4D's networks, moved to the points",
+}
 # Stage -> the files whose rules belong to it.
 STAGES = {
     "bodies, motion, outfits": ("bodies", "outfits"),
@@ -81,7 +97,8 @@ STAGES = {
     "registration and data for learning": ("registration", "learning_data"),
     "garment VAEs": ("gcvae", "gcvae_figures"),
     "Garment4D": ("garment4d", "garment4d_figures"),
-    "SMPLicit": ("smplicit", "smplicit_figures", "smplicit_images"),
+    "SMPLicit": ("smplicit", "smplicit_figures", "smplicit_images", "smplicit_scans"),
+    "scans": ("scans",),
 }
 
 # Table over all garments -> its rows, and its columns: metric, decimals and factor.
@@ -283,6 +300,26 @@ def smplicit(results: Results) -> str:
             for row in results.by_metric(variants, columns)
         ]
     return markdown(rows)
+
+
+def scans(results: Results) -> str:
+    """All models fitted to the same scans, in both directions and by class."""
+    table = []
+    for variant, name in SCANS.items():
+        found = find_value(results.metrics, variant, "test", ALL, "surface_to_true_mm")
+        if found is not None:
+            to_true, back = (
+                results.value(variant, ALL, metric, 1)
+                for metric in ("surface_to_true_mm", "true_to_surface_mm")
+            )
+            by_class = {
+                part: results.value(variant, part, "surface_to_true_mm", 1).split(" ")[0]
+                for part in CLASSES
+                if find_value(results.metrics, "smplicit_scan_joint", "test", part, "surface_to_true_mm")
+            }
+            row = {"fit": name, "garments": str(found.n), "to the truth mm": to_true}
+            table.append(row | {"back mm": back} | by_class)
+    return markdown(table)
 
 
 def times(results: Results) -> str:

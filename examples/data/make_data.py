@@ -16,9 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.bodies.rest_body import rest_body
+from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.scene_part import BODY_COLOUR
+from drapeline.dataset.segmented_scans import ScanSettings, scan_sample
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.geometry.obj import save_obj
 from drapeline.models.smplicit.evaluate_images import class_of_garment
@@ -135,6 +137,27 @@ def write_scans(dataset: Path, frames: int = 10) -> None:
     )
 
 
+def write_segmented(sample: Sample) -> None:
+    """Labelled points of two frames, and the body roughly as an estimator would give it."""
+    body = load_body(ROOT / f"resources/body/{sample.gender}.npz")
+    scans = scan_sample(sample, body, ScanSettings(frames=2, points=4000), seed=0)
+    codes = {LABELS.index(name): 1 + k for k, name in enumerate(scans[0].garments)} | {0: 0}
+    labels = [[codes[label] for label in scan.labels.tolist()] for scan in scans]
+    save_npz(
+        FOLDER / "segmented.npz",
+        points=np.stack([scan.points for scan in scans]).round(4),
+        labels=np.array(labels, dtype=np.uint8),
+    )
+    save_npz(
+        FOLDER / "segmented_body.npz",
+        poses=np.stack([scan.estimate.pose for scan in scans]).astype(np.float32),
+        trans=np.stack([scan.estimate.trans for scan in scans]).astype(np.float32),
+        shape=scans[0].estimate.shape.astype(np.float32),
+        joints=np.stack([scan.joints for scan in scans]).astype(np.float32),
+        gender=sample.gender,
+    )
+
+
 def write_picture(samples: Sequence[Sample], frames: Sequence[int]) -> None:
     """Simulated people side by side, a frame of each: photo, labels, who is where, and the JSON."""
     table, parts, owners, labels, people = ["background", "body"], [], [0], [0], []
@@ -191,4 +214,6 @@ if __name__ == "__main__":
     write_skirt(ROOT / "resources/body/female.npz")
     write_dress(ROOT / "resources/body/female.npz")
     write_scans(ROOT / "results/dataset")
-    write_picture([*Cloth3D(ROOT / "results/dataset", "test")][:3], frames=(12, 30, 45))
+    held_out = [*Cloth3D(ROOT / "results/dataset", "test")]
+    write_segmented(held_out[0])
+    write_picture(held_out[:3], frames=(12, 30, 45))
