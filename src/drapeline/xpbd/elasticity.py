@@ -1,0 +1,251 @@
+"""What cloth resists: springs along threads and diagonals, and hinges that bend."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.mesh import edges, face_edges
+from drapeline.outfits.fabrics import Fabric
+
+wp.set_module_options({"enable_backward": False})
+
+# Threads along both diagonals add half of the stiffness along an edge, see `Fabric`.
+_DIAGONAL_SHARE = 0.5
+# Time in which damping alone would stop bending, which Blender damps as well.
+_BENDING_DAMPING_S = 0.02
+_STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Springs between vertices.
+
+    Attributes:
+        pairs: (S, 2) int, numbers of vertices.
+        lengths_m: (S,) at rest.
+        stiffness_n_m: (S,) force per change of length.
+        damping_kg_s: (S,) force per rate of change.
+    """
+
+    pairs: np.ndarray
+    lengths_m: np.ndarray
+    stiffness_n_m: np.ndarray
+    damping_kg_s: np.ndarray
+
+
+@dataclass(frozen=True)
+class Hinges:
+    """Hinges: weighted sums of vertices, as long as the cloth is bent.
+
+    Attributes:
+        vertices: (H, 4) int, numbers of vertices; the fourth of a hinge of three is its first.
+        weights: (H, 4), sums of zero.
+        lengths_m: (H,) of the weighted sums at rest.
+        stiffness_n_m: (H,) force per length.
+        damping_kg_s: (H,) force per rate.
+    """
+
+    vertices: np.ndarray
+    weights: np.ndarray
+    lengths_m: np.ndarray
+    stiffness_n_m: np.ndarray
+    damping_kg_s: np.ndarray
+
+
+def make_springs(
+    vertices: np.ndarray, faces: np.ndarray, fabric: Fabric, shrink: np.ndarray
+) -> Springs:
+    """Springs along all edges, and along both diagonals of quads.
+
+    An edge of a quad stands for the threads across its own length, a diagonal for half as much. On
+    triangles, which have no diagonals, a spring is as stiff as the threads across the area beside
+    it (Van Gelder 1998), so that both kinds of mesh stretch alike along a thread.
+
+    Args:
+        vertices: (V, 3) metres, at rest.
+        faces: (F, 4) or (F, 3).
+        shrink: (V,) share by which rest lengths are shorter than they are in `vertices`.
+    """
+    pairs = edges(faces)
+    share = np.ones(len(pairs))
+    if faces.shape[1] == 4:
+        across = np.concatenate([faces[:, [0, 2]], faces[:, [1, 3]]])
+        pairs = np.concatenate([pairs, across])
+        share = np.concatenate([share, np.full(len(across), _DIAGONAL_SHARE)])
+    else:
+        share = (1 + _DIAGONAL_SHARE) * _area_beside_edges(vertices, faces)
+    lengths = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    if faces.shape[1] == 3:
+        share = share / lengths**2
+    return Springs(
+        pairs,
+        lengths * (1 - shrink[pairs].mean(axis=1)),
+        share * fabric.stretch_n_per_m,
+        share * fabric.damping_kg_s,
+    )
+
+
+def _area_beside_edges(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Area (E,) of the one or two triangles that have each edge."""
+    pairs, which = face_edges(triangles)
+    return np.bincount(
+        which.ravel(), np.repeat(triangle_areas(vertices, triangles), 3), minlength=len(pairs)
+    )
+
+
+def triangle_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas (F,) in square metres of triangles (F, 3)."""
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def make_hinges(vertices: np.ndarray, faces: np.ndarray, fabric: Fabric) -> Hinges:
+    """Hinges along the threads of quads, or over the edges of triangles.
+
+    On quads a hinge is the second difference of three vertices in a row; on triangles the
+    Laplacian of the two faces at an edge (Bergou et al. 2006, "A quadratic bending model").
+
+    Args:
+        vertices: (V, 3) metres, at rest.
+        faces: (F, 4) or (F, 3).
+    """
+    if faces.shape[1] == 4:
+        corners, weights, scale = _thread_hinges(vertices, faces)
+    else:
+        corners, weights, scale = _edge_hinges(vertices, faces)
+    lengths = np.linalg.norm(np.einsum("hk,hki->hi", weights, vertices[corners]), axis=1)
+    bending = fabric.bending_n_m * scale
+    return Hinges(corners, weights, lengths, bending, _BENDING_DAMPING_S * bending)
+
+
+def _thread_hinges(
+    vertices: np.ndarray, quads: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Hinges of three vertices in a row: corners (H, 4), weights (H, 4), 1 / length^2 (H,)."""
+    first, middle, last = _rows_of_three(vertices, quads).T
+    before = np.linalg.norm(vertices[first] - vertices[middle], axis=1)
+    after = np.linalg.norm(vertices[last] - vertices[middle], axis=1)
+    length = (before + after) / 2
+    ahead, behind = length / before, length / after
+    corners = np.stack([first, middle, last, first], axis=1)
+    weights = np.stack([ahead, -(ahead + behind), behind, np.zeros(len(first))], axis=1)
+    return corners, weights, 1 / length**2
+
+
+def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Vertices (R, 3) that follow one another: neighbours of the middle one that share no face."""
+    pairs = edges(quads).astype(np.int64)
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    first_edge = np.searchsorted(both[:, 0], np.arange(len(vertices) + 1))
+    count = np.diff(first_edge)
+    rows = []
+    for one in range(count.max()):
+        for two in range(one + 1, count.max()):
+            middle = np.flatnonzero(count > two)
+            start = first_edge[middle]
+            rows.append(np.stack([both[start + one, 1], middle, both[start + two, 1]], axis=1))
+    row = np.concatenate(rows)
+    before = np.roll(quads, 1, axis=1).ravel().astype(np.int64)
+    after = np.roll(quads, -1, axis=1).ravel().astype(np.int64)
+    size = len(vertices)
+    corner = (quads.ravel() * size + np.minimum(before, after)) * size + np.maximum(before, after)
+    key = (row[:, 1] * size + row[:, 0]) * size + row[:, 2]
+    row = row[~np.isin(key, corner)]
+    one = vertices[row[:, 0]] - vertices[row[:, 1]]
+    two = vertices[row[:, 2]] - vertices[row[:, 1]]
+    cosine = (one * two).sum(1) / (np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1))
+    return row[cosine < _STRAIGHT]
+
+
+def _edge_hinges(
+    vertices: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Hinges over edges of two triangles: corners (H, 4), weights (H, 4), 3 / area (H,)."""
+    _, which = face_edges(triangles)
+    flat = which.ravel()
+    order = np.argsort(flat, kind="stable")
+    same = np.flatnonzero(flat[order][1:] == flat[order][:-1])
+    one, two = order[same], order[same + 1]  # half edges, three per face
+    start = triangles.ravel()[one]
+    end = np.roll(triangles, -1, axis=1).ravel()[one]
+    far = np.roll(triangles, -2, axis=1).ravel()
+    corners = np.stack([start, end, far[one], far[two]], axis=1)
+    x0, x1, x2, x3 = (vertices[corners[:, k]] for k in range(4))
+    at_start = (_cotangent(x1, x2, x0), _cotangent(x1, x3, x0))
+    at_end = (_cotangent(x0, x2, x1), _cotangent(x0, x3, x1))
+    weights = np.stack(
+        [
+            at_end[0] + at_end[1],
+            at_start[0] + at_start[1],
+            -at_start[0] - at_end[0],
+            -at_start[1] - at_end[1],
+        ],
+        axis=1,
+    )
+    area = triangle_areas(vertices, triangles)
+    return corners, weights, 3 / (area[one // 3] + area[two // 3])
+
+
+def _cotangent(a: np.ndarray, b: np.ndarray, apex: np.ndarray) -> np.ndarray:
+    """Cotangents (N,) of the angles at `apex` between `a` and `b`."""
+    one, two = a - apex, b - apex
+    return (one * two).sum(1) / np.linalg.norm(np.cross(one, two), axis=1)
+
+
+@wp.kernel
+def pull_springs(
+    pairs: wp.array(dtype=wp.vec2i),
+    # length at rest; compliance over step^2; compliance times damping over step
+    numbers: wp.array(dtype=wp.vec3),
+    inverse_mass: wp.array(dtype=float),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    spring = wp.tid()
+    i = pairs[spring][0]
+    j = pairs[spring][1]
+    number = numbers[spring]
+    masses = inverse_mass[i] + inverse_mass[j]
+    way = place[i] - place[j]
+    length = wp.length(way)
+    if length > 1.0e-7 and masses > 0.0:
+        way = way / length
+        rate = wp.dot(way, (place[i] - before[i]) - (place[j] - before[j]))
+        push = -(length - number[0] + number[2] * rate)
+        push = push / ((1.0 + number[2]) * masses + number[1])
+        place[i] = place[i] + way * (push * inverse_mass[i])
+        place[j] = place[j] - way * (push * inverse_mass[j])
+
+
+@wp.kernel
+def turn_hinges(
+    corners: wp.array(dtype=wp.vec4i),
+    weights: wp.array(dtype=wp.vec4),
+    numbers: wp.array(dtype=wp.vec3),  # as of springs
+    inverse_mass: wp.array(dtype=float),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    hinge = wp.tid()
+    c = corners[hinge]
+    w = weights[hinge]
+    number = numbers[hinge]
+    bend = place[c[0]] * w[0] + place[c[1]] * w[1] + place[c[2]] * w[2] + place[c[3]] * w[3]
+    masses = (
+        inverse_mass[c[0]] * w[0] * w[0]
+        + inverse_mass[c[1]] * w[1] * w[1]
+        + inverse_mass[c[2]] * w[2] * w[2]
+        + inverse_mass[c[3]] * w[3] * w[3]
+    )
+    length = wp.length(bend)
+    if length > 1.0e-7 and masses > 0.0:
+        way = bend / length
+        old = before[c[0]] * w[0] + before[c[1]] * w[1] + before[c[2]] * w[2] + before[c[3]] * w[3]
+        push = -(length - number[0] + number[2] * wp.dot(way, bend - old))
+        push = push / ((1.0 + number[2]) * masses + number[1])
+        place[c[0]] = place[c[0]] + way * (push * w[0] * inverse_mass[c[0]])
+        place[c[1]] = place[c[1]] + way * (push * w[1] * inverse_mass[c[1]])
+        place[c[2]] = place[c[2]] + way * (push * w[2] * inverse_mass[c[2]])
+        place[c[3]] = place[c[3]] + way * (push * w[3] * inverse_mass[c[3]])
