@@ -47,7 +47,9 @@ def _move_surface(
 
 @wp.func
 def _blend(values: wp.array(dtype=wp.vec3), face: wp.vec3i, weights: wp.vec3):
-    return values[face[0]] * weights[0] + values[face[1]] * weights[1] + values[face[2]] * weights[2]
+    return (
+        values[face[0]] * weights[0] + values[face[1]] * weights[1] + values[face[2]] * weights[2]
+    )
 
 
 @wp.kernel
@@ -96,7 +98,9 @@ def _find_anchors(
             if old >= 0 and wp.dot(p - here, normal) < 0.0:
                 # In the body: stay with the side that it came from, if another one is nearer now.
                 last = faces[old]
-                side = wp.cross(points[last[1]] - points[last[0]], points[last[2]] - points[last[0]])
+                side = wp.cross(
+                    points[last[1]] - points[last[0]], points[last[2]] - points[last[0]]
+                )
                 keep = wp.dot(side, normal) < 0.0
             if not keep:
                 anchor[i] = hit.face
@@ -170,9 +174,7 @@ class BodySurface:
         )
         self._start_normals, self._end_normals = (wp.zeros_like(self._end) for _ in range(2))
         self._find_normals(self._end, self._end_normals)
-        self._mesh = wp.Mesh(
-            self._points, wp.array(flat.ravel(), dtype=wp.int32, device=_DEVICE)
-        )
+        self._mesh = wp.Mesh(self._points, wp.array(flat.ravel(), dtype=wp.int32, device=_DEVICE))
         self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (

@@ -162,9 +162,7 @@ class NearTriangles:
         halves: triangles per face.
     """
 
-    def __init__(
-        self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int
-    ) -> None:
+    def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
         self._rest, self._triangles, self._layers, self._halves = rest, triangles, layers, halves
         faces = len(triangles) // halves
         self._lower, self._upper = (

@@ -79,11 +79,11 @@ class MovingCloth:
         self._commands = self._record(triangles, layers)
 
     def _record(self, triangles: wp.array, layers: wp.array) -> list[wp.Launch]:
-        """What a small step launches, in order."""
+        """What a small step launches, in order; nothing where there is nothing to do."""
         system, numbers, surface = self._system, self._numbers, self._surface
         mass = _numbers(system.inverse_masses)
         state = [self._before, self._place]
-        return [
+        launches = [
             _launch(
                 predict,
                 len(self._place),
@@ -113,7 +113,9 @@ class MovingCloth:
                 len(system.hinges.vertices),
                 [
                     wp.array(system.hinges.vertices, dtype=wp.vec4i, device=_DEVICE),
-                    wp.array(system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE),
+                    wp.array(
+                        system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE
+                    ),
                     self._compliances(system.hinges),
                 ],
                 [mass, *state],
@@ -135,6 +137,7 @@ class MovingCloth:
             ),
             _launch(take_speed, len(self._place), state, [self._step_s, self._speed]),
         ]
+        return [launch for launch in launches if launch is not None]
 
     def _compliances(self, constraints: Springs | Hinges) -> wp.array:
         """What the kernels of springs and hinges take, for this length of a step."""
@@ -191,7 +194,7 @@ class MovingCloth:
             )
 
 
-def _launch(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch:
+def _launch(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
     return wp.launch(
         kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE, record_cmd=True
     )

@@ -90,9 +90,7 @@ def _join(numbers: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
     ).astype(np.int32)
 
 
-def _join_constraints(
-    parts: Sequence[Constraints], ends: str, starts: np.ndarray
-) -> Constraints:
+def _join_constraints(parts: Sequence[Constraints], ends: str, starts: np.ndarray) -> Constraints:
     """Constraints of all garments, in the order of their colours."""
     joined = _join([getattr(part, ends) for part in parts], starts)
     order = np.argsort(colour_constraints(joined, int(starts[-1])), kind="stable")
