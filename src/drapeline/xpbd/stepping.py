@@ -12,9 +12,11 @@ from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
+from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
 from drapeline.xpbd.elasticity import Hinges, Springs, pull_springs, turn_hinges
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
 from drapeline.xpbd.system import join_garments
+from drapeline.xpbd.untangling import Crossings, shorten_contours
 
 _DEVICE = "cpu"
 
@@ -31,6 +33,8 @@ class Numbers:
         margin_m: how far from cloth other cloth is looked for.
         self_gap_m: distance between parts of a garment.
         free_m: parts of a garment that are closer than this at rest do not collide.
+        edge_margin_m: how far from an edge other edges are looked for.
+        untangling_m: how far crossing cloth is led out in a small step.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
@@ -45,6 +49,8 @@ class Numbers:
     margin_m: float = 0.012
     self_gap_m: float = 0.005
     free_m: float = 0.028
+    edge_margin_m: float = 0.01
+    untangling_m: float = 0.00015
     friction: float = 0.5
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -76,9 +82,13 @@ class MovingCloth:
         triangles = wp.array(system.triangles, dtype=wp.vec3i, device=_DEVICE)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
         self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves)
-        self._commands = self._record(triangles, layers)
+        pairs = wp.array(system.edges, dtype=wp.vec2i, device=_DEVICE)
+        sides = edges_of_triangles(system.edges, system.triangles)
+        self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
+        self._crossings = Crossings(pairs, triangles)
+        self._commands = self._record(triangles, layers, pairs)
 
-    def _record(self, triangles: wp.array, layers: wp.array) -> list[wp.Launch]:
+    def _record(self, triangles: wp.array, layers: wp.array, pairs: wp.array) -> list[wp.Launch]:
         """What a small step launches, in order; nothing where there is nothing to do."""
         system, numbers, surface = self._system, self._numbers, self._surface
         mass = _numbers(system.inverse_masses)
@@ -127,6 +137,21 @@ class MovingCloth:
                 [numbers.self_gap_m, self._gap_m, numbers.cloth_friction, *state],
             ),
             _launch(
+                touch_edges,
+                len(pairs),
+                [self._near_edges.count, self._near_edges.pairs, pairs, layers, mass],
+                [numbers.self_gap_m, self._gap_m, *state],
+            ),
+            _launch(
+                shorten_contours,
+                len(pairs),
+                [
+                    *(self._crossings.count, self._crossings.crossed, pairs),
+                    wp.array(system.far_corners, dtype=wp.vec2i, device=_DEVICE),
+                ],
+                [triangles, mass, numbers.untangling_m, *state],
+            ),
+            _launch(
                 touch_body,
                 len(self._place),
                 [
@@ -167,12 +192,19 @@ class MovingCloth:
                     slack_m=self._numbers.slack_m,
                 )
             if step % self._numbers.cloth_every == 0:
-                self._near.find(
-                    self._place, margin_m=self._numbers.margin_m, free_m=self._numbers.free_m
-                )
+                self._find_cloth()
             for command in self._commands:
                 command.launch()
         return self._system.split(self._place.numpy().copy())
+
+    def _find_cloth(self) -> None:
+        """Find what cloth is near to, and what it passes through."""
+        numbers, near, crossings = self._numbers, self._near, self._crossings
+        near.find(self._place, margin_m=numbers.margin_m, free_m=numbers.free_m)
+        crossings.find(self._place, near.count, near.near)
+        self._near_edges.find(
+            self._place, near.count, near.near, crossings.count, margin_m=numbers.edge_margin_m
+        )
 
     def _begin(self, frame: int) -> None:
         """Take the body and the pins to the frame, and the cloth along during the transition."""
