@@ -4,12 +4,20 @@ That point, the vertex's anchor, moves with the body between frames and carries 
 searched again where the cloth has slid over the body, so that most searches are saved.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
+from scipy.spatial import KDTree
+
+from drapeline.frames import JOINT_NAMES
+from drapeline.simulation.collider import MovingBody
 
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
+_ARM = ("shoulder", "elbow", "wrist", "hand")
+_COVERED = 0.005  # share of a garment's vertices at a segment that it is said to cover
 _STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
 _RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
 
@@ -52,9 +60,18 @@ def _blend(values: wp.array(dtype=wp.vec3), face: wp.vec3i, weights: wp.vec3):
     )
 
 
+@wp.func
+def _face_normal(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
+    a = points[face[0]]
+    return wp.cross(points[face[1]] - a, points[face[2]] - a)
+
+
 @wp.kernel
 def _find_anchors(
-    mesh: wp.uint64,
+    meshes: wp.array2d(dtype=wp.uint64),  # of each garment: what it lies on, other limbs
+    first_face: wp.array2d(dtype=int),
+    face_numbers: wp.array(dtype=int),
+    layers: wp.array(dtype=int),
     faces: wp.array(dtype=wp.vec3i),
     points: wp.array(dtype=wp.vec3),
     start: wp.array(dtype=wp.vec3),
@@ -78,36 +95,32 @@ def _find_anchors(
     i = wp.tid()
     p = place[i]
     old = anchor[i]
-    far = reach
     search = True
     if old >= 0:
-        now = p - _blend(points, faces[old], weights[i])
+        slid = wp.length(p - _blend(points, faces[old], weights[i]) - away[i])
         # Cloth off the body may move by half of its distance before it can touch anything.
-        slid = wp.length(now - away[i])
-        if slid < wp.max(slack, 0.5 * (wp.length(away[i]) - gap)):
-            search = False
-        far = wp.min(reach, wp.length(now) * 1.001 + 1.0e-5)
+        search = slid > wp.max(slack, 0.5 * (wp.length(away[i]) - gap))
     if search:
-        hit = wp.mesh_query_point_no_sign(mesh, p, far)
-        if hit.result:
-            face = faces[hit.face]
-            found = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
-            keep = False
-            here = _blend(points, face, found)
-            normal = wp.cross(points[face[1]] - points[face[0]], points[face[2]] - points[face[0]])
-            if old >= 0 and wp.dot(p - here, normal) < 0.0:
-                # In the body: stay with the side that it came from, if another one is nearer now.
-                last = faces[old]
-                side = wp.cross(
-                    points[last[1]] - points[last[0]], points[last[2]] - points[last[0]]
-                )
-                keep = wp.dot(side, normal) < 0.0
-            if not keep:
-                anchor[i] = hit.face
-                weights[i] = found
-            away[i] = p - _blend(points, faces[anchor[i]], weights[i])
-        else:
-            anchor[i] = -1
+        anchor[i] = -1
+        part = int(0)  # noqa: UP018
+        while part < 2 and anchor[i] < 0:
+            hit = wp.mesh_query_point_no_sign(meshes[layers[i], part], p, reach)
+            if hit.result:
+                number = face_numbers[first_face[layers[i], part] + hit.face]
+                found = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+                here = _blend(points, faces[number], found)
+                normal = _face_normal(points, faces[number])
+                keep = False
+                if old >= 0 and wp.dot(p - here, normal) < 0.0:
+                    # In the body: stay with the side that it came from if another is nearer now.
+                    keep = wp.dot(_face_normal(points, faces[old]), normal) < 0.0
+                if keep:
+                    anchor[i] = old
+                else:
+                    anchor[i] = number
+                    weights[i] = found
+                away[i] = p - _blend(points, faces[anchor[i]], weights[i])
+            part += 1
     if anchor[i] >= 0:
         face = faces[anchor[i]]
         from_place[i] = _blend(start, face, weights[i])
@@ -160,26 +173,52 @@ def touch_body(
 class BodySurface:
     """The body's surface between two frames, and where each vertex of the cloth is nearest to it.
 
+    What a garment lies on goes before limbs that it does not cover: a hand on a thigh touches only
+    cloth that is away from the thigh, and none that is caught between the two.
+
     Args:
-        vertices: (B, 3) metres, in frame 0.
-        faces: (F, 3) outward.
-        count: of the cloth's vertices.
+        body: what the cloth collides with.
+        garments: vertices (V, 3) of each garment in frame 0.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, count: int) -> None:
-        flat = np.ascontiguousarray(faces, dtype=np.int32)
+    def __init__(self, body: MovingBody, garments: Sequence[np.ndarray]) -> None:
+        vertices, count = body.frame(0), sum(map(len, garments))
+        flat = np.ascontiguousarray(body.faces, dtype=np.int32)
         self._faces = wp.array(flat, dtype=wp.vec3i, device=_DEVICE)
         self._start, self._end, self._points = (
             wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=_DEVICE) for _ in range(3)
         )
         self._start_normals, self._end_normals = (wp.zeros_like(self._end) for _ in range(2))
         self._find_normals(self._end, self._end_normals)
-        self._mesh = wp.Mesh(self._points, wp.array(flat.ravel(), dtype=wp.int32, device=_DEVICE))
+        parts = [
+            part
+            for cloth in garments
+            for part in split_faces(vertices, body.faces, body.segments, cloth)
+        ]
+        self._meshes = [self._index(flat[part]) for part in parts]
+        shape = (len(garments), 2)
+        ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64).reshape(shape)
+        first = np.cumsum([0, *map(len, parts)])[:-1].reshape(shape)
+        layers = np.repeat(np.arange(len(garments)), [len(cloth) for cloth in garments])
+        self._parts = [
+            wp.array(ids, dtype=wp.uint64, device=_DEVICE),
+            *(
+                wp.array(numbers.astype(np.int32), dtype=int, device=_DEVICE)
+                for numbers in (first, np.concatenate(parts), layers)
+            ),
+        ]
         self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
         )
+
+    def _index(self, faces: np.ndarray) -> wp.Mesh:
+        """Some of the faces (F', 3) for queries; one far away if there are none."""
+        if not len(faces):
+            far = wp.array(np.full((3, 3), 1e6, np.float32), dtype=wp.vec3, device=_DEVICE)
+            return wp.Mesh(far, wp.array([0, 1, 2], dtype=wp.int32, device=_DEVICE))
+        return wp.Mesh(self._points, wp.array(faces.ravel(), dtype=wp.int32, device=_DEVICE))
 
     def move_to(self, vertices: np.ndarray) -> None:
         """Begin a frame, at whose end the surface is at vertices (B, 3)."""
@@ -210,8 +249,9 @@ class BodySurface:
             outputs=[self._points],
             device=_DEVICE,
         )
-        self._mesh.refit()
-        surface = [self._mesh.id, self._faces, self._points, self._start, self._end]
+        for mesh in self._meshes:
+            mesh.refit()
+        surface = [*self._parts, self._faces, self._points, self._start, self._end]
         wp.launch(
             _find_anchors,
             dim=len(place),
@@ -225,6 +265,24 @@ class BodySurface:
             ],
             device=_DEVICE,
         )
+
+
+def split_faces(
+    vertices: np.ndarray, faces: np.ndarray, segments: np.ndarray, cloth: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the faces that a garment lies on, and of those of arms that it does not cover.
+
+    Args:
+        vertices: (B, 3) metres of the body in frame 0.
+        faces: (F, 3).
+        segments: (B,) the joint that moves each vertex most.
+        cloth: (V, 3) the garment in frame 0.
+    """
+    _, nearest = KDTree(vertices).query(cloth)
+    covered = np.bincount(segments[nearest], minlength=len(JOINT_NAMES)) > _COVERED * len(cloth)
+    bare = np.array([name.split("_")[-1] in _ARM for name in JOINT_NAMES]) & ~covered
+    other = bare[segments[faces]].any(axis=1)
+    return np.flatnonzero(~other), np.flatnonzero(other)
 
 
 def _vectors(count: int) -> wp.array:

@@ -50,7 +50,7 @@ class Numbers:
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
-    untangling_m: float = 0.00015
+    untangling_m: float = 0.0
     friction: float = 0.5
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -77,7 +77,7 @@ class MovingCloth:
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
-        self._surface = BodySurface(body.frame(0), body.faces, len(system.vertices))
+        self._surface = BodySurface(body, [g.vertices for g in garments])
         layers = wp.array(system.layers, dtype=int, device=_DEVICE)
         triangles = wp.array(system.triangles, dtype=wp.vec3i, device=_DEVICE)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
