@@ -16,8 +16,22 @@ from drapeline.simulation.collider import MovingBody
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
+_OVERLAP_M = 0.05  # how far a limb reaches into what it grows from
+_AT_HOME_M = 0.08  # cloth that is farther from the body at rest lies on no limb
 _ARM = ("shoulder", "elbow", "wrist", "hand")
-_COVERED = 0.005  # share of a garment's vertices at a segment that it is said to cover
+_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
+_LIMBS = {
+    "trunk": (*_TRUNK, "left_hip", "right_hip"),
+    **{
+        f"{side}_{limb}": tuple(f"{side}_{joint}" for joint in joints) + trunk
+        for side in ("left", "right")
+        for limb, joints, trunk in (
+            ("arm", ("collar", "shoulder", "elbow", "wrist", "hand"), ()),
+            ("leg", ("hip", "knee", "ankle", "foot"), ("pelvis", "spine1")),
+        )
+    },
+}
+_TORN = wp.constant(1.2)  # stretch from which cloth lets go of what it is not worn on
 _STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
 _RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
 
@@ -68,10 +82,12 @@ def _face_normal(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
 
 @wp.kernel
 def _find_anchors(
-    meshes: wp.array2d(dtype=wp.uint64),  # of each garment: what it lies on, other limbs
-    first_face: wp.array2d(dtype=int),
+    meshes: wp.array(dtype=wp.uint64),  # of each limb, and of the whole body
+    first_face: wp.array(dtype=int),
     face_numbers: wp.array(dtype=int),
-    layers: wp.array(dtype=int),
+    homes: wp.array(dtype=int),
+    arms: wp.array(dtype=int),
+    strain: wp.array(dtype=float),
     faces: wp.array(dtype=wp.vec3i),
     points: wp.array(dtype=wp.vec3),
     start: wp.array(dtype=wp.vec3),
@@ -79,6 +95,7 @@ def _find_anchors(
     start_normals: wp.array(dtype=wp.vec3),
     end_normals: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
+    home_reach: float,
     reach: float,
     gap: float,
     slack: float,
@@ -86,6 +103,7 @@ def _find_anchors(
     anchor: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
     away: wp.array(dtype=wp.vec3),
+    strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on arms
     # Its place and normal at both ends of the frame.
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
@@ -96,17 +114,24 @@ def _find_anchors(
     p = place[i]
     old = anchor[i]
     search = True
+    torn = strain[i] > _TORN
+    if old >= 0 and torn and strange[i] > 0:
+        old = -1
     if old >= 0:
         slid = wp.length(p - _blend(points, faces[old], weights[i]) - away[i])
         # Cloth off the body may move by half of its distance before it can touch anything.
         search = slid > wp.max(slack, 0.5 * (wp.length(away[i]) - gap))
     if search:
+        last_strange = strange[i]
         anchor[i] = -1
-        part = int(0)  # noqa: UP018
-        while part < 2 and anchor[i] < 0:
-            hit = wp.mesh_query_point_no_sign(meshes[layers[i], part], p, reach)
+        strange[i] = 0
+        part = homes[i]
+        last = len(meshes) - 1
+        far = home_reach
+        while part >= 0:
+            hit = wp.mesh_query_point_no_sign(meshes[part], p, far)
             if hit.result:
-                number = face_numbers[first_face[layers[i], part] + hit.face]
+                number = face_numbers[first_face[part] + hit.face]
                 found = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
                 here = _blend(points, faces[number], found)
                 normal = _face_normal(points, faces[number])
@@ -114,13 +139,28 @@ def _find_anchors(
                 if old >= 0 and wp.dot(p - here, normal) < 0.0:
                     # In the body: stay with the side that it came from if another is nearer now.
                     keep = wp.dot(_face_normal(points, faces[old]), normal) < 0.0
-                if keep:
-                    anchor[i] = old
-                else:
-                    anchor[i] = number
-                    weights[i] = found
-                away[i] = p - _blend(points, faces[anchor[i]], weights[i])
-            part += 1
+                foreign = int(0)  # noqa: UP018
+                if part == last and homes[i] != last:
+                    foreign = 1
+                if part == last and arms[number] > 0:
+                    foreign = 1 + arms[number]
+                free = foreign > 0 and torn
+                if foreign > 1 and last_strange != foreign and wp.dot(p - here, normal) < 0.0:
+                    free = True
+                if not free:
+                    if keep:
+                        anchor[i] = old
+                        strange[i] = last_strange
+                    else:
+                        anchor[i] = number
+                        weights[i] = found
+                        strange[i] = foreign
+                    away[i] = p - _blend(points, faces[anchor[i]], weights[i])
+            if hit.result or part == last:
+                part = -1
+            else:
+                part = last
+                far = reach
     if anchor[i] >= 0:
         face = faces[anchor[i]]
         from_place[i] = _blend(start, face, weights[i])
@@ -173,8 +213,8 @@ def touch_body(
 class BodySurface:
     """The body's surface between two frames, and where each vertex of the cloth is nearest to it.
 
-    What a garment lies on goes before limbs that it does not cover: a hand on a thigh touches only
-    cloth that is away from the thigh, and none that is caught between the two.
+    Each vertex keeps to the limb that it lies on at rest, and touches others only where it is away
+    from that one: what is caught between an arm and the chest stays on its own side of both.
 
     Args:
         body: what the cloth collides with.
@@ -190,24 +230,24 @@ class BodySurface:
         )
         self._start_normals, self._end_normals = (wp.zeros_like(self._end) for _ in range(2))
         self._find_normals(self._end, self._end_normals)
-        parts = [
-            part
-            for cloth in garments
-            for part in split_faces(vertices, body.faces, body.segments, cloth)
-        ]
+        parts = split_limbs(vertices, body.faces, body.segments)
         self._meshes = [self._index(flat[part]) for part in parts]
-        shape = (len(garments), 2)
-        ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64).reshape(shape)
-        first = np.cumsum([0, *map(len, parts)])[:-1].reshape(shape)
-        layers = np.repeat(np.arange(len(garments)), [len(cloth) for cloth in garments])
+        ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64)
+        homes = _home_limbs(vertices, body.segments, np.concatenate(garments))
         self._parts = [
             wp.array(ids, dtype=wp.uint64, device=_DEVICE),
             *(
                 wp.array(numbers.astype(np.int32), dtype=int, device=_DEVICE)
-                for numbers in (first, np.concatenate(parts), layers)
+                for numbers in (
+                    np.cumsum([0, *map(len, parts)])[:-1],
+                    np.concatenate(parts),
+                    homes,
+                    _arm_numbers(body.faces, body.segments),
+                )
             ),
         ]
         self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
+        self._strange = wp.zeros(count, dtype=int, device=_DEVICE)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
@@ -239,7 +279,15 @@ class BodySurface:
         wp.launch(_make_unit, dim=len(points), outputs=[normals], device=_DEVICE)
 
     def find_anchors(
-        self, place: wp.array, clock: wp.array, *, reach_m: float, gap_m: float, slack_m: float
+        self,
+        place: wp.array,
+        strain: wp.array,
+        clock: wp.array,
+        *,
+        home_reach_m: float,
+        reach_m: float,
+        gap_m: float,
+        slack_m: float,
     ) -> None:
         """Find the anchors of cloth at `place` again where it has slid by more than `slack_m`."""
         wp.launch(
@@ -251,38 +299,60 @@ class BodySurface:
         )
         for mesh in self._meshes:
             mesh.refit()
-        surface = [*self._parts, self._faces, self._points, self._start, self._end]
+        surface = [*self._parts, strain, self._faces, self._points, self._start, self._end]
         wp.launch(
             _find_anchors,
             dim=len(place),
             inputs=[
                 *surface,
-                *(self._start_normals, self._end_normals, place, reach_m, gap_m, slack_m),
+                *(self._start_normals, self._end_normals, place),
+                *(home_reach_m, reach_m, gap_m, slack_m),
             ],
             outputs=[
-                *(self.anchor, self._weights, self._away),
+                *(self.anchor, self._weights, self._away, self._strange),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
             device=_DEVICE,
         )
 
 
-def split_faces(
-    vertices: np.ndarray, faces: np.ndarray, segments: np.ndarray, cloth: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the faces that a garment lies on, and of those of arms that it does not cover.
+def split_limbs(vertices: np.ndarray, faces: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:
+    """Numbers of the faces of each limb, which overlap, and of all faces.
 
     Args:
         vertices: (B, 3) metres of the body in frame 0.
         faces: (F, 3).
         segments: (B,) the joint that moves each vertex most.
-        cloth: (V, 3) the garment in frame 0.
     """
-    _, nearest = KDTree(vertices).query(cloth)
-    covered = np.bincount(segments[nearest], minlength=len(JOINT_NAMES)) > _COVERED * len(cloth)
-    bare = np.array([name.split("_")[-1] in _ARM for name in JOINT_NAMES]) & ~covered
-    other = bare[segments[faces]].any(axis=1)
-    return np.flatnonzero(~other), np.flatnonzero(other)
+    parts = []
+    centres = vertices[faces].mean(axis=1)
+    for limb in _LIMBS.values():
+        member = np.isin(segments, [JOINT_NAMES.index(name) for name in limb])
+        if not member.any():
+            parts.append(np.zeros(0, dtype=np.int64))
+            continue
+        away, _ = KDTree(vertices[member]).query(centres, distance_upper_bound=_OVERLAP_M)
+        parts.append(np.flatnonzero(np.isfinite(away)))
+    return [*parts, np.arange(len(faces))]
+
+
+def _arm_numbers(faces: np.ndarray, segments: np.ndarray) -> np.ndarray:
+    """Which arm (F,) a face belongs to: 1 for the left, 2 for the right, 0 for neither."""
+    number = np.array(
+        [1 + name.startswith("right") if name.split("_")[-1] in _ARM else 0 for name in JOINT_NAMES]
+    )
+    return number[segments[faces]].max(axis=1)
+
+
+def _limb_of(joint: str) -> int:
+    return next(number for number, names in enumerate(_LIMBS.values()) if number and joint in names)
+
+
+def _home_limbs(vertices: np.ndarray, segments: np.ndarray, cloth: np.ndarray) -> np.ndarray:
+    """Number (V,) of the limb that each vertex of the cloth lies on, or of the whole body."""
+    away, nearest = KDTree(vertices).query(cloth)
+    home = np.array([0 if name in _TRUNK else _limb_of(name) for name in JOINT_NAMES])
+    return np.where(away < _AT_HOME_M, home[segments[nearest]], len(_LIMBS))
 
 
 def _vectors(count: int) -> wp.array:

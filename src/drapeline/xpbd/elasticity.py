@@ -249,3 +249,19 @@ def turn_hinges(
         place[c[1]] = place[c[1]] + way * (push * w[1] * inverse_mass[c[1]])
         place[c[2]] = place[c[2]] + way * (push * w[2] * inverse_mass[c[2]])
         place[c[3]] = place[c[3]] + way * (push * w[3] * inverse_mass[c[3]])
+
+
+@wp.kernel
+def measure_strain(
+    pairs: wp.array(dtype=wp.vec2i),
+    numbers: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    strain: wp.array(dtype=float),
+):
+    """Largest length over length at rest of the springs at each vertex."""
+    spring = wp.tid()
+    i = pairs[spring][0]
+    j = pairs[spring][1]
+    stretch = wp.length(place[i] - place[j]) / numbers[spring][0]
+    wp.atomic_max(strain, i, stretch)
+    wp.atomic_max(strain, j, stretch)

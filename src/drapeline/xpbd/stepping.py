@@ -13,7 +13,7 @@ from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
-from drapeline.xpbd.elasticity import Hinges, Springs, pull_springs, turn_hinges
+from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
 from drapeline.xpbd.system import join_garments
 from drapeline.xpbd.untangling import Crossings, shorten_contours
@@ -29,6 +29,7 @@ class Numbers:
         steps_per_step: small steps for each of `Attempt.steps`.
         body_every, cloth_every: small steps between searches for what is near.
         reach_m: how far from the body its nearest point is looked for.
+        home_reach_m: how far from the limb that cloth lies on it touches no other.
         slack_m: how far cloth slides over the body before that point is looked for again.
         margin_m: how far from cloth other cloth is looked for.
         self_gap_m: distance between parts of a garment.
@@ -45,6 +46,7 @@ class Numbers:
     body_every: int = 6
     cloth_every: int = 9
     reach_m: float = 0.025
+    home_reach_m: float = 0.02
     slack_m: float = 0.004
     margin_m: float = 0.012
     self_gap_m: float = 0.005
@@ -92,6 +94,14 @@ class MovingCloth:
         """What a small step launches, in order; nothing where there is nothing to do."""
         system, numbers, surface = self._system, self._numbers, self._surface
         mass = _numbers(system.inverse_masses)
+        springs = [
+            wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE),
+            self._compliances(system.springs),
+        ]
+        self._strain = _numbers(np.zeros(len(self._place)))
+        self._measure = _launch(
+            measure_strain, len(system.springs.pairs), [*springs, self._place], [self._strain]
+        )
         state = [self._before, self._place]
         launches = [
             _launch(
@@ -112,10 +122,7 @@ class MovingCloth:
             _launch(
                 pull_springs,
                 len(system.springs.pairs),
-                [
-                    wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE),
-                    self._compliances(system.springs),
-                ],
+                springs,
                 [mass, *state],
             ),
             _launch(
@@ -184,9 +191,13 @@ class MovingCloth:
         for step in range(self._steps):
             clock[:] = step / self._steps, (step + 1) / self._steps
             if step % self._numbers.body_every == 0:
+                self._strain.zero_()
+                self._measure.launch()
                 self._surface.find_anchors(
                     self._place,
+                    self._strain,
                     self._clock,
+                    home_reach_m=self._numbers.home_reach_m,
                     reach_m=self._numbers.reach_m,
                     gap_m=self._gap_m,
                     slack_m=self._numbers.slack_m,
