@@ -139,7 +139,7 @@ def _find_anchors(
                 if old >= 0 and wp.dot(p - here, normal) < 0.0:
                     # In the body: stay with the side that it came from if another is nearer now.
                     keep = wp.dot(_face_normal(points, faces[old]), normal) < 0.0
-                foreign = int(0)  # noqa: UP018
+                foreign = int(0)  # noqa: RUF046, UP018
                 if part == last and homes[i] != last:
                     foreign = 1
                 if part == last and arms[number] > 0:
@@ -183,6 +183,7 @@ def touch_body(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
+    """Push vertices out of the body; those that touch it stick or slide (Coulomb)."""
     i = wp.tid()
     if anchor[i] < 0:
         return

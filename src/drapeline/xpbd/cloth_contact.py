@@ -1,6 +1,5 @@
 """Cloth against cloth: vertices keep to the side of the triangles that they are on."""
 
-import numpy as np
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
@@ -93,10 +92,11 @@ def touch_cloth(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
+    """Push vertices and triangles apart that are closer than the gap, with friction."""
     i = wp.tid()
     for k in range(count[i]):
         number = near[i, k]
-        side = float(1.0)  # noqa: RUF046, UP018
+        side = float(1.0)  # noqa: UP018
         if number < 0:
             side = -1.0
         c = triangles[wp.abs(number) - 1]

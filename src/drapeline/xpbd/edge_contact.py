@@ -47,9 +47,9 @@ def _find_near_edges(
         return
     p = place[ends[0]]
     d = place[ends[1]] - p
-    found = int(0)  # noqa: UP018
+    found = int(0)  # noqa: RUF046, UP018
     for k in range(near_count[ends[0]] + near_count[ends[1]]):
-        number = int(0)  # noqa: UP018
+        number = int(0)  # noqa: RUF046, UP018
         if k < near_count[ends[0]]:
             number = near[ends[0], k]
         else:

@@ -203,6 +203,7 @@ def pull_springs(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
+    """Pull or push the ends of springs towards their lengths at rest."""
     spring = wp.tid()
     i = pairs[spring][0]
     j = pairs[spring][1]
@@ -228,6 +229,7 @@ def turn_hinges(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
+    """Turn hinges towards their angles at rest."""
     hinge = wp.tid()
     c = corners[hinge]
     w = weights[hinge]

@@ -16,6 +16,7 @@ def predict(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
+    """Where particles go by their speed, gravity and the air alone."""
     i = wp.tid()
     start = place[i] + carry[0]
     before[i] = start
@@ -31,6 +32,7 @@ def hold(
     clock: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
 ):
+    """Pull held vertices to where they are held, which moves between two frames."""
     i = wp.tid()
     target = start[i] + (end[i] - start[i]) * clock[1]
     vertex = vertices[i]
@@ -44,11 +46,13 @@ def take_speed(
     step_s: float,
     speed: wp.array(dtype=wp.vec3),
 ):
+    """Speed over a step, from where it began and ended."""
     i = wp.tid()
     speed[i] = (place[i] - before[i]) / step_s
 
 
 @wp.kernel
 def add_speed(more: wp.vec3, speed: wp.array(dtype=wp.vec3)):
+    """Add to the speed of all particles."""
     i = wp.tid()
     speed[i] = speed[i] + more

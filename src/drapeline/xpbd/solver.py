@@ -1,7 +1,7 @@
 """Where the rule `simulate_outfit` gets the fast cloth solver."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,7 +30,7 @@ class XpbdCloth:
 
     name: ClassVar[str] = "xpbd"
 
-    numbers: Numbers = Numbers()
+    numbers: Numbers = field(default_factory=Numbers)
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -48,9 +48,9 @@ def _find_crossings(
     ends = edges[edge]
     p = place[ends[0]]
     d = place[ends[1]] - p
-    found = int(0)  # noqa: UP018
+    found = int(0)  # noqa: RUF046, UP018
     for k in range(near_count[ends[0]] + near_count[ends[1]]):
-        number = int(0)  # noqa: UP018
+        number = int(0)  # noqa: RUF046, UP018
         if k < near_count[ends[0]]:
             number = wp.abs(near[ends[0], k]) - 1
         else:
@@ -83,7 +83,7 @@ def _free_crossed(
     for k in range(count[edge]):
         for end in range(2):
             vertex = edges[edge][end]
-            kept = int(0)  # noqa: UP018
+            kept = int(0)  # noqa: RUF046, UP018
             for n in range(near_count[vertex]):
                 if wp.abs(near[vertex, n]) - 1 != crossed[edge, k]:
                     near[vertex, kept] = near[vertex, n]
