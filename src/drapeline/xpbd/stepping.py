@@ -12,11 +12,11 @@ from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
+from drapeline.xpbd.crossings import Crossings
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
 from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
 from drapeline.xpbd.system import join_garments
-from drapeline.xpbd.untangling import Crossings, shorten_contours
 
 _DEVICE = "cpu"
 
@@ -35,7 +35,6 @@ class Numbers:
         self_gap_m: distance between parts of a garment.
         free_m: parts of a garment that are closer than this at rest do not collide.
         edge_margin_m: how far from an edge other edges are looked for.
-        untangling_m: how far crossing cloth is led out in a small step.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
@@ -43,16 +42,15 @@ class Numbers:
     """
 
     steps_per_step: float = 2.5
-    body_every: int = 6
+    body_every: int = 9
     cloth_every: int = 9
     reach_m: float = 0.025
     home_reach_m: float = 0.02
-    slack_m: float = 0.004
+    slack_m: float = 0.006
     margin_m: float = 0.012
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
-    untangling_m: float = 0.0
     friction: float = 0.5
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -148,15 +146,6 @@ class MovingCloth:
                 len(pairs),
                 [self._near_edges.count, self._near_edges.pairs, pairs, layers, mass],
                 [numbers.self_gap_m, self._gap_m, *state],
-            ),
-            _launch(
-                shorten_contours,
-                len(pairs),
-                [
-                    *(self._crossings.count, self._crossings.crossed, pairs),
-                    wp.array(system.far_corners, dtype=wp.vec2i, device=_DEVICE),
-                ],
-                [triangles, mass, numbers.untangling_m, *state],
             ),
             _launch(
                 touch_body,

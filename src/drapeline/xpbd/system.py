@@ -9,7 +9,6 @@ import numpy as np
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.colouring import colour_constraints
-from drapeline.xpbd.edge_contact import edges_of_triangles
 from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
 
 Constraints = TypeVar("Constraints", Springs, Hinges)
@@ -25,7 +24,6 @@ class ClothSystem:
         drag_1_s: (V,) rate at which still air takes speed away.
         triangles: (F, 3) int32, halves of a quad next to one another.
         edges: (E, 2) int32, of all faces.
-        far_corners: (E, 2) int32, third corners of the two triangles at an edge; -1 for none.
         layers: (V,) int32, number of a vertex's garment, from inner to outer.
         starts: (G + 1,) where each garment begins.
         springs, hinges: in order of their colours.
@@ -38,7 +36,6 @@ class ClothSystem:
     drag_1_s: np.ndarray
     triangles: np.ndarray
     edges: np.ndarray
-    far_corners: np.ndarray
     layers: np.ndarray
     starts: np.ndarray
     springs: Springs
@@ -64,15 +61,12 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
         make_springs(v, g.faces, g.fabric, g.shrink) for v, g in zip(rest, garments, strict=True)
     ]
     hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
-    triangles = _join([triangulate(g.faces) for g in garments], starts)
-    pairs = _join([edges(g.faces) for g in garments], starts)
     return ClothSystem(
         vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
         inverse_masses=1 / np.concatenate(masses),
         drag_1_s=np.concatenate(drag),
-        triangles=triangles,
-        edges=pairs,
-        far_corners=_far_corners(pairs, triangles),
+        triangles=_join([triangulate(g.faces) for g in garments], starts),
+        edges=_join([edges(g.faces) for g in garments], starts),
         layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),
         starts=starts,
         springs=_join_constraints(springs, "pairs", starts),
@@ -80,20 +74,6 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
         pinned=_join([g.pins.vertices for g in garments], starts),
         pin_weights=np.concatenate([g.pins.weights for g in garments]),
     )
-
-
-def _far_corners(pairs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Third corners (E, 2) of the triangles at each edge, -1 for none."""
-    number = edges_of_triangles(pairs, triangles).ravel()
-    far = np.roll(triangles, -2, axis=1).ravel()
-    order = np.argsort(number, kind="stable")
-    order = order[number[order] >= 0]
-    first = np.flatnonzero(np.diff(number[order], prepend=-1))
-    found = np.full((len(pairs), 2), -1, dtype=np.int32)
-    found[number[order[first]], 0] = far[order[first]]
-    second = np.setdiff1d(np.arange(len(order)), first)
-    found[number[order[second]], 1] = far[order[second]]
-    return found
 
 
 def _masses(garment: ClothGarment) -> np.ndarray:

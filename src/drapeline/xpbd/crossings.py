@@ -1,8 +1,7 @@
-"""Cloth that has passed through cloth is led back out.
+"""Edges of cloth that pass through cloth, which are on neither side of it.
 
-Edges that pass through triangles are moved in the direction that shortens the contour along which
-the cloth cuts itself (Volino and Magnenat-Thalmann 2006, "Resolving surface collisions through
-intersection contour minimization"). No inside or outside has to be known for that.
+Contact that held them where they are would keep the cloth tangled. Without it, tension and the
+contact of all that has not crossed lead them back.
 """
 
 import warp as wp
@@ -12,7 +11,6 @@ wp.set_module_options({"enable_backward": False})
 _DEVICE = "cpu"
 _SLOTS = 3  # triangles that an edge may pass through
 _MOST = wp.constant(_SLOTS)
-_SOFT = wp.constant(0.1)  # contours that bend less than this are moved more slowly
 
 
 @wp.func
@@ -89,73 +87,6 @@ def _free_crossed(
                     near[vertex, kept] = near[vertex, n]
                     kept += 1
             near_count[vertex] = kept
-
-
-@wp.func
-def _along(normal: wp.vec3, p: wp.vec3, way: wp.vec3, far: wp.vec3):
-    # Where the contour runs from an edge into the face whose third corner is `far`.
-    inward = far - p - way * wp.dot(far - p, way)
-    line = wp.normalize(wp.cross(normal, wp.cross(way, inward)))
-    if wp.dot(line, inward) < 0.0:
-        line = -line
-    return line
-
-
-@wp.kernel
-def shorten_contours(
-    count: wp.array(dtype=int),
-    crossed: wp.array2d(dtype=int),
-    edges: wp.array(dtype=wp.vec2i),
-    far_corners: wp.array(dtype=wp.vec2i),
-    triangles: wp.array(dtype=wp.vec3i),
-    inverse_mass: wp.array(dtype=float),
-    step: float,
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
-):
-    """Move edges and the triangles that they pass through by at most `step` metres."""
-    edge = wp.tid()
-    i = edges[edge][0]
-    j = edges[edge][1]
-    for k in range(count[edge]):
-        c = triangles[crossed[edge, k]]
-        p = place[i]
-        d = place[j] - p
-        a = place[c[0]]
-        ab = place[c[1]] - a
-        ac = place[c[2]] - a
-        hit = _hit(p, d, a, ab, ac)
-        t = hit[0]
-        if t >= 0.0:
-            normal = wp.normalize(wp.cross(ab, ac))
-            way = wp.normalize(d)
-            line = _along(normal, p, way, place[far_corners[edge][0]])
-            if far_corners[edge][1] >= 0:
-                line = line + _along(normal, p, way, place[far_corners[edge][1]])
-            slope = wp.dot(way, normal)
-            if wp.abs(slope) < 0.2:
-                slope = 0.2 * wp.sign(slope)
-            gradient = line - normal * (wp.dot(way, line) / slope)
-            size = wp.length(gradient)
-            move = gradient * (step / wp.sqrt(size * size + _SOFT * _SOFT))
-            wi = inverse_mass[i] * (1.0 - t)
-            wj = inverse_mass[j] * t
-            w = 1.0 - hit[1] - hit[2]
-            wa = inverse_mass[c[0]] * w
-            wb = inverse_mass[c[1]] * hit[1]
-            wc = inverse_mass[c[2]] * hit[2]
-            share = 1.0 / (wi * (1.0 - t) + wj * t + wa * w + wb * hit[1] + wc * hit[2])
-            move = move * share
-            place[i] = place[i] + move * wi
-            place[j] = place[j] + move * wj
-            place[c[0]] = place[c[0]] - move * wa
-            place[c[1]] = place[c[1]] - move * wb
-            place[c[2]] = place[c[2]] - move * wc
-            before[i] = before[i] + move * wi
-            before[j] = before[j] + move * wj
-            before[c[0]] = before[c[0]] - move * wa
-            before[c[1]] = before[c[1]] - move * wb
-            before[c[2]] = before[c[2]] - move * wc
 
 
 class Crossings:
