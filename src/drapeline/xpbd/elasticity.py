@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.mesh import edges, face_edges
+from drapeline.geometry.mesh import edges, face_edges, triangulate
 from drapeline.outfits.fabrics import Fabric
 
 wp.set_module_options({"enable_backward": False})
@@ -58,26 +58,27 @@ def make_springs(
 ) -> Springs:
     """Springs along all edges, and along both diagonals of quads.
 
-    An edge of a quad stands for the threads across its own length, a diagonal for half as much. On
-    triangles, which have no diagonals, a spring is as stiff as the threads across the area beside
-    it (Van Gelder 1998), so that both kinds of mesh stretch alike along a thread.
+    A spring is as stiff as the threads along it that lie in its share of the faces beside it: the
+    area over its length squared (Van Gelder 1998). On square quads that is the fabric's stiffness
+    along an edge and half of it along a diagonal. Triangles have no diagonals; the threads along
+    those are added to their edges, so that both kinds of mesh stretch alike.
 
     Args:
         vertices: (V, 3) metres, at rest.
         faces: (F, 4) or (F, 3).
         shrink: (V,) share by which rest lengths are shorter than they are in `vertices`.
     """
-    pairs = edges(faces)
-    share = np.ones(len(pairs))
+    pairs, which = face_edges(faces)
+    area = face_areas(vertices, faces)
+    beside = np.bincount(which.ravel(), np.repeat(area, faces.shape[1]), minlength=len(pairs))
     if faces.shape[1] == 4:
-        across = np.concatenate([faces[:, [0, 2]], faces[:, [1, 3]]])
-        pairs = np.concatenate([pairs, across])
-        share = np.concatenate([share, np.full(len(across), _DIAGONAL_SHARE)])
+        diagonals = np.concatenate([faces[:, [0, 2]], faces[:, [1, 3]]])
+        pairs = np.concatenate([pairs, diagonals])
+        beside = np.concatenate([beside / 2, area, area])
     else:
-        share = (1 + _DIAGONAL_SHARE) * _area_beside_edges(vertices, faces)
+        beside = (1 + _DIAGONAL_SHARE) * beside
     lengths = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
-    if faces.shape[1] == 3:
-        share = share / lengths**2
+    share = np.maximum(beside, area.mean() / 100) / np.maximum(lengths, 1e-4) ** 2
     return Springs(
         pairs,
         lengths * (1 - shrink[pairs].mean(axis=1)),
@@ -86,12 +87,9 @@ def make_springs(
     )
 
 
-def _area_beside_edges(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Area (E,) of the one or two triangles that have each edge."""
-    pairs, which = face_edges(triangles)
-    return np.bincount(
-        which.ravel(), np.repeat(triangle_areas(vertices, triangles), 3), minlength=len(pairs)
-    )
+def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Areas (F,) in square metres of quads, as two triangles each, or of triangles."""
+    return triangle_areas(vertices, triangulate(faces)).reshape(len(faces), -1).sum(axis=1)
 
 
 def triangle_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
