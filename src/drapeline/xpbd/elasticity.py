@@ -198,6 +198,8 @@ def pull_springs(
     # length at rest; compliance over step^2; compliance times damping over step
     numbers: wp.array(dtype=wp.vec3),
     inverse_mass: wp.array(dtype=float),
+    sweep: int,
+    pull: wp.array(dtype=float),  # of the sweeps before in this step
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -213,7 +215,13 @@ def pull_springs(
         way = way / length
         rate = wp.dot(way, (place[i] - before[i]) - (place[j] - before[j]))
         push = -(length - number[0] + number[2] * rate)
+        if sweep > 0:
+            push = push - number[1] * pull[spring]
         push = push / ((1.0 + number[2]) * masses + number[1])
+        if sweep > 0:
+            pull[spring] = pull[spring] + push
+        else:
+            pull[spring] = push
         place[i] = place[i] + way * (push * inverse_mass[i])
         place[j] = place[j] - way * (push * inverse_mass[j])
 

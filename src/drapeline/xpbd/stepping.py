@@ -35,6 +35,7 @@ class Numbers:
         self_gap_m: distance between parts of a garment.
         free_m: parts of a garment that are closer than this at rest do not collide.
         edge_margin_m: how far from an edge other edges are looked for.
+        spring_sweeps: times that springs are solved in a small step.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
@@ -51,6 +52,7 @@ class Numbers:
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
+    spring_sweeps: int = 2
     friction: float = 0.5
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -96,6 +98,7 @@ class MovingCloth:
             wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE),
             self._compliances(system.springs),
         ]
+        pulls = _numbers(np.zeros(len(system.springs.pairs)))
         self._strain = _numbers(np.zeros(len(self._place)))
         self._measure = _launch(
             measure_strain, len(system.springs.pairs), [*springs, self._place], [self._strain]
@@ -117,11 +120,14 @@ class MovingCloth:
                 ],
                 [self._pin_start, self._pin_end, self._clock, self._place],
             ),
-            _launch(
-                pull_springs,
-                len(system.springs.pairs),
-                springs,
-                [mass, *state],
+            *(
+                _launch(
+                    pull_springs,
+                    len(system.springs.pairs),
+                    [*springs, mass, sweep],
+                    [pulls, *state],
+                )
+                for sweep in range(numbers.spring_sweeps)
             ),
             _launch(
                 turn_hinges,
