@@ -46,7 +46,7 @@ class Numbers:
     body_every: int = 9
     cloth_every: int = 9
     reach_m: float = 0.025
-    home_reach_m: float = 0.02
+    home_reach_m: float = 0.012
     slack_m: float = 0.006
     margin_m: float = 0.012
     self_gap_m: float = 0.005
