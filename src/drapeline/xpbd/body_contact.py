@@ -8,29 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
-from scipy.spatial import KDTree
 
-from drapeline.frames import JOINT_NAMES
 from drapeline.simulation.collider import MovingBody
+from drapeline.xpbd.limbs import arm_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
-_OVERLAP_M = 0.05  # how far a limb reaches into what it grows from
-_AT_HOME_M = 0.08  # cloth that is farther from the body at rest lies on no limb
-_ARM = ("shoulder", "elbow", "wrist", "hand")
-_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
-_LIMBS = {
-    "trunk": (*_TRUNK, "left_hip", "right_hip"),
-    **{
-        f"{side}_{limb}": tuple(f"{side}_{joint}" for joint in joints) + trunk
-        for side in ("left", "right")
-        for limb, joints, trunk in (
-            ("arm", ("collar", "shoulder", "elbow", "wrist", "hand"), ()),
-            ("leg", ("hip", "knee", "ankle", "foot"), ("pelvis", "spine1")),
-        )
-    },
-}
 _TORN = wp.constant(1.2)  # stretch from which cloth lets go of what it is not worn on
 _STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
 _RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
@@ -234,7 +218,7 @@ class BodySurface:
         parts = split_limbs(vertices, body.faces, body.segments)
         self._meshes = [self._index(flat[part]) for part in parts]
         ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64)
-        homes = _home_limbs(vertices, body.segments, np.concatenate(garments))
+        homes = home_limbs(vertices, body.segments, np.concatenate(garments))
         self._parts = [
             wp.array(ids, dtype=wp.uint64, device=_DEVICE),
             *(
@@ -243,12 +227,12 @@ class BodySurface:
                     np.cumsum([0, *map(len, parts)])[:-1],
                     np.concatenate(parts),
                     homes,
-                    _arm_numbers(body.faces, body.segments),
+                    arm_numbers(body.faces, body.segments),
                 )
             ),
         ]
         self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
-        self._strange = wp.zeros(count, dtype=int, device=_DEVICE)
+        self.strange = wp.zeros(count, dtype=int, device=_DEVICE)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
@@ -310,50 +294,11 @@ class BodySurface:
                 *(home_reach_m, reach_m, gap_m, slack_m),
             ],
             outputs=[
-                *(self.anchor, self._weights, self._away, self._strange),
+                *(self.anchor, self._weights, self._away, self.strange),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
             device=_DEVICE,
         )
-
-
-def split_limbs(vertices: np.ndarray, faces: np.ndarray, segments: np.ndarray) -> list[np.ndarray]:
-    """Numbers of the faces of each limb, which overlap, and of all faces.
-
-    Args:
-        vertices: (B, 3) metres of the body in frame 0.
-        faces: (F, 3).
-        segments: (B,) the joint that moves each vertex most.
-    """
-    parts = []
-    centres = vertices[faces].mean(axis=1)
-    for limb in _LIMBS.values():
-        member = np.isin(segments, [JOINT_NAMES.index(name) for name in limb])
-        if not member.any():
-            parts.append(np.zeros(0, dtype=np.int64))
-            continue
-        away, _ = KDTree(vertices[member]).query(centres, distance_upper_bound=_OVERLAP_M)
-        parts.append(np.flatnonzero(np.isfinite(away)))
-    return [*parts, np.arange(len(faces))]
-
-
-def _arm_numbers(faces: np.ndarray, segments: np.ndarray) -> np.ndarray:
-    """Which arm (F,) a face belongs to: 1 for the left, 2 for the right, 0 for neither."""
-    number = np.array(
-        [1 + name.startswith("right") if name.split("_")[-1] in _ARM else 0 for name in JOINT_NAMES]
-    )
-    return number[segments[faces]].max(axis=1)
-
-
-def _limb_of(joint: str) -> int:
-    return next(number for number, names in enumerate(_LIMBS.values()) if number and joint in names)
-
-
-def _home_limbs(vertices: np.ndarray, segments: np.ndarray, cloth: np.ndarray) -> np.ndarray:
-    """Number (V,) of the limb that each vertex of the cloth lies on, or of the whole body."""
-    away, nearest = KDTree(vertices).query(cloth)
-    home = np.array([0 if name in _TRUNK else _limb_of(name) for name in JOINT_NAMES])
-    return np.where(away < _AT_HOME_M, home[segments[nearest]], len(_LIMBS))
 
 
 def _vectors(count: int) -> wp.array:
