@@ -14,6 +14,7 @@ wp.set_module_options({"enable_backward": False})
 _DIAGONAL_SHARE = 0.5
 # Time in which damping alone would stop bending, which Blender damps as well.
 _BENDING_DAMPING_S = 0.02
+_SHORT_M = 1e-4
 _STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
 
 
@@ -77,8 +78,8 @@ def make_springs(
         beside = np.concatenate([beside / 2, area, area])
     else:
         beside = (1 + _DIAGONAL_SHARE) * beside
-    lengths = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
-    share = np.maximum(beside, area.mean() / 100) / np.maximum(lengths, 1e-4) ** 2
+    lengths = _lengths(vertices[pairs[:, 0]] - vertices[pairs[:, 1]])
+    share = np.maximum(beside, area.mean() / 100) / lengths**2
     return Springs(
         pairs,
         lengths * (1 - shrink[pairs].mean(axis=1)),
@@ -124,8 +125,8 @@ def _thread_hinges(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Hinges of three vertices in a row: corners (H, 4), weights (H, 4), 1 / length^2 (H,)."""
     first, middle, last = _rows_of_three(vertices, quads).T
-    before = np.linalg.norm(vertices[first] - vertices[middle], axis=1)
-    after = np.linalg.norm(vertices[last] - vertices[middle], axis=1)
+    before = _lengths(vertices[first] - vertices[middle])
+    after = _lengths(vertices[last] - vertices[middle])
     length = (before + after) / 2
     ahead, behind = length / before, length / after
     corners = np.stack([first, middle, last, first], axis=1)
@@ -155,7 +156,7 @@ def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     row = row[~np.isin(key, corner)]
     one = vertices[row[:, 0]] - vertices[row[:, 1]]
     two = vertices[row[:, 2]] - vertices[row[:, 1]]
-    cosine = (one * two).sum(1) / (np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1))
+    cosine = (one * two).sum(1) / (_lengths(one) * _lengths(two))
     return row[cosine < _STRAIGHT]
 
 
@@ -184,14 +185,19 @@ def _edge_hinges(
         ],
         axis=1,
     )
-    area = triangle_areas(vertices, triangles)
+    area = np.maximum(triangle_areas(vertices, triangles), _SHORT_M**2)
     return corners, weights, 1 / (area[one // 3] + area[two // 3])
 
 
 def _cotangent(a: np.ndarray, b: np.ndarray, apex: np.ndarray) -> np.ndarray:
     """Cotangents (N,) of the angles at `apex` between `a` and `b`."""
     one, two = a - apex, b - apex
-    return (one * two).sum(1) / np.linalg.norm(np.cross(one, two), axis=1)
+    return (one * two).sum(1) / _lengths(np.cross(one, two), least=_SHORT_M**2)
+
+
+def _lengths(ways: np.ndarray, least: float = _SHORT_M) -> np.ndarray:
+    """Lengths (N,) of vectors (N, 3), but never zero: a mesh may have edges without length."""
+    return np.maximum(np.linalg.norm(ways, axis=1), least)
 
 
 @wp.kernel

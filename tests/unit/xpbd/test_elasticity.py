@@ -85,3 +85,16 @@ def test_a_hanging_strip_stretches_by_the_fabrics_stiffness(run, edge_m, steps, 
     weight = fabric.density_kg_m2 * 9.81
     expected = weight * length_m**2 / 2 / (1.5 * fabric.stretch_n_per_m)
     assert stretch_m == pytest.approx(expected, rel=0.25)
+
+
+@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
+def test_edges_without_length_give_finite_numbers(faces_of):
+    piece = sheet(0.0, rows=5)
+    points = piece.vertices.astype(float)
+    points[6] = points[7]
+    faces = faces_of(piece.faces)
+    springs = make_springs(points, faces, COTTON, np.zeros(25))
+    hinges = make_hinges(points, faces, COTTON)
+    for numbers in (springs.lengths_m, springs.stiffness_n_m, hinges.weights, hinges.stiffness_n_m):
+        assert np.isfinite(numbers).all()
+    assert (springs.stiffness_n_m > 0).all()
