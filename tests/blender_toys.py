@@ -1,67 +1,12 @@
 """Sheets of cloth over a ball, simulated by Blender."""
 
-import numpy as np
-import trimesh
-
+import sheet_toys
 from drapeline.blender.cloth import BlenderCloth
-from drapeline.geometry.point_cache import PointCache, write_point_cache
-from drapeline.outfits.fabrics import FABRICS
-from drapeline.simulation.attachments import Pins
-from drapeline.simulation.attempts import Attempt
-from drapeline.simulation.collider import MovingBody
-from drapeline.simulation.solver import ClothGarment
-
-GAP_M = 0.004
 
 
-class Held(Pins):
-    """Vertices that are held at places of our choice."""
-
-    def __init__(self, weights, vertices, path):
-        self.vertices = np.flatnonzero(weights)
-        self.weights = np.asarray(weights)[self.vertices]
-        self._start, self._path = vertices[self.vertices], path
-
-    def positions(self, frame):
-        return self._start + self._path(frame)
-
-
-def still(frame):
-    return np.zeros(3)
-
-
-def sheet(
-    height, rows=13, columns=None, edge_m=0.03, name="sheet", pin=None, path=still, **changes
-):
-    """A level sheet of quads about the Z axis; `pin` weights are held along a path."""
-    columns = columns or rows
-    x, y = ((np.arange(count) - (count - 1) / 2) * edge_m for count in (rows, columns))
-    points = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full((rows, columns), height)], -1)
-    points = points.reshape(-1, 3).astype(np.float32)
-    grid = np.arange(rows * columns).reshape(rows, columns)
-    faces = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], -1)
-    fields = {
-        "edge_length_m": edge_m,
-        "fabric": FABRICS["cotton"],
-        "shrink": np.zeros(len(points)),
-        "pins": Held(np.zeros(len(points)) if pin is None else pin, points, path),
-    }
-    return ClothGarment(name, points, faces.reshape(-1, 4), **fields | changes)
-
-
-def drop(tmp_path, garments, frames, *, path=still, radius=0.1, steps=8, **numbers):
-    """Vertices (frames, V, 3) of each garment over a ball that moves along a path.
-
-    Args:
-        numbers: of `BlenderCloth`.
-    """
-    ball = trimesh.creation.icosphere(subdivisions=3, radius=radius)
-    cache = tmp_path / "ball.pc2"
-    write_point_cache(cache, [np.float32(ball.vertices + path(k)) for k in range(frames)])
-    scratch = tmp_path / "scratch"
-    scratch.mkdir(exist_ok=True)
-    attempt = Attempt(steps, GAP_M, collider_share=1.0, shape_frames=1, pose_frames=1)
-    with PointCache(cache) as points:
-        body = MovingBody(points, ball.faces, np.zeros(len(ball.vertices), dtype=int))
-        cloths = BlenderCloth(**numbers).simulate(garments, body, attempt, scratch)
-        return [np.stack(cloth) for cloth in zip(*cloths, strict=True)]
+def drop(tmp_path, garments, frames, *, path=sheet_toys.still, radius=0.1, steps=8, **numbers):
+    """As `sheet_toys.drop`, with numbers of `BlenderCloth`."""
+    solver = BlenderCloth(**numbers)
+    return sheet_toys.drop(
+        tmp_path, solver, garments, frames, path=path, radius=radius, steps=steps
+    )

@@ -197,7 +197,7 @@ def add_toy_solver(project):
     """A folder, a word in the schema and a line in the rule's table."""
     append(project / "src/drapeline/toy_cloth/__init__.py", "")
     append(project / "src/drapeline/toy_cloth/solver.py", TOY_SOLVER)
-    replace(project / "workflow/schemas/config.schema.yaml", "[blender]", "[blender, toy]")
+    replace(project / "workflow/schemas/config.schema.yaml", "xpbd]", "xpbd, toy]")
     line = '    "toy": ("drapeline.toy_cloth.solver", "../../envs/geometry.yaml"),\n'
     table = "CLOTH_SOLVERS = {\n"
     replace(project / "workflow/rules/simulation.smk", table, table + line)

@@ -1,6 +1,7 @@
 # Each solver's module, which has `cloth_solver(threads)`, and the environment that it runs in.
 CLOTH_SOLVERS = {
     "blender": ("drapeline.blender.solver", "../../envs/blender.yaml"),
+    "xpbd": ("drapeline.xpbd.solver", "../../envs/geometry.yaml"),
 }
 SOLVER_MODULE, SOLVER_ENVIRONMENT = CLOTH_SOLVERS[config["simulation"]["solver"]]
 

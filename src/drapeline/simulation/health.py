@@ -8,7 +8,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
+from drapeline.geometry.crossings import crossing_edge_share
 from drapeline.geometry.mesh import edges, triangulate, vertex_normals
+from drapeline.geometry.moving_surface import MovingSurface
 from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
 
@@ -72,7 +74,8 @@ class HealthMonitor:
     def __init__(self, garments: Sequence[HealthGarment], body_faces: np.ndarray) -> None:
         """Watch garments, from inner to outer, on a body with these faces (F, 3)."""
         self._garments = garments
-        self._faces = np.ascontiguousarray(body_faces, dtype=np.int64)
+        self._faces = body_faces
+        self._surface: MovingSurface | None = None
         self._triangles = [triangulate(g.faces) for g in garments]
         self._edges = [edges(g.faces) for g in garments]
         self._rows: list[dict[str, list[float]]] = []
@@ -98,8 +101,7 @@ class HealthMonitor:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
         index = len(self._rows)
         row: dict[str, list[float]] = {}
-        # One search for all garments: building its tree over the body is half of its time.
-        distance, inside = locate_points(np.concatenate(cloths), body, self._faces)
+        distance, inside = self._surface_at(body).locate(np.concatenate(cloths))
         ends = np.cumsum([len(cloth) for cloth in cloths])
         for g, cloth in enumerate(cloths):
             own = slice(ends[g] - len(cloth), ends[g])
@@ -130,6 +132,13 @@ class HealthMonitor:
         self._rows.append(row)
         return row
 
+    def _surface_at(self, body: np.ndarray) -> MovingSurface:
+        """The body's surface, indexed in the first frame."""
+        if self._surface is None:
+            self._surface = MovingSurface(body, self._faces)
+        self._surface.move(body)
+        return self._surface
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Measure -> (frames, garments) float32; unmeasured entries are NaN."""
         if not self._rows:
@@ -146,23 +155,6 @@ def _choose_followed(cloth: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, C
     near = np.flatnonzero(distance < _NEAR_M)
     chosen = near[:: max(1, len(near) // _FOLLOWED)]
     return chosen, Carrier(cloth[chosen].astype(np.float64), body)
-
-
-def locate_points(
-    points: np.ndarray, body: np.ndarray, faces: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Distance (P,) of points to a body's surface, and whether each is inside, by winding number.
-
-    Winding numbers are right even where removed hands and open mouths leave holes.
-
-    Args:
-        points: (P, 3).
-        body: (B, 3) vertices with `faces` (F, 3) int64.
-    """
-    points = np.ascontiguousarray(points, dtype=np.float64)
-    vertices = np.ascontiguousarray(body, dtype=np.float64)
-    squared = igl.point_mesh_squared_distance(points, vertices, faces)[0]
-    return np.sqrt(squared), igl.fast_winding_number(vertices, faces, points) > 0.5
 
 
 def contact_measures(distance: np.ndarray, inside: np.ndarray) -> dict[str, float]:
@@ -206,43 +198,6 @@ def beneath_share(outer: np.ndarray, inner: np.ndarray, triangles: np.ndarray) -
     side = np.einsum("vi,vi->v", away, normal)
     straight = np.abs(side) > 0.5 * np.linalg.norm(away, axis=1)
     return float(((side < 0) & straight).sum() / len(outer))
-
-
-def crossing_edge_share(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    """Share of a triangle mesh's edges that pass through one of its other triangles."""
-    vertices = vertices.astype(np.float64)
-    pairs = edges(triangles)
-    a, b = vertices[pairs[:, 0]], vertices[pairs[:, 1]]
-    corners = vertices[triangles]  # (F, 3, 3)
-    centre = corners.mean(axis=1)
-    reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
-    half = np.linalg.norm(b - a, axis=1) / 2
-    # Nearly all edges are short: the few long ones would make everything a candidate.
-    radius = np.percentile(half, 99) + np.percentile(reach, 99)
-    near = KDTree((a + b) / 2).sparse_distance_matrix(
-        KDTree(centre), radius, output_type="coo_matrix"
-    )
-    edge, face = near.row, near.col
-    shared = (triangles[face][:, :, None] == pairs[edge][:, None, :]).any(axis=(1, 2))
-    edge, face = edge[~shared], face[~shared]
-    hit = _segment_hits(a[edge], b[edge], corners[face])
-    return float(len(np.unique(edge[hit])) / len(pairs))
-
-
-def _segment_hits(a: np.ndarray, b: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Whether segments a-b (P, 3) pass through triangles (P, 3, 3)."""
-    along = b - a
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    cross = np.cross(along, two)
-    determinant = np.einsum("pi,pi->p", one, cross)
-    flat = np.abs(determinant) < 1e-18
-    scale = 1 / np.where(flat, 1.0, determinant)
-    start = a - corners[:, 0]
-    u = np.einsum("pi,pi->p", start, cross) * scale
-    other = np.cross(start, one)
-    v = np.einsum("pi,pi->p", along, other) * scale
-    t = np.einsum("pi,pi->p", two, other) * scale
-    return ~flat & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)
 
 
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blender_toys import GAP_M, sheet
 from drapeline.geometry.mesh import triangulate
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.simulation.health import beneath_share
+from sheet_toys import GAP_M, sheet
 
 EDGE_M = 0.03
 

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blender_toys import sheet
 from drapeline.blender.fabric_units import UNIT_EDGE_M, cloth_parameters
 from drapeline.frames import FPS
 from drapeline.outfits.fabrics import FABRICS
+from sheet_toys import sheet
 
 COLUMNS = 5
 

@@ -4,6 +4,7 @@ import trimesh
 
 from drapeline.frames import FPS
 from drapeline.geometry.mesh import edges
+from drapeline.geometry.moving_surface import MovingSurface
 from drapeline.seeding import rng_for
 from drapeline.simulation.health import (
     HealthBounds,
@@ -11,9 +12,7 @@ from drapeline.simulation.health import (
     HealthMonitor,
     beneath_share,
     contact_measures,
-    crossing_edge_share,
     inevitable_violations,
-    locate_points,
     stretch,
     summary,
     violations,
@@ -28,7 +27,7 @@ def ball():
 
 def test_a_shell_outside_a_ball_keeps_its_gap(ball):
     vertices, faces = ball
-    found = contact_measures(*locate_points(1.02 * vertices, vertices, faces))
+    found = contact_measures(*MovingSurface(vertices, faces).locate(1.02 * vertices))
     assert found["inside_share"] == 0
     assert found["gap_p50_m"] == pytest.approx(0.02, abs=1e-3)
     assert found["depth_max_m"] == 0
@@ -36,7 +35,7 @@ def test_a_shell_outside_a_ball_keeps_its_gap(ball):
 
 def test_a_shell_inside_a_ball_is_all_inside_at_its_depth(ball):
     vertices, faces = ball
-    found = contact_measures(*locate_points(0.97 * vertices, vertices, faces))
+    found = contact_measures(*MovingSurface(vertices, faces).locate(0.97 * vertices))
     assert found["inside_share"] == 1
     assert found["depth_mean_m"] == pytest.approx(0.03, abs=2e-3)
 
@@ -45,7 +44,7 @@ def test_half_a_shell_inside(ball):
     vertices, faces = ball
     scale = np.where(vertices[:, :1] > 0, 1.1, 0.9)
     expected = (vertices[:, 0] <= 0).mean()
-    found = contact_measures(*locate_points(scale * vertices, vertices, faces))
+    found = contact_measures(*MovingSurface(vertices, faces).locate(scale * vertices))
     assert found["inside_share"] == expected
 
 
@@ -74,41 +73,6 @@ def test_stretch_tells_the_hundredth_edge_from_either_end():
 def test_outer_layer_beneath_inner(ball, radius, share):
     vertices, faces = ball
     assert beneath_share(radius * vertices, vertices, faces) == pytest.approx(share, abs=0.01)
-
-
-def slow_crossings(vertices, triangles):
-    """The plain double loop over edges and faces, solving for the point of intersection."""
-    pairs = edges(triangles)
-    crossing = 0
-    for i, j in pairs:
-        for face in triangles:
-            if {i, j} & set(face.tolist()):
-                continue
-            p, q, r = vertices[face]
-            system = np.stack([vertices[i] - vertices[j], q - p, r - p], axis=1)
-            if abs(np.linalg.det(system)) < 1e-12:
-                continue
-            t, u, v = np.linalg.solve(system, vertices[i] - p)
-            if 0 < t < 1 and u >= 0 and v >= 0 and u + v <= 1:
-                crossing += 1
-                break
-    return crossing / len(pairs)
-
-
-def test_crossings_agree_with_a_double_loop():
-    rng = np.random.default_rng(3)
-    vertices = rng.normal(size=(24, 3))
-    triangles = np.array([rng.choice(24, 3, replace=False) for _ in range(30)])
-    expected = slow_crossings(vertices, triangles)
-    assert expected > 0.1
-    assert crossing_edge_share(vertices, triangles) == pytest.approx(expected)
-
-
-def test_a_ball_does_not_cross_itself_and_two_do(ball):
-    vertices, faces = ball
-    assert crossing_edge_share(vertices, faces) == 0
-    both = np.concatenate([vertices, vertices + [0.5, 0.1, 0.03]])
-    assert crossing_edge_share(both, np.concatenate([faces, faces + len(vertices)])) > 0.01
 
 
 def watch(ball, cloths):

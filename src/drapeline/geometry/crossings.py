@@ -1,0 +1,67 @@
+"""Which edges of a mesh pass through its own triangles."""
+
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.mesh import edges
+from drapeline.geometry.warp_mesh import warp_mesh
+
+_DEVICE = "cpu"
+
+
+@wp.kernel
+def _find_crossing(
+    mesh: wp.uint64,
+    pairs: wp.array(dtype=wp.vec2i),
+    crossing: wp.array(dtype=int),
+):
+    edge = wp.tid()
+    points = wp.mesh_get(mesh).points
+    corners = wp.mesh_get(mesh).indices
+    i = pairs[edge][0]
+    j = pairs[edge][1]
+    p = points[i]
+    way = points[j] - p
+    query = wp.mesh_query_aabb(mesh, wp.min(p, points[j]), wp.max(p, points[j]))
+    face = int(0)  # noqa: RUF046, UP018
+    while wp.mesh_query_aabb_next(query, face):
+        a = corners[3 * face]
+        b = corners[3 * face + 1]
+        c = corners[3 * face + 2]
+        if a != i and b != i and c != i and a != j and b != j and c != j:
+            # Moeller and Trumbore (1997), in double precision: cloth is nearly flat.
+            start = wp.vec3d(p - points[a])
+            along = wp.vec3d(way)
+            one = wp.vec3d(points[b] - points[a])
+            two = wp.vec3d(points[c] - points[a])
+            side = wp.cross(along, two)
+            size = wp.dot(one, side)
+            if wp.abs(size) > wp.float64(1.0e-18):
+                u = wp.dot(start, side) / size
+                other = wp.cross(start, one)
+                v = wp.dot(along, other) / size
+                t = wp.dot(two, other) / size
+                zero = wp.float64(0.0)
+                unit = wp.float64(1.0)
+                if u >= zero and v >= zero and u + v <= unit and t > zero and t < unit:
+                    crossing[edge] = 1
+
+
+def crossing_edge_share(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Share of a triangle mesh's edges that pass through one of its other triangles.
+
+    Args:
+        vertices: (V, 3).
+        triangles: (F, 3).
+    """
+    mesh = warp_mesh(vertices, triangles)
+    pairs = edges(triangles)
+    crossing = wp.zeros(len(pairs), dtype=int, device=_DEVICE)
+    wp.launch(
+        _find_crossing,
+        dim=len(pairs),
+        inputs=[mesh.id, wp.array(pairs.astype(np.int32), dtype=wp.vec2i, device=_DEVICE)],
+        outputs=[crossing],
+        device=_DEVICE,
+    )
+    return float(crossing.numpy().mean())

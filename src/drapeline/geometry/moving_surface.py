@@ -1,0 +1,117 @@
+"""A body's surface that moves: how far points are from it, and which of them are inside."""
+
+import numpy as np
+import scipy.sparse as sp
+import warp as wp
+from scipy.sparse.csgraph import connected_components
+
+from drapeline.geometry.mesh import face_edges, half_edges
+from drapeline.geometry.warp_mesh import warp_mesh
+
+_DEVICE = "cpu"
+_FAR_M = 1.0e3
+_PAST_M = wp.constant(1.0e-6)
+_MOST_SURFACES = wp.constant(64)
+
+
+@wp.kernel
+def _locate(
+    surface: wp.uint64,
+    closed: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    distance: wp.array(dtype=float),
+    inside: wp.array(dtype=int),
+):
+    index = wp.tid()
+    point = points[index]
+    hit = wp.mesh_query_point_no_sign(surface, point, _FAR_M)
+    away = point - wp.mesh_eval_position(surface, hit.face, hit.u, hit.v)
+    distance[index] = wp.length(away)
+    # How often a ray leaves the body, less how often it enters: away from the nearest surface,
+    # for there is seldom another one in that direction.
+    way = wp.normalize(away + wp.vec3(1.0e-9, 2.0e-9, 3.0e-9))
+    start = point
+    surfaces = int(0)  # noqa: RUF046, UP018
+    left = int(0)  # noqa: RUF046, UP018
+    while surfaces < _MOST_SURFACES:
+        ray = wp.mesh_query_ray(closed, start, way, _FAR_M)
+        if not ray.result:
+            break
+        if wp.dot(ray.normal, way) > 0.0:
+            left += 1
+        else:
+            left -= 1
+        start = start + way * (ray.t + _PAST_M)
+        surfaces += 1
+    inside[index] = left
+
+
+class MovingSurface:
+    """A surface of fixed faces, indexed once.
+
+    It may have holes, as where hands were removed, and limbs may overlap: each hole is closed by a
+    fan, and a point is inside if rays leave the body more often than they enter it.
+
+    Args:
+        vertices: (B, 3) metres, in the first frame.
+        faces: (F, 3) outward.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        fans, self._hole, self._rim = _close_holes(faces, len(vertices))
+        self._open = warp_mesh(vertices, faces)
+        self._closed = warp_mesh(self._with_centres(vertices), np.concatenate([faces, fans]))
+
+    def _with_centres(self, vertices: np.ndarray) -> np.ndarray:
+        """Vertices (B, 3), and the middles of the holes."""
+        if not len(self._rim):
+            return vertices.astype(np.float32)
+        count = np.bincount(self._hole)
+        centres = [np.bincount(self._hole, vertices[self._rim, k]) / count for k in range(3)]
+        return np.concatenate([vertices, np.stack(centres, axis=1)]).astype(np.float32)
+
+    def move(self, vertices: np.ndarray) -> None:
+        """Take another pose: vertices (B, 3) in metres."""
+        for mesh, points in (
+            (self._open, vertices.astype(np.float32)),
+            (self._closed, self._with_centres(vertices)),
+        ):
+            mesh.points.assign(points)
+            mesh.refit()
+
+    def locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (P,) of points (P, 3) to the surface in metres, and whether they are inside."""
+        distance = wp.zeros(len(points), dtype=float, device=_DEVICE)
+        inside = wp.zeros(len(points), dtype=int, device=_DEVICE)
+        wp.launch(
+            _locate,
+            dim=len(points),
+            inputs=[
+                self._open.id,
+                self._closed.id,
+                wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE),
+            ],
+            outputs=[distance, inside],
+            device=_DEVICE,
+        )
+        return distance.numpy().copy(), inside.numpy() > 0
+
+
+def _close_holes(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fans over the holes of a surface of `count` vertices.
+
+    Returns:
+        Triangles (R, 3), whose last corners are the middles of the holes, numbered from `count`;
+        the hole (R',) of each vertex on a rim, and these vertices (R',).
+    """
+    half = half_edges(faces)
+    _, which = face_edges(faces)
+    rim = half[np.bincount(which.ravel())[which.ravel()] == 1]
+    if not len(rim):
+        return np.zeros((0, 3), faces.dtype), np.zeros(0, int), np.zeros(0, int)
+    used, ends = np.unique(rim, return_inverse=True)
+    ends = ends.reshape(rim.shape)
+    graph = sp.coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(used),) * 2)
+    _, hole = connected_components(graph, directed=False)
+    middle = count + hole[ends[:, 0]]
+    return np.stack([rim[:, 1], rim[:, 0], middle], axis=1), hole, used

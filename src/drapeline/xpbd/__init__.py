@@ -1,0 +1,1 @@
+"""A fast cloth solver: extended position-based dynamics in small steps, by Warp."""

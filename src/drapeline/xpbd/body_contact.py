@@ -1,0 +1,305 @@
+"""Cloth against a moving body: each vertex keeps to the outer side of the point nearest to it.
+
+That point, the vertex's anchor, moves with the body between frames and carries a plane along. It is
+searched again where the cloth has slid over the body, so that most searches are saved.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from drapeline.simulation.collider import MovingBody
+from drapeline.xpbd.limbs import arm_numbers, home_limbs, split_limbs
+
+wp.set_module_options({"enable_backward": False})
+
+_DEVICE = "cpu"
+_TORN = wp.constant(1.2)  # stretch from which cloth lets go of what it is not worn on
+_STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
+_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
+
+
+@wp.kernel
+def _sum_face_normals(
+    points: wp.array(dtype=wp.vec3),
+    faces: wp.array(dtype=wp.vec3i),
+    normals: wp.array(dtype=wp.vec3),
+):
+    face = faces[wp.tid()]
+    a = points[face[0]]
+    normal = wp.cross(points[face[1]] - a, points[face[2]] - a)
+    wp.atomic_add(normals, face[0], normal)
+    wp.atomic_add(normals, face[1], normal)
+    wp.atomic_add(normals, face[2], normal)
+
+
+@wp.kernel
+def _make_unit(normals: wp.array(dtype=wp.vec3)):
+    i = wp.tid()
+    normals[i] = wp.normalize(normals[i])
+
+
+@wp.kernel
+def _move_surface(
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    clock: wp.array(dtype=float),
+    points: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    points[i] = start[i] + (end[i] - start[i]) * clock[0]
+
+
+@wp.func
+def _blend(values: wp.array(dtype=wp.vec3), face: wp.vec3i, weights: wp.vec3):
+    return (
+        values[face[0]] * weights[0] + values[face[1]] * weights[1] + values[face[2]] * weights[2]
+    )
+
+
+@wp.func
+def _face_normal(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
+    a = points[face[0]]
+    return wp.cross(points[face[1]] - a, points[face[2]] - a)
+
+
+@wp.kernel
+def _find_anchors(
+    meshes: wp.array(dtype=wp.uint64),  # of each limb, and of the whole body
+    first_face: wp.array(dtype=int),
+    face_numbers: wp.array(dtype=int),
+    homes: wp.array(dtype=int),
+    arms: wp.array(dtype=int),
+    strain: wp.array(dtype=float),
+    faces: wp.array(dtype=wp.vec3i),
+    points: wp.array(dtype=wp.vec3),
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    start_normals: wp.array(dtype=wp.vec3),
+    end_normals: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    home_reach: float,
+    reach: float,
+    gap: float,
+    slack: float,
+    # The anchor: its face or -1, weights of the corners, and the way from it to the vertex.
+    anchor: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+    away: wp.array(dtype=wp.vec3),
+    strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on arms
+    # Its place and normal at both ends of the frame.
+    from_place: wp.array(dtype=wp.vec3),
+    to_place: wp.array(dtype=wp.vec3),
+    from_normal: wp.array(dtype=wp.vec3),
+    to_normal: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    p = place[i]
+    old = anchor[i]
+    search = True
+    torn = strain[i] > _TORN
+    if old >= 0 and torn and strange[i] > 0:
+        old = -1
+    if old >= 0:
+        slid = wp.length(p - _blend(points, faces[old], weights[i]) - away[i])
+        # Cloth off the body may move by half of its distance before it can touch anything.
+        search = slid > wp.max(slack, 0.5 * (wp.length(away[i]) - gap))
+    if search:
+        last_strange = strange[i]
+        anchor[i] = -1
+        strange[i] = 0
+        part = homes[i]
+        last = len(meshes) - 1
+        far = home_reach
+        while part >= 0:
+            hit = wp.mesh_query_point_no_sign(meshes[part], p, far)
+            if hit.result:
+                number = face_numbers[first_face[part] + hit.face]
+                found = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+                here = _blend(points, faces[number], found)
+                normal = _face_normal(points, faces[number])
+                keep = False
+                if old >= 0 and wp.dot(p - here, normal) < 0.0:
+                    # In the body: stay with the side that it came from if another is nearer now.
+                    keep = wp.dot(_face_normal(points, faces[old]), normal) < 0.0
+                foreign = int(0)  # noqa: RUF046, UP018
+                if part == last and homes[i] != last:
+                    foreign = 1
+                if part == last and arms[number] > 0:
+                    foreign = 1 + arms[number]
+                free = foreign > 0 and torn
+                if foreign > 1 and last_strange != foreign and wp.dot(p - here, normal) < 0.0:
+                    free = True
+                if not free:
+                    if keep:
+                        anchor[i] = old
+                        strange[i] = last_strange
+                    else:
+                        anchor[i] = number
+                        weights[i] = found
+                        strange[i] = foreign
+                    away[i] = p - _blend(points, faces[anchor[i]], weights[i])
+            if hit.result or part == last:
+                part = -1
+            else:
+                part = last
+                far = reach
+    if anchor[i] >= 0:
+        face = faces[anchor[i]]
+        from_place[i] = _blend(start, face, weights[i])
+        to_place[i] = _blend(end, face, weights[i])
+        from_normal[i] = _blend(start_normals, face, weights[i])
+        to_normal[i] = _blend(end_normals, face, weights[i])
+
+
+@wp.kernel
+def touch_body(
+    anchor: wp.array(dtype=int),
+    from_place: wp.array(dtype=wp.vec3),
+    to_place: wp.array(dtype=wp.vec3),
+    from_normal: wp.array(dtype=wp.vec3),
+    to_normal: wp.array(dtype=wp.vec3),
+    clock: wp.array(dtype=float),
+    carry: wp.array(dtype=wp.vec3),
+    gap: float,
+    friction: wp.array(dtype=float),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Push vertices out of the body; those that touch it stick or slide (Coulomb)."""
+    i = wp.tid()
+    if anchor[i] < 0:
+        return
+    way = to_place[i] - from_place[i]
+    here = from_place[i] + way * clock[1]
+    normal = wp.normalize(from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1])
+    p = place[i]
+    depth = gap - wp.dot(p - here, normal)
+    if depth > 0.0:
+        there = from_place[i] + way * clock[0] + carry[0]
+        o = before[i]
+        # What was deep before the step comes out slowly, and must not become speed.
+        old = wp.clamp(gap - wp.dot(o - there, normal), 0.0, depth)
+        released = wp.min(old, _RELEASED)
+        push = depth - old + released
+        p = p + normal * push
+        o = o + normal * released
+        slip = (p - o) - (here - there)
+        slip = slip - normal * wp.dot(slip, normal)
+        most = friction[0] * (push - released + _STICKING)
+        length = wp.length(slip)
+        if length > most:
+            slip = slip * (most / length)
+        place[i] = p - slip
+        before[i] = o
+
+
+class BodySurface:
+    """The body's surface between two frames, and where each vertex of the cloth is nearest to it.
+
+    Each vertex keeps to the limb that it lies on at rest, and touches others only where it is away
+    from that one: what is caught between an arm and the chest stays on its own side of both.
+
+    Args:
+        body: what the cloth collides with.
+        garments: vertices (V, 3) of each garment in frame 0.
+    """
+
+    def __init__(self, body: MovingBody, garments: Sequence[np.ndarray]) -> None:
+        vertices, count = body.frame(0), sum(map(len, garments))
+        flat = np.ascontiguousarray(body.faces, dtype=np.int32)
+        self._faces = wp.array(flat, dtype=wp.vec3i, device=_DEVICE)
+        self._start, self._end, self._points = (
+            wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=_DEVICE) for _ in range(3)
+        )
+        self._start_normals, self._end_normals = (wp.zeros_like(self._end) for _ in range(2))
+        self._find_normals(self._end, self._end_normals)
+        parts = split_limbs(vertices, body.faces, body.segments)
+        self._meshes = [self._index(flat[part]) for part in parts]
+        ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64)
+        homes = home_limbs(vertices, body.segments, np.concatenate(garments))
+        self._parts = [
+            wp.array(ids, dtype=wp.uint64, device=_DEVICE),
+            *(
+                wp.array(numbers.astype(np.int32), dtype=int, device=_DEVICE)
+                for numbers in (
+                    np.cumsum([0, *map(len, parts)])[:-1],
+                    np.concatenate(parts),
+                    homes,
+                    arm_numbers(body.faces, body.segments),
+                )
+            ),
+        ]
+        self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
+        self.strange = wp.zeros(count, dtype=int, device=_DEVICE)
+        self._weights, self._away = (_vectors(count) for _ in range(2))
+        self.from_place, self.to_place, self.from_normal, self.to_normal = (
+            _vectors(count) for _ in range(4)
+        )
+
+    def _index(self, faces: np.ndarray) -> wp.Mesh:
+        """Some of the faces (F', 3) for queries; one far away if there are none."""
+        if not len(faces):
+            far = wp.array(np.full((3, 3), 1e6, np.float32), dtype=wp.vec3, device=_DEVICE)
+            return wp.Mesh(far, wp.array([0, 1, 2], dtype=wp.int32, device=_DEVICE))
+        return wp.Mesh(self._points, wp.array(faces.ravel(), dtype=wp.int32, device=_DEVICE))
+
+    def move_to(self, vertices: np.ndarray) -> None:
+        """Begin a frame, at whose end the surface is at vertices (B, 3)."""
+        self._start, self._end = self._end, self._start
+        self._start_normals, self._end_normals = self._end_normals, self._start_normals
+        self._end.assign(vertices)
+        self._find_normals(self._end, self._end_normals)
+
+    def _find_normals(self, points: wp.array, normals: wp.array) -> None:
+        normals.zero_()
+        wp.launch(
+            _sum_face_normals,
+            dim=len(self._faces),
+            inputs=[points, self._faces],
+            outputs=[normals],
+            device=_DEVICE,
+        )
+        wp.launch(_make_unit, dim=len(points), outputs=[normals], device=_DEVICE)
+
+    def find_anchors(
+        self,
+        place: wp.array,
+        strain: wp.array,
+        clock: wp.array,
+        *,
+        home_reach_m: float,
+        reach_m: float,
+        gap_m: float,
+        slack_m: float,
+    ) -> None:
+        """Find the anchors of cloth at `place` again where it has slid by more than `slack_m`."""
+        wp.launch(
+            _move_surface,
+            dim=len(self._points),
+            inputs=[self._start, self._end, clock],
+            outputs=[self._points],
+            device=_DEVICE,
+        )
+        for mesh in self._meshes:
+            mesh.refit()
+        surface = [*self._parts, strain, self._faces, self._points, self._start, self._end]
+        wp.launch(
+            _find_anchors,
+            dim=len(place),
+            inputs=[
+                *surface,
+                *(self._start_normals, self._end_normals, place),
+                *(home_reach_m, reach_m, gap_m, slack_m),
+            ],
+            outputs=[
+                *(self.anchor, self._weights, self._away, self.strange),
+                *(self.from_place, self.to_place, self.from_normal, self.to_normal),
+            ],
+            device=_DEVICE,
+        )
+
+
+def _vectors(count: int) -> wp.array:
+    return wp.zeros(count, dtype=wp.vec3, device=_DEVICE)

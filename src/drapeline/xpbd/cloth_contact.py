@@ -1,0 +1,198 @@
+"""Cloth against cloth: vertices keep to the side of the triangles that they are on."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+_DEVICE = "cpu"
+_SLOTS = 24  # triangles that a vertex may be near to
+_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
+_MOST = wp.constant(_SLOTS)
+
+
+@wp.kernel
+def _box_faces(
+    place: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+):
+    # The halves of a quad share a box, which saves half of the tree.
+    face = wp.tid()
+    corners = triangles[halves * face]
+    a = place[corners[0]]
+    b = place[corners[1]]
+    c = place[corners[2]]
+    d = place[triangles[halves * face + halves - 1][2]]
+    lower[face] = wp.min(wp.min(a, b), wp.min(c, d))
+    upper[face] = wp.max(wp.max(a, b), wp.max(c, d))
+
+
+@wp.kernel
+def _find_near_triangles(
+    tree: wp.uint64,
+    place: wp.array(dtype=wp.vec3),
+    rest: wp.array(dtype=wp.vec3),
+    rest_centres: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    layers: wp.array(dtype=int),
+    margin: float,
+    free: float,
+    count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),  # number of the triangle + 1, negative beneath it
+):
+    i = wp.tid()
+    p = place[i]
+    half = wp.vec3(margin, margin, margin)
+    query = wp.bvh_query_aabb(tree, p - half, p + half)
+    face = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
+    found = int(0)  # noqa: RUF046, UP018
+    while wp.bvh_query_next(query, face):
+        other = layers[triangles[halves * face][0]]
+        # Parts of a garment that are close at rest are held apart by the cloth itself.
+        if layers[i] != other or wp.length_sq(rest[i] - rest_centres[face]) > free * free:
+            for k in range(halves):
+                number = halves * face + k
+                c = triangles[number]
+                a = place[c[0]]
+                ab = place[c[1]] - a
+                ac = place[c[2]] - a
+                normal = wp.cross(ab, ac)
+                square = wp.length_sq(normal)
+                height = wp.dot(p - a, normal)
+                if height * height < margin * margin * square and square > 1.0e-14:
+                    bb = wp.dot(ab, ab)
+                    cc = wp.dot(ac, ac)
+                    bc = wp.dot(ab, ac)
+                    pb = wp.dot(p - a, ab)
+                    pc = wp.dot(p - a, ac)
+                    u = (cc * pb - bc * pc) / square
+                    v = (bb * pc - bc * pb) / square
+                    if u > -0.4 and v > -0.4 and u + v < 1.4 and found < _MOST:
+                        if height < 0.0:
+                            near[i, found] = -(number + 1)
+                        else:
+                            near[i, found] = number + 1
+                        found += 1
+    count[i] = found
+
+
+@wp.kernel
+def touch_cloth(
+    count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),
+    triangles: wp.array(dtype=wp.vec3i),
+    layers: wp.array(dtype=int),
+    inverse_mass: wp.array(dtype=float),
+    own_gap: float,
+    layer_gap: float,
+    friction: float,
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Push vertices and triangles apart that are closer than the gap, with friction."""
+    i = wp.tid()
+    for k in range(count[i]):
+        number = near[i, k]
+        side = float(1.0)  # noqa: UP018
+        if number < 0:
+            side = -1.0
+        c = triangles[wp.abs(number) - 1]
+        p = place[i]
+        a = place[c[0]]
+        ab = place[c[1]] - a
+        ac = place[c[2]] - a
+        normal = wp.cross(ab, ac)
+        size = wp.length(normal)
+        height = wp.dot(p - a, normal) * side
+        gap = own_gap
+        if layers[i] != layers[c[0]]:
+            gap = layer_gap
+        if height < gap * size and size > 1.0e-9:
+            bb = wp.dot(ab, ab)
+            cc = wp.dot(ac, ac)
+            bc = wp.dot(ab, ac)
+            pb = wp.dot(p - a, ab)
+            pc = wp.dot(p - a, ac)
+            scale = 1.0 / (size * size)
+            u = (cc * pb - bc * pc) * scale
+            v = (bb * pc - bc * pb) * scale
+            if u > -0.02 and v > -0.02 and u + v < 1.02:
+                t = 1.0 - u - v
+                up = normal * (side / size)
+                depth = gap - height / size
+                old_p = before[i]
+                old_q = before[c[0]] * t + before[c[1]] * u + before[c[2]] * v
+                q = a + ab * u + ac * v
+                old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
+                released = wp.min(old, _RELEASED)
+                push = depth - old + released
+                slip = (p - old_p) - (q - old_q)
+                slip = slip - up * wp.dot(slip, up)
+                length = wp.length(slip)
+                most = friction * (push - released)
+                if length > most:
+                    slip = slip * (most / length)
+                w = inverse_mass[i]
+                wa = inverse_mass[c[0]] * t
+                wb = inverse_mass[c[1]] * u
+                wc = inverse_mass[c[2]] * v
+                share = 1.0 / (w + wa * t + wb * u + wc * v)
+                move = (up * push - slip) * share
+                lift = up * (released * share)
+                place[i] = p + move * w
+                place[c[0]] = a - move * wa
+                place[c[1]] = a + ab - move * wb
+                place[c[2]] = a + ac - move * wc
+                before[i] = old_p + lift * w
+                before[c[0]] = before[c[0]] - lift * wa
+                before[c[1]] = before[c[1]] - lift * wb
+                before[c[2]] = before[c[2]] - lift * wc
+
+
+class NearTriangles:
+    """Which triangles of the cloth each of its vertices is near to, and on which side.
+
+    Args:
+        rest: (V, 3) vertices at rest.
+        triangles: (F, 3); halves of a quad follow one another if `halves` is 2.
+        layers: (V,) number of each vertex's garment.
+        halves: triangles per face.
+    """
+
+    def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
+        self._rest, self._triangles, self._layers, self._halves = rest, triangles, layers, halves
+        faces = len(triangles) // halves
+        self._lower, self._upper = (
+            wp.zeros(faces, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
+        )
+        self._box(rest)
+        self._tree = wp.Bvh(self._lower, self._upper)
+        centres = (self._lower.numpy() + self._upper.numpy()) / 2
+        self._centres = wp.array(centres, dtype=wp.vec3, device=_DEVICE)
+        self.count = wp.zeros(len(rest), dtype=int, device=_DEVICE)
+        self.near = wp.zeros((len(rest), _SLOTS), dtype=int, device=_DEVICE)
+
+    def find(self, place: wp.array, *, margin_m: float, free_m: float) -> None:
+        """Find them again for cloth at `place`, but for those within `free_m` at rest."""
+        self._box(place)
+        self._tree.refit()
+        cloth = [place, self._rest, self._centres, self._triangles, self._halves, self._layers]
+        wp.launch(
+            _find_near_triangles,
+            dim=len(place),
+            inputs=[self._tree.id, *cloth, margin_m, free_m],
+            outputs=[self.count, self.near],
+            device=_DEVICE,
+        )
+
+    def _box(self, place: wp.array) -> None:
+        wp.launch(
+            _box_faces,
+            dim=len(self._lower),
+            inputs=[place, self._triangles, self._halves],
+            outputs=[self._lower, self._upper],
+            device=_DEVICE,
+        )

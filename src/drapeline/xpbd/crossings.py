@@ -1,0 +1,127 @@
+"""Edges of cloth that pass through cloth, which are on neither side of it.
+
+Contact that held them where they are would keep the cloth tangled. Without it, tension and the
+contact of all that has not crossed lead them back.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+_DEVICE = "cpu"
+_SLOTS = 3  # triangles that an edge may pass through
+_MOST = wp.constant(_SLOTS)
+
+
+@wp.func
+def _hit(p: wp.vec3, d: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
+    # Where p + t d passes through a triangle: t, and weights of b and c; t is -1 if it does not.
+    normal = wp.cross(ab, ac)
+    slope = wp.dot(d, normal)
+    if wp.abs(slope) < 1.0e-14:
+        return wp.vec3(-1.0, 0.0, 0.0)
+    t = wp.dot(a - p, normal) / slope
+    if t < 0.0 or t > 1.0:
+        return wp.vec3(-1.0, 0.0, 0.0)
+    r = p + d * t - a
+    square = wp.length_sq(normal)
+    u = wp.dot(wp.cross(r, ac), normal) / square
+    v = wp.dot(wp.cross(ab, r), normal) / square
+    if u < 0.0 or v < 0.0 or u + v > 1.0:
+        return wp.vec3(-1.0, 0.0, 0.0)
+    return wp.vec3(t, u, v)
+
+
+@wp.kernel
+def _find_crossings(
+    place: wp.array(dtype=wp.vec3),
+    edges: wp.array(dtype=wp.vec2i),
+    triangles: wp.array(dtype=wp.vec3i),
+    near_count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),
+    count: wp.array(dtype=int),
+    crossed: wp.array2d(dtype=int),
+):
+    edge = wp.tid()
+    ends = edges[edge]
+    p = place[ends[0]]
+    d = place[ends[1]] - p
+    found = int(0)  # noqa: RUF046, UP018
+    for k in range(near_count[ends[0]] + near_count[ends[1]]):
+        number = int(0)  # noqa: RUF046, UP018
+        if k < near_count[ends[0]]:
+            number = wp.abs(near[ends[0], k]) - 1
+        else:
+            number = wp.abs(near[ends[1], k - near_count[ends[0]]]) - 1
+        c = triangles[number]
+        new = found < _MOST and c[0] != ends[0] and c[1] != ends[0] and c[2] != ends[0]
+        if c[0] == ends[1] or c[1] == ends[1] or c[2] == ends[1]:
+            new = False
+        for n in range(found):
+            if crossed[edge, n] == number:
+                new = False
+        if new:
+            a = place[c[0]]
+            if _hit(p, d, a, place[c[1]] - a, place[c[2]] - a)[0] >= 0.0:
+                crossed[edge, found] = number
+                found += 1
+    count[edge] = found
+
+
+@wp.kernel
+def _free_crossed(
+    edges: wp.array(dtype=wp.vec2i),
+    count: wp.array(dtype=int),
+    crossed: wp.array2d(dtype=int),
+    near_count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),
+):
+    # The ends of an edge that passes through a triangle are on no side of it.
+    edge = wp.tid()
+    for k in range(count[edge]):
+        for end in range(2):
+            vertex = edges[edge][end]
+            kept = int(0)  # noqa: RUF046, UP018
+            for n in range(near_count[vertex]):
+                if wp.abs(near[vertex, n]) - 1 != crossed[edge, k]:
+                    near[vertex, kept] = near[vertex, n]
+                    kept += 1
+            near_count[vertex] = kept
+
+
+class Crossings:
+    """Which triangles the edges of the cloth pass through.
+
+    Args:
+        edges: (E, 2) of the cloth, without diagonals.
+        triangles: (F, 3).
+    """
+
+    def __init__(self, edges: wp.array, triangles: wp.array) -> None:
+        self._edges, self._triangles = edges, triangles
+        self.count = wp.zeros(len(edges), dtype=int, device=_DEVICE)
+        self.crossed = wp.zeros((len(edges), _SLOTS), dtype=int, device=_DEVICE)
+
+    def find(self, place: wp.array, near_count: wp.array, near: wp.array) -> None:
+        """Find them again, among the triangles that the ends of an edge are near to.
+
+        These lose what their edges pass through.
+
+        Args:
+            place: (V, 3) vertices.
+            near_count, near: of `NearTriangles`.
+        """
+        wp.launch(
+            _find_crossings,
+            dim=len(self._edges),
+            inputs=[place, self._edges, self._triangles, near_count, near],
+            outputs=[self.count, self.crossed],
+            device=_DEVICE,
+        )
+        wp.launch(
+            _free_crossed,
+            dim=len(self._edges),
+            inputs=[self._edges, self.count, self.crossed],
+            outputs=[near_count, near],
+            device=_DEVICE,
+        )

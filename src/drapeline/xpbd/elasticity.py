@@ -1,0 +1,283 @@
+"""What cloth resists: springs along threads and diagonals, and hinges that bend."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.mesh import edges, face_edges, triangulate
+from drapeline.outfits.fabrics import Fabric
+
+wp.set_module_options({"enable_backward": False})
+
+# Threads along both diagonals add half of the stiffness along an edge, see `Fabric`.
+_DIAGONAL_SHARE = 0.5
+# Time in which damping alone would stop bending, which Blender damps as well.
+_BENDING_DAMPING_S = 0.02
+_SHORT_M = 1e-4
+_STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Springs between vertices.
+
+    Attributes:
+        pairs: (S, 2) int, numbers of vertices.
+        lengths_m: (S,) at rest.
+        stiffness_n_m: (S,) force per change of length.
+        damping_kg_s: (S,) force per rate of change.
+    """
+
+    pairs: np.ndarray
+    lengths_m: np.ndarray
+    stiffness_n_m: np.ndarray
+    damping_kg_s: np.ndarray
+
+
+@dataclass(frozen=True)
+class Hinges:
+    """Hinges: weighted sums of vertices, as long as the cloth is bent.
+
+    Attributes:
+        vertices: (H, 4) int, numbers of vertices; the fourth of a hinge of three is its first.
+        weights: (H, 4), sums of zero.
+        lengths_m: (H,) of the weighted sums at rest.
+        stiffness_n_m: (H,) force per length.
+        damping_kg_s: (H,) force per rate.
+    """
+
+    vertices: np.ndarray
+    weights: np.ndarray
+    lengths_m: np.ndarray
+    stiffness_n_m: np.ndarray
+    damping_kg_s: np.ndarray
+
+
+def make_springs(
+    vertices: np.ndarray, faces: np.ndarray, fabric: Fabric, shrink: np.ndarray
+) -> Springs:
+    """Springs along all edges, and along both diagonals of quads.
+
+    A spring is as stiff as the threads along it that lie in its share of the faces beside it: the
+    area over its length squared (Van Gelder 1998). On square quads that is the fabric's stiffness
+    along an edge and half of it along a diagonal. Triangles have no diagonals; the threads along
+    those are added to their edges, so that both kinds of mesh stretch alike.
+
+    Args:
+        vertices: (V, 3) metres, at rest.
+        faces: (F, 4) or (F, 3).
+        shrink: (V,) share by which rest lengths are shorter than they are in `vertices`.
+    """
+    pairs, which = face_edges(faces)
+    area = face_areas(vertices, faces)
+    beside = np.bincount(which.ravel(), np.repeat(area, faces.shape[1]), minlength=len(pairs))
+    if faces.shape[1] == 4:
+        diagonals = np.concatenate([faces[:, [0, 2]], faces[:, [1, 3]]])
+        pairs = np.concatenate([pairs, diagonals])
+        beside = np.concatenate([beside / 2, area, area])
+    else:
+        beside = (1 + _DIAGONAL_SHARE) * beside
+    lengths = _lengths(vertices[pairs[:, 0]] - vertices[pairs[:, 1]])
+    share = np.maximum(beside, area.mean() / 100) / lengths**2
+    return Springs(
+        pairs,
+        lengths * (1 - shrink[pairs].mean(axis=1)),
+        share * fabric.stretch_n_per_m,
+        share * fabric.damping_kg_s,
+    )
+
+
+def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Areas (F,) in square metres of quads, as two triangles each, or of triangles."""
+    return triangle_areas(vertices, triangulate(faces)).reshape(len(faces), -1).sum(axis=1)
+
+
+def triangle_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas (F,) in square metres of triangles (F, 3)."""
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def make_hinges(vertices: np.ndarray, faces: np.ndarray, fabric: Fabric) -> Hinges:
+    """Hinges along the threads of quads, or over the edges of triangles.
+
+    On quads a hinge is the second difference of three vertices in a row; on triangles the
+    Laplacian of the two faces at an edge (Bergou et al. 2006, "A quadratic bending model"), with a
+    third of their weight: a sheet that is rolled up bends at one or two of the three edges of each
+    triangle only (Seung and Nelson 1988).
+
+    Args:
+        vertices: (V, 3) metres, at rest.
+        faces: (F, 4) or (F, 3).
+    """
+    if faces.shape[1] == 4:
+        corners, weights, scale = _thread_hinges(vertices, faces)
+    else:
+        corners, weights, scale = _edge_hinges(vertices, faces)
+    lengths = np.linalg.norm(np.einsum("hk,hki->hi", weights, vertices[corners]), axis=1)
+    bending = fabric.bending_n_m * scale
+    return Hinges(corners, weights, lengths, bending, _BENDING_DAMPING_S * bending)
+
+
+def _thread_hinges(
+    vertices: np.ndarray, quads: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Hinges of three vertices in a row: corners (H, 4), weights (H, 4), 1 / length^2 (H,)."""
+    first, middle, last = _rows_of_three(vertices, quads).T
+    before = _lengths(vertices[first] - vertices[middle])
+    after = _lengths(vertices[last] - vertices[middle])
+    length = (before + after) / 2
+    ahead, behind = length / before, length / after
+    corners = np.stack([first, middle, last, first], axis=1)
+    weights = np.stack([ahead, -(ahead + behind), behind, np.zeros(len(first))], axis=1)
+    return corners, weights, 1 / length**2
+
+
+def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Vertices (R, 3) that follow one another: neighbours of the middle one that share no face."""
+    pairs = edges(quads).astype(np.int64)
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    first_edge = np.searchsorted(both[:, 0], np.arange(len(vertices) + 1))
+    count = np.diff(first_edge)
+    rows = []
+    for one in range(count.max()):
+        for two in range(one + 1, count.max()):
+            middle = np.flatnonzero(count > two)
+            start = first_edge[middle]
+            rows.append(np.stack([both[start + one, 1], middle, both[start + two, 1]], axis=1))
+    row = np.concatenate(rows)
+    before = np.roll(quads, 1, axis=1).ravel().astype(np.int64)
+    after = np.roll(quads, -1, axis=1).ravel().astype(np.int64)
+    size = len(vertices)
+    corner = (quads.ravel() * size + np.minimum(before, after)) * size + np.maximum(before, after)
+    key = (row[:, 1] * size + row[:, 0]) * size + row[:, 2]
+    row = row[~np.isin(key, corner)]
+    one = vertices[row[:, 0]] - vertices[row[:, 1]]
+    two = vertices[row[:, 2]] - vertices[row[:, 1]]
+    cosine = (one * two).sum(1) / (_lengths(one) * _lengths(two))
+    return row[cosine < _STRAIGHT]
+
+
+def _edge_hinges(
+    vertices: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Hinges over edges of two triangles: corners (H, 4), weights (H, 4), 1 / area (H,)."""
+    _, which = face_edges(triangles)
+    flat = which.ravel()
+    order = np.argsort(flat, kind="stable")
+    same = np.flatnonzero(flat[order][1:] == flat[order][:-1])
+    one, two = order[same], order[same + 1]  # half edges, three per face
+    start = triangles.ravel()[one]
+    end = np.roll(triangles, -1, axis=1).ravel()[one]
+    far = np.roll(triangles, -2, axis=1).ravel()
+    corners = np.stack([start, end, far[one], far[two]], axis=1)
+    x0, x1, x2, x3 = (vertices[corners[:, k]] for k in range(4))
+    at_start = (_cotangent(x1, x2, x0), _cotangent(x1, x3, x0))
+    at_end = (_cotangent(x0, x2, x1), _cotangent(x0, x3, x1))
+    weights = np.stack(
+        [
+            at_end[0] + at_end[1],
+            at_start[0] + at_start[1],
+            -at_start[0] - at_end[0],
+            -at_start[1] - at_end[1],
+        ],
+        axis=1,
+    )
+    area = np.maximum(triangle_areas(vertices, triangles), _SHORT_M**2)
+    return corners, weights, 1 / (area[one // 3] + area[two // 3])
+
+
+def _cotangent(a: np.ndarray, b: np.ndarray, apex: np.ndarray) -> np.ndarray:
+    """Cotangents (N,) of the angles at `apex` between `a` and `b`."""
+    one, two = a - apex, b - apex
+    return (one * two).sum(1) / _lengths(np.cross(one, two), least=_SHORT_M**2)
+
+
+def _lengths(ways: np.ndarray, least: float = _SHORT_M) -> np.ndarray:
+    """Lengths (N,) of vectors (N, 3), but never zero: a mesh may have edges without length."""
+    return np.maximum(np.linalg.norm(ways, axis=1), least)
+
+
+@wp.kernel
+def pull_springs(
+    pairs: wp.array(dtype=wp.vec2i),
+    # length at rest; compliance over step^2; compliance times damping over step
+    numbers: wp.array(dtype=wp.vec3),
+    inverse_mass: wp.array(dtype=float),
+    sweep: int,
+    pull: wp.array(dtype=float),  # of the sweeps before in this step
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Pull or push the ends of springs towards their lengths at rest."""
+    spring = wp.tid()
+    i = pairs[spring][0]
+    j = pairs[spring][1]
+    number = numbers[spring]
+    masses = inverse_mass[i] + inverse_mass[j]
+    way = place[i] - place[j]
+    length = wp.length(way)
+    if length > 1.0e-7 and masses > 0.0:
+        way = way / length
+        rate = wp.dot(way, (place[i] - before[i]) - (place[j] - before[j]))
+        push = -(length - number[0] + number[2] * rate)
+        if sweep > 0:
+            push = push - number[1] * pull[spring]
+        push = push / ((1.0 + number[2]) * masses + number[1])
+        if sweep > 0:
+            pull[spring] = pull[spring] + push
+        else:
+            pull[spring] = push
+        place[i] = place[i] + way * (push * inverse_mass[i])
+        place[j] = place[j] - way * (push * inverse_mass[j])
+
+
+@wp.kernel
+def turn_hinges(
+    corners: wp.array(dtype=wp.vec4i),
+    weights: wp.array(dtype=wp.vec4),
+    numbers: wp.array(dtype=wp.vec3),  # as of springs
+    inverse_mass: wp.array(dtype=float),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Turn hinges towards their angles at rest."""
+    hinge = wp.tid()
+    c = corners[hinge]
+    w = weights[hinge]
+    number = numbers[hinge]
+    bend = place[c[0]] * w[0] + place[c[1]] * w[1] + place[c[2]] * w[2] + place[c[3]] * w[3]
+    masses = (
+        inverse_mass[c[0]] * w[0] * w[0]
+        + inverse_mass[c[1]] * w[1] * w[1]
+        + inverse_mass[c[2]] * w[2] * w[2]
+        + inverse_mass[c[3]] * w[3] * w[3]
+    )
+    length = wp.length(bend)
+    if length > 1.0e-7 and masses > 0.0:
+        way = bend / length
+        old = before[c[0]] * w[0] + before[c[1]] * w[1] + before[c[2]] * w[2] + before[c[3]] * w[3]
+        push = -(length - number[0] + number[2] * wp.dot(way, bend - old))
+        push = push / ((1.0 + number[2]) * masses + number[1])
+        place[c[0]] = place[c[0]] + way * (push * w[0] * inverse_mass[c[0]])
+        place[c[1]] = place[c[1]] + way * (push * w[1] * inverse_mass[c[1]])
+        place[c[2]] = place[c[2]] + way * (push * w[2] * inverse_mass[c[2]])
+        place[c[3]] = place[c[3]] + way * (push * w[3] * inverse_mass[c[3]])
+
+
+@wp.kernel
+def measure_strain(
+    pairs: wp.array(dtype=wp.vec2i),
+    numbers: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    strain: wp.array(dtype=float),
+):
+    """Largest length over length at rest of the springs at each vertex."""
+    spring = wp.tid()
+    i = pairs[spring][0]
+    j = pairs[spring][1]
+    stretch = wp.length(place[i] - place[j]) / numbers[spring][0]
+    wp.atomic_max(strain, i, stretch)
+    wp.atomic_max(strain, j, stretch)

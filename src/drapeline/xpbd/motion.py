@@ -1,0 +1,58 @@
+"""Particles in motion: prediction, what holds them, and their speed at the end of a step."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+_GRAVITY = wp.constant(wp.vec3(0.0, 0.0, -9.81))
+
+
+@wp.kernel
+def predict(
+    speed: wp.array(dtype=wp.vec3),
+    keep: wp.array(dtype=float),  # share of the speed that the air leaves
+    carry: wp.array(dtype=wp.vec3),
+    step_s: float,
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Where particles go by their speed, gravity and the air alone."""
+    i = wp.tid()
+    start = place[i] + carry[0]
+    before[i] = start
+    place[i] = start + (speed[i] + _GRAVITY * step_s) * (keep[i] * step_s)
+
+
+@wp.kernel
+def hold(
+    vertices: wp.array(dtype=int),
+    pull: wp.array(dtype=float),
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    clock: wp.array(dtype=float),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Pull held vertices to where they are held, which moves between two frames."""
+    i = wp.tid()
+    target = start[i] + (end[i] - start[i]) * clock[1]
+    vertex = vertices[i]
+    place[vertex] = place[vertex] + (target - place[vertex]) * pull[i]
+
+
+@wp.kernel
+def take_speed(
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    step_s: float,
+    speed: wp.array(dtype=wp.vec3),
+):
+    """Speed over a step, from where it began and ended."""
+    i = wp.tid()
+    speed[i] = (place[i] - before[i]) / step_s
+
+
+@wp.kernel
+def add_speed(more: wp.vec3, speed: wp.array(dtype=wp.vec3)):
+    """Add to the speed of all particles."""
+    i = wp.tid()
+    speed[i] = speed[i] + more

@@ -1,0 +1,56 @@
+"""Where the rule `simulate_outfit` gets the fast cloth solver."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.simulation.attempts import Attempt
+from drapeline.simulation.collider import MovingBody
+from drapeline.simulation.solver import ClothGarment, ClothSolver
+from drapeline.xpbd.stepping import MovingCloth, Numbers
+
+
+def cloth_solver(threads: int) -> ClothSolver:
+    """The fast solver; it takes one core, whatever the number of threads."""
+    return XpbdCloth()
+
+
+@dataclass(frozen=True)
+class XpbdCloth:
+    """Small-step extended position-based dynamics as a `ClothSolver`.
+
+    Attributes:
+        numbers: of the method, the same for all garments and attempts.
+    """
+
+    name: ClassVar[str] = "xpbd"
+
+    numbers: Numbers = field(default_factory=Numbers)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All numbers of the method."""
+        return asdict(self.numbers)
+
+    def versions(self) -> dict[str, str]:
+        """Warp's version."""
+        return {"warp": wp.config.version}
+
+    def simulate(
+        self,
+        garments: Sequence[ClothGarment],
+        body: MovingBody,
+        attempt: Attempt,
+        scratch: Path,
+    ) -> Iterator[list[np.ndarray]]:
+        """Yield the vertices (V, 3) of every garment for each frame; see `ClothSolver`."""
+        start_warp()
+        cloth = MovingCloth(garments, body, attempt, self.numbers)
+        yield [garment.vertices for garment in garments]
+        for frame in range(1, len(body)):
+            yield cloth.advance(frame)

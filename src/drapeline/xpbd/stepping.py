@@ -1,0 +1,246 @@
+"""From frame to frame in small steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from drapeline.frames import FPS
+from drapeline.simulation.attempts import Attempt
+from drapeline.simulation.collider import MovingBody
+from drapeline.simulation.solver import ClothGarment
+from drapeline.xpbd.body_contact import BodySurface, touch_body
+from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
+from drapeline.xpbd.crossings import Crossings
+from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
+from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
+from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
+from drapeline.xpbd.system import join_garments
+
+_DEVICE = "cpu"
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers of the method.
+
+    Attributes:
+        steps_per_step: small steps for each of `Attempt.steps`.
+        body_every, cloth_every: small steps between searches for what is near.
+        reach_m: how far from the body its nearest point is looked for.
+        home_reach_m: how far from the limb that cloth lies on it touches no other.
+        slack_m: how far cloth slides over the body before that point is looked for again.
+        margin_m: how far from cloth other cloth is looked for.
+        self_gap_m: distance between parts of a garment.
+        free_m: parts of a garment that are closer than this at rest do not collide.
+        edge_margin_m: how far from an edge other edges are looked for.
+        spring_sweeps: times that springs are solved in a small step.
+        friction: of cloth on the body, as a coefficient of Coulomb's law.
+        lead_friction: the same during the transition.
+        cloth_friction: of cloth on cloth.
+        pin_pull: share of the way to where it is held that a pin goes in a small step.
+    """
+
+    steps_per_step: float = 2.5
+    body_every: int = 9
+    cloth_every: int = 9
+    reach_m: float = 0.025
+    home_reach_m: float = 0.012
+    slack_m: float = 0.006
+    margin_m: float = 0.012
+    self_gap_m: float = 0.005
+    free_m: float = 0.028
+    edge_margin_m: float = 0.01
+    spring_sweeps: int = 2
+    friction: float = 0.5
+    lead_friction: float = 0.1
+    cloth_friction: float = 0.3
+    pin_pull: float = 0.3
+
+
+class MovingCloth:
+    """The garments of an outfit on their way through an attempt."""
+
+    def __init__(
+        self,
+        garments: Sequence[ClothGarment],
+        body: MovingBody,
+        attempt: Attempt,
+        numbers: Numbers,
+    ) -> None:
+        self._garments, self._body, self._numbers = garments, body, numbers
+        self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
+        self._steps = round(attempt.steps * numbers.steps_per_step)
+        self._step_s = 1 / FPS / self._steps
+        system = self._system = join_garments(garments)
+        self._place = _vectors(system.vertices)
+        self._before, self._speed = wp.zeros_like(self._place), wp.zeros_like(self._place)
+        self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
+        self._carry = _vectors(np.zeros((1, 3)))
+        self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
+        self._surface = BodySurface(body, [g.vertices for g in garments])
+        layers = wp.array(system.layers, dtype=int, device=_DEVICE)
+        triangles = wp.array(system.triangles, dtype=wp.vec3i, device=_DEVICE)
+        halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
+        self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves)
+        pairs = wp.array(system.edges, dtype=wp.vec2i, device=_DEVICE)
+        sides = edges_of_triangles(system.edges, system.triangles)
+        self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
+        self._crossings = Crossings(pairs, triangles)
+        self._commands = self._record(triangles, layers, pairs)
+
+    def _record(self, triangles: wp.array, layers: wp.array, pairs: wp.array) -> list[wp.Launch]:
+        """What a small step launches, in order; nothing where there is nothing to do."""
+        system, numbers, surface = self._system, self._numbers, self._surface
+        mass = _numbers(system.inverse_masses)
+        springs = [
+            wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE),
+            self._compliances(system.springs),
+        ]
+        pulls = _numbers(np.zeros(len(system.springs.pairs)))
+        self._strain = _numbers(np.zeros(len(self._place)))
+        self._measure = _launch(
+            measure_strain, len(system.springs.pairs), [*springs, self._place], [self._strain]
+        )
+        state = [self._before, self._place]
+        launches = [
+            _launch(
+                predict,
+                len(self._place),
+                [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
+                [self._step_s, *state],
+            ),
+            _launch(
+                hold,
+                len(system.pinned),
+                [
+                    wp.array(system.pinned, dtype=int, device=_DEVICE),
+                    _numbers(numbers.pin_pull * system.pin_weights),
+                ],
+                [self._pin_start, self._pin_end, self._clock, self._place],
+            ),
+            *(
+                _launch(
+                    pull_springs,
+                    len(system.springs.pairs),
+                    [*springs, mass, sweep],
+                    [pulls, *state],
+                )
+                for sweep in range(numbers.spring_sweeps)
+            ),
+            _launch(
+                turn_hinges,
+                len(system.hinges.vertices),
+                [
+                    wp.array(system.hinges.vertices, dtype=wp.vec4i, device=_DEVICE),
+                    wp.array(
+                        system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE
+                    ),
+                    self._compliances(system.hinges),
+                ],
+                [mass, *state],
+            ),
+            _launch(
+                touch_cloth,
+                len(self._place),
+                [self._near.count, self._near.near, triangles, layers, mass],
+                [numbers.self_gap_m, self._gap_m, numbers.cloth_friction, *state],
+            ),
+            _launch(
+                touch_edges,
+                len(pairs),
+                [self._near_edges.count, self._near_edges.pairs, pairs, layers, mass],
+                [numbers.self_gap_m, self._gap_m, *state],
+            ),
+            _launch(
+                touch_body,
+                len(self._place),
+                [
+                    *(surface.anchor, surface.from_place, surface.to_place),
+                    *(surface.from_normal, surface.to_normal),
+                ],
+                [self._clock, self._carry, self._gap_m, self._friction, *state],
+            ),
+            _launch(take_speed, len(self._place), state, [self._step_s, self._speed]),
+        ]
+        return [launch for launch in launches if launch is not None]
+
+    def _compliances(self, constraints: Springs | Hinges) -> wp.array:
+        """What the kernels of springs and hinges take, for this length of a step."""
+        compliance = 1 / constraints.stiffness_n_m
+        rows = [
+            constraints.lengths_m,
+            compliance / self._step_s**2,
+            compliance * constraints.damping_kg_s / self._step_s,
+        ]
+        return _vectors(np.stack(rows, axis=1))
+
+    def _pins(self, frame: int) -> np.ndarray:
+        return np.concatenate([g.pins.positions(frame) for g in self._garments])
+
+    def advance(self, frame: int) -> list[np.ndarray]:
+        """Go from the frame before to `frame`: vertices (V, 3) of each garment then."""
+        self._begin(frame)
+        clock = self._clock.numpy()
+        for step in range(self._steps):
+            clock[:] = step / self._steps, (step + 1) / self._steps
+            if step % self._numbers.body_every == 0:
+                self._strain.zero_()
+                self._measure.launch()
+                self._surface.find_anchors(
+                    self._place,
+                    self._strain,
+                    self._clock,
+                    home_reach_m=self._numbers.home_reach_m,
+                    reach_m=self._numbers.reach_m,
+                    gap_m=self._gap_m,
+                    slack_m=self._numbers.slack_m,
+                )
+            if step % self._numbers.cloth_every == 0:
+                self._find_cloth()
+            for command in self._commands:
+                command.launch()
+        return self._system.split(self._place.numpy().copy())
+
+    def _find_cloth(self) -> None:
+        """Find what cloth is near to, and what it passes through."""
+        numbers, near, crossings = self._numbers, self._near, self._crossings
+        near.find(self._place, margin_m=numbers.margin_m, free_m=numbers.free_m)
+        crossings.find(self._place, near.count, near.near)
+        self._near_edges.find(
+            self._place, near.count, near.near, crossings.count, margin_m=numbers.edge_margin_m
+        )
+
+    def _begin(self, frame: int) -> None:
+        """Take the body and the pins to the frame, and the cloth along during the transition."""
+        now = self._body.frame(frame)
+        self._surface.move_to(now)
+        self._pin_start.assign(self._pin_end)
+        self._pin_end.assign(self._pins(frame).astype(np.float32))
+        way = (now.astype(np.float64) - self._body.frame(frame - 1)).mean(axis=0)
+        leading = frame <= self._lead
+        self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
+        self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
+        if frame == self._lead + 1:
+            wp.launch(
+                add_speed,
+                dim=len(self._speed),
+                inputs=[wp.vec3(*(way * FPS))],
+                outputs=[self._speed],
+                device=_DEVICE,
+            )
+
+
+def _launch(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
+    return wp.launch(
+        kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE, record_cmd=True
+    )
+
+
+def _vectors(rows: np.ndarray) -> wp.array:
+    return wp.array(np.ascontiguousarray(rows, dtype=np.float32), dtype=wp.vec3, device=_DEVICE)
+
+
+def _numbers(values: np.ndarray) -> wp.array:
+    return wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=float, device=_DEVICE)

@@ -1,0 +1,106 @@
+"""All garments of an outfit as one system of particles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from drapeline.geometry.mesh import edges, triangulate
+from drapeline.simulation.solver import ClothGarment
+from drapeline.xpbd.colouring import colour_constraints
+from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
+
+Constraints = TypeVar("Constraints", Springs, Hinges)
+
+
+@dataclass(frozen=True)
+class ClothSystem:
+    """Garments at rest, one after the other.
+
+    Attributes:
+        vertices: (V, 3) float32 metres in frame 0.
+        inverse_masses: (V,) in 1/kg.
+        drag_1_s: (V,) rate at which still air takes speed away.
+        triangles: (F, 3) int32, halves of a quad next to one another.
+        edges: (E, 2) int32, of all faces.
+        layers: (V,) int32, number of a vertex's garment, from inner to outer.
+        starts: (G + 1,) where each garment begins.
+        springs, hinges: in order of their colours.
+        pinned: (P,) int32, vertices that are held.
+        pin_weights: (P,) 0-1.
+    """
+
+    vertices: np.ndarray
+    inverse_masses: np.ndarray
+    drag_1_s: np.ndarray
+    triangles: np.ndarray
+    edges: np.ndarray
+    layers: np.ndarray
+    starts: np.ndarray
+    springs: Springs
+    hinges: Hinges
+    pinned: np.ndarray
+    pin_weights: np.ndarray
+
+    def split(self, vertices: np.ndarray) -> list[np.ndarray]:
+        """Vertices (V, 3) by garment."""
+        return np.split(vertices, self.starts[1:-1])
+
+
+def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
+    """Make one system of garments, from inner to outer."""
+    sizes = [len(g.vertices) for g in garments]
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    masses = [_masses(g) for g in garments]
+    drag = [
+        np.full(len(g.vertices), g.fabric.drag_kg_m2_s / g.fabric.density_kg_m2) for g in garments
+    ]
+    rest = [g.vertices.astype(np.float64) for g in garments]
+    springs = [
+        make_springs(v, g.faces, g.fabric, g.shrink) for v, g in zip(rest, garments, strict=True)
+    ]
+    hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
+    return ClothSystem(
+        vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
+        inverse_masses=1 / np.concatenate(masses),
+        drag_1_s=np.concatenate(drag),
+        triangles=_join([triangulate(g.faces) for g in garments], starts),
+        edges=_join([edges(g.faces) for g in garments], starts),
+        layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),
+        starts=starts,
+        springs=_join_constraints(springs, "pairs", starts),
+        hinges=_join_constraints(hinges, "vertices", starts),
+        pinned=_join([g.pins.vertices for g in garments], starts),
+        pin_weights=np.concatenate([g.pins.weights for g in garments]),
+    )
+
+
+def _masses(garment: ClothGarment) -> np.ndarray:
+    """Masses (V,) in kg: a third of each triangle's."""
+    triangles = triangulate(garment.faces)
+    area = triangle_areas(garment.vertices.astype(np.float64), triangles)
+    corners = np.bincount(
+        triangles.ravel(), np.repeat(area / 3, 3), minlength=len(garment.vertices)
+    )
+    return np.maximum(corners, area.mean() / 100) * garment.fabric.density_kg_m2
+
+
+def _join(numbers: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
+    """Numbers of vertices, of all garments."""
+    return np.concatenate(
+        [part + start for part, start in zip(numbers, starts[:-1], strict=True)]
+    ).astype(np.int32)
+
+
+def _join_constraints(parts: Sequence[Constraints], ends: str, starts: np.ndarray) -> Constraints:
+    """Constraints of all garments, in the order of their colours."""
+    joined = _join([getattr(part, ends) for part in parts], starts)
+    order = np.argsort(colour_constraints(joined, int(starts[-1])), kind="stable")
+    kind = type(parts[0])
+    fields = {
+        name: np.concatenate([getattr(part, name) for part in parts])[order]
+        for name in kind.__dataclass_fields__
+        if name != ends
+    }
+    return kind(**{ends: joined[order]}, **fields)

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+import warp as wp
+
+from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.cloth_contact import NearTriangles
+from drapeline.xpbd.crossings import Crossings
+from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles
+from sheet_toys import sheet
+
+
+def vectors(values, dtype=wp.vec3):
+    return wp.array(values, dtype=dtype, device="cpu")
+
+
+@pytest.fixture
+def searched():
+    """A level sheet and an upright strip that passes through it, or ends above it."""
+    start_warp()
+
+    def search(height):
+        level = sheet(0.0, rows=9, edge_m=0.02)
+        across = sheet(0.0, rows=5, columns=4, edge_m=0.02).vertices + [0.003, 0.004, 0.0]
+        upright = across[:, [2, 1, 0]] + [0.001, 0, height]
+        quads = np.concatenate([level.faces, sheet(0.0, rows=5, columns=4).faces + 81])
+        points = vectors(np.concatenate([level.vertices, upright]).astype(np.float32))
+        triangles = triangulate(quads).astype(np.int32)
+        pairs = edges(quads).astype(np.int32)
+        layers = vectors(np.repeat([0, 1], [81, 20]).astype(np.int32), int)
+        near = NearTriangles(points, vectors(triangles, wp.vec3i), layers, 2)
+        near.find(points, margin_m=0.012, free_m=0.028)
+        crossings = Crossings(vectors(pairs, wp.vec2i), vectors(triangles, wp.vec3i))
+        before = near.count.numpy().copy()
+        crossings.find(points, near.count, near.near)
+        sides = edges_of_triangles(pairs, triangles)
+        near_edges = NearEdges(vectors(pairs, wp.vec2i), vectors(sides, wp.vec3i))
+        near_edges.find(points, near.count, near.near, crossings.count, margin_m=0.01)
+        return pairs, before, near, crossings, near_edges
+
+    return search
+
+
+def test_edges_through_triangles_are_found_and_have_no_side(searched):
+    pairs, before, near, crossings, near_edges = searched(0.033)
+    crossing = np.flatnonzero(crossings.count.numpy())
+    # The strip's four upright threads pass through the level sheet.
+    through = [e for e in crossing if (pairs[e] >= 81).all()]
+    assert len(through) == 4
+    ends = np.unique(pairs[crossing])
+    assert (near.count.numpy()[ends] < before[ends]).any()
+    assert (near_edges.count.numpy()[crossing] == 0).all()
+
+
+def test_sheets_apart_do_not_cross_but_are_near(searched):
+    _, before, near, crossings, near_edges = searched(0.045)
+    assert crossings.count.numpy().sum() == 0
+    np.testing.assert_array_equal(near.count.numpy(), before)
+    assert before[81:].max() > 0
+    assert near_edges.count.numpy().sum() > 0
+
+
+def test_cloth_far_from_other_cloth_is_near_to_nothing(searched):
+    _, before, _, _, near_edges = searched(0.2)
+    assert before.sum() == 0
+    assert near_edges.count.numpy().sum() == 0
+
+
+def test_a_quads_diagonal_is_none_of_its_edges():
+    quads = sheet(0.0, rows=3).faces
+    pairs = edges(quads)
+    sides = edges_of_triangles(pairs, triangulate(quads))
+    assert ((sides < 0).sum(axis=1) == 1).all()
+    assert set(sides[sides >= 0].tolist()) == set(range(len(pairs)))

@@ -1,0 +1,100 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drapeline.geometry.mesh import edges, triangulate
+from drapeline.outfits.fabrics import FABRICS
+from drapeline.xpbd.elasticity import face_areas, make_hinges, make_springs
+from sheet_toys import sheet
+
+COTTON = FABRICS["cotton"]
+COLUMNS = 5
+
+
+def springs_of(piece, shrink=0.0):
+    shares = np.full(len(piece.vertices), shrink)
+    return make_springs(piece.vertices.astype(float), piece.faces, COTTON, shares)
+
+
+def test_on_square_quads_an_edge_has_the_fabrics_stiffness_and_a_diagonal_half_of_it():
+    piece = sheet(0.0, rows=5, edge_m=0.02)
+    springs = springs_of(piece)
+    count = len(edges(piece.faces))
+    inner = springs.stiffness_n_m[:count] > 0.75 * COTTON.stretch_n_per_m
+    assert springs.stiffness_n_m[:count][inner] == pytest.approx(COTTON.stretch_n_per_m, rel=1e-4)
+    assert inner.sum() == count - 16  # those on the boundary have threads on one side only
+    assert springs.stiffness_n_m[count:] == pytest.approx(COTTON.stretch_n_per_m / 2, rel=1e-4)
+    assert springs.damping_kg_s[count:] == pytest.approx(COTTON.damping_kg_s / 2, rel=1e-4)
+
+
+def test_elastics_shorten_springs():
+    piece = sheet(0.0, rows=5)
+    assert springs_of(piece, 0.2).lengths_m == pytest.approx(0.8 * springs_of(piece).lengths_m)
+
+
+def test_areas_of_quads_and_triangles():
+    piece = sheet(0.0, rows=4, columns=3, edge_m=0.02)
+    points = piece.vertices.astype(float)
+    assert face_areas(points, piece.faces) == pytest.approx(np.full(6, 4e-4))
+    assert face_areas(points, triangulate(piece.faces)) == pytest.approx(np.full(12, 2e-4))
+
+
+def bending_energy(vertices, hinges):
+    bend = np.einsum("hk,hki->hi", hinges.weights, vertices[hinges.vertices])
+    excess = np.linalg.norm(bend, axis=1) - hinges.lengths_m
+    return (0.5 * hinges.stiffness_n_m * excess**2).sum()
+
+
+@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
+def test_a_rolled_sheet_has_the_energy_of_its_curvature(faces_of):
+    """Half of the bending stiffness times curvature squared, over the area."""
+    piece = sheet(0.0, rows=21, edge_m=0.01)
+    flat = piece.vertices.astype(float)
+    hinges = make_hinges(flat, faces_of(piece.faces), COTTON)
+    radius = 0.3
+    angle = flat[:, 0] / radius
+    rolled = np.stack([radius * np.sin(angle), flat[:, 1], radius * np.cos(angle)], axis=1)
+    assert bending_energy(flat, hinges) == pytest.approx(0, abs=1e-15)
+    expected = 0.5 * COTTON.bending_n_m / radius**2 * 0.2**2
+    assert bending_energy(rolled, hinges) == pytest.approx(expected, rel=0.15)
+
+
+def test_hinges_leave_alone_what_moves_as_a_whole():
+    piece = sheet(0.0, rows=6)
+    for faces in (piece.faces, triangulate(piece.faces)):
+        hinges = make_hinges(piece.vertices.astype(float), faces, COTTON)
+        assert hinges.weights.sum(axis=1) == pytest.approx(np.zeros(len(hinges.weights)), abs=1e-9)
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize(("edge_m", "steps"), [(0.01, 80), (0.02, 20)])
+def test_a_hanging_strip_stretches_by_the_fabrics_stiffness(run, edge_m, steps, triangles):
+    """As Blender's (`tests/unit/blender/test_fabric_units.py`): 1.5 times as stiff as a thread."""
+    fabric = replace(FABRICS["silk"], drag_kg_m2_s=3, bending_n_m=1e-9)
+    length_m = 0.2
+    rows = 1 + round(length_m / edge_m)
+    pin = np.zeros((rows, COLUMNS), dtype=np.float32)
+    pin[0] = 1
+    piece = sheet(1.0, rows, COLUMNS, edge_m, pin=pin.ravel(), fabric=fabric)
+    if triangles:
+        piece = replace(piece, faces=triangulate(piece.faces))
+    (moved,) = run([piece], 60, steps=steps)
+    height = moved[-1, :, 2]
+    stretch_m = height[:COLUMNS].mean() - height[-COLUMNS:].mean() - length_m
+    weight = fabric.density_kg_m2 * 9.81
+    expected = weight * length_m**2 / 2 / (1.5 * fabric.stretch_n_per_m)
+    assert stretch_m == pytest.approx(expected, rel=0.25)
+
+
+@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
+def test_edges_without_length_give_finite_numbers(faces_of):
+    piece = sheet(0.0, rows=5)
+    points = piece.vertices.astype(float)
+    points[6] = points[7]
+    faces = faces_of(piece.faces)
+    springs = make_springs(points, faces, COTTON, np.zeros(25))
+    hinges = make_hinges(points, faces, COTTON)
+    for numbers in (springs.lengths_m, springs.stiffness_n_m, hinges.weights, hinges.stiffness_n_m):
+        assert np.isfinite(numbers).all()
+    assert (springs.stiffness_n_m > 0).all()

@@ -1,0 +1,48 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from drapeline.geometry.mesh import triangulate
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.system import join_garments
+from sheet_toys import sheet
+
+
+@pytest.fixture(scope="module")
+def pieces():
+    start_warp()
+    pin = np.zeros(25, dtype=np.float32)
+    pin[[3, 7]] = 0.5
+    quads = sheet(0.0, rows=4, edge_m=0.02, name="in")
+    triangles = sheet(1.0, rows=5, edge_m=0.02, name="out", pin=pin)
+    return quads, replace(triangles, faces=triangulate(triangles.faces))
+
+
+def test_garments_stand_one_after_the_other(pieces):
+    system = join_garments(pieces)
+    assert system.starts.tolist() == [0, 16, 41]
+    assert system.layers.tolist() == [0] * 16 + [1] * 25
+    assert system.pinned.tolist() == [19, 23]
+    assert system.pin_weights.tolist() == [0.5, 0.5]
+    for part, piece in zip(system.split(system.vertices), pieces, strict=True):
+        np.testing.assert_array_equal(part, piece.vertices)
+    sides = system.layers[system.springs.pairs]
+    np.testing.assert_array_equal(sides[:, 0], sides[:, 1])
+    assert len(system.springs.pairs) == 24 + 18 + 56
+
+
+def test_a_garment_weighs_its_area_times_its_density(pieces):
+    system = join_garments(pieces)
+    for part, piece in zip(system.split(1 / system.inverse_masses), pieces, strict=True):
+        area = ((len(part) ** 0.5 - 1) * 0.02) ** 2
+        assert part.sum() == pytest.approx(area * piece.fabric.density_kg_m2, rel=1e-4)
+
+
+def test_constraints_of_a_colour_follow_one_another(pieces):
+    """So that all of a colour can be solved at once: neighbours in the list share no vertex."""
+    pairs = join_garments(pieces).springs.pairs
+    assert not (set(pairs[0]) & set(pairs[1]))
+    shared = [bool(set(one) & set(two)) for one, two in pairwise(pairs)]
+    assert np.mean(shared) < 0.1
