@@ -315,7 +315,9 @@ def scans(results: Results) -> str:
             by_class = {
                 part: results.value(variant, part, "surface_to_true_mm", 1).split(" ")[0]
                 for part in CLASSES
-                if find_value(results.metrics, "smplicit_scan_joint", "test", part, "surface_to_true_mm")
+                if find_value(
+                    results.metrics, "smplicit_scan_joint", "test", part, "surface_to_true_mm"
+                )
             }
             row = {"fit": name, "garments": str(found.n), "to the truth mm": to_true}
             table.append(row | {"back mm": back} | by_class)
