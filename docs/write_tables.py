@@ -315,9 +315,7 @@ def scans(results: Results) -> str:
             by_class = {
                 part: results.value(variant, part, "surface_to_true_mm", 1).split(" ")[0]
                 for part in CLASSES
-                if find_value(
-                    results.metrics, "smplicit_scan_joint", "test", part, "surface_to_true_mm"
-                )
+                if any(one.garment == part for one in results.metrics)
             }
             row = {"fit": name, "garments": str(found.n), "to the truth mm": to_true}
             table.append(row | {"back mm": back} | by_class)
@@ -369,7 +367,7 @@ def markdown(rows: Table) -> str:
 
 
 TABLES: dict[str, Callable[[Results], str]] = {
-    **{table.__name__: table for table in (origin, times, health, registration, smplicit)},
+    **{table.__name__: table for table in (origin, times, health, registration, smplicit, scans)},
     **{
         name: lambda results, given=given: markdown(results.by_metric(*given))
         for name, given in BY_METRIC.items()
