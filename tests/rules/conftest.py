@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from drapeline.models.smplicit.model import SmplicitModel
+from gallery_toys import TubeField, save_toy_model, training_codes
 from portability import THREADS
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
@@ -57,3 +59,13 @@ def run_rule(tmp_path_factory):
         return job
 
     return run
+
+
+@pytest.fixture(scope="module")
+def skirt(tmp_path_factory, toy_body):
+    """Folder of a model of SMPLicit whose fields are those of tubes."""
+    folder = tmp_path_factory.mktemp("models") / "skirt"
+    save_toy_model(folder, toy_body, training_codes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+        yield folder

@@ -10,24 +10,12 @@ from PIL import Image
 from drapeline.frames import REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.metrics.fitted_pictures import load_fitted_picture
-from drapeline.models.smplicit.model import SmplicitModel
-from gallery_toys import TubeField, save_toy_model, training_codes
 from tiny_sample import write_tiny_sample
 
 SIZE = 120
 TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
 FIT = {"points": 20000, "rays": 20, "starts": 3, "rounds": 1, "steps": 2}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
-
-
-@pytest.fixture(scope="module")
-def skirt(tmp_path_factory, toy_body):
-    """A model's folder."""
-    folder = tmp_path_factory.mktemp("models") / "skirt"
-    save_toy_model(folder, toy_body, training_codes())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
-        yield folder
 
 
 @pytest.fixture

@@ -11,25 +11,13 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.metrics.fitted_scans import BODY, TRUE, load_fitted_scans
 from drapeline.metrics.table import read_metrics
-from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.storage import save_npz
-from gallery_toys import TubeField, save_toy_model, training_codes
 from tiny_sample import write_tiny_sample
 
 BODY_FIT = {"steps": 2, "joint_steps": 2, "points": 200}
 FIT = {"cloth": 60, "around": 60, "starts": 2, "steps": 2, "joint_steps": 1}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
 TRANS = np.array([0.2, 0.1, 0.9])
-
-
-@pytest.fixture(scope="module")
-def skirt(tmp_path_factory, toy_body):
-    """A model's folder."""
-    folder = tmp_path_factory.mktemp("models") / "skirt"
-    save_toy_model(folder, toy_body, training_codes())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
-        yield folder
 
 
 @pytest.fixture

@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from drapeline.bodies.model import BodyModel
-from drapeline.errors import InputError
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldSettings
-from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
+from drapeline.models.training.checkpoints import load_network
 from drapeline.models.training.module import BEST
 
 
@@ -24,20 +24,13 @@ def load_field(folder: str | Path) -> GarmentField:
     Raises:
         InputError: the checkpoint is missing, damaged, or of another model.
     """
-    path = Path(folder) / BEST
-    checkpoint = read_checkpoint(path)
-    about = checkpoint["drapeline"]
-    if about["checkpoint_type"] != GarmentField.checkpoint_type:
-        raise InputError(
-            f"{path}: holds a '{about['checkpoint_type']}' network, expected"
-            f" {GarmentField.checkpoint_type}"
-        )
-    with building(path):
+
+    def build(about: Mapping[str, Any]) -> GarmentField:
         settings = GarmentField.parse(about["settings"])
         basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
-        model = GarmentField(about["name"], settings, basis, about["rows"], start=False)
-    load_state(model, checkpoint, path)
-    return model.eval().requires_grad_(False)
+        return GarmentField(about["name"], settings, basis, about["rows"], start=False)
+
+    return load_network(Path(folder) / BEST, GarmentField.checkpoint_type, build)
 
 
 def new_field(

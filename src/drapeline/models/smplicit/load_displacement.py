@@ -2,17 +2,17 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from drapeline.bodies.model import BodyModel
-from drapeline.errors import InputError
 from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.displacement_network import DisplacementField
 from drapeline.models.smplicit.displacement_settings import DisplacementSettings
-from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
+from drapeline.models.training.checkpoints import load_network
 from drapeline.models.training.module import BEST
 
 
@@ -25,20 +25,13 @@ def load_displacement(folder: str | Path) -> DisplacementField:
     Raises:
         InputError: the checkpoint is missing, damaged, or of another model.
     """
-    path = Path(folder) / BEST
-    checkpoint = read_checkpoint(path)
-    about = checkpoint["drapeline"]
-    if about["checkpoint_type"] != DisplacementField.checkpoint_type:
-        raise InputError(
-            f"{path}: holds a '{about['checkpoint_type']}' network, expected"
-            f" {DisplacementField.checkpoint_type}"
-        )
-    with building(path):
+
+    def build(about: Mapping[str, Any]) -> DisplacementField:
         settings = DisplacementField.parse(about["settings"])
         basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
-        network = DisplacementField(about["name"], settings, basis, about["garments"])
-    load_state(network, checkpoint, path)
-    return network.eval().requires_grad_(False)
+        return DisplacementField(about["name"], settings, basis, about["garments"])
+
+    return load_network(Path(folder) / BEST, DisplacementField.checkpoint_type, build)
 
 
 def new_displacement(

@@ -5,10 +5,10 @@ import math
 import pickle
 import re
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import torch
 from torch import nn
@@ -16,6 +16,7 @@ from torch import nn
 from drapeline.errors import InputError, refuse_damage
 from drapeline.pickles import pickle_end
 
+Network = TypeVar("Network", bound=nn.Module)
 _EXPECTED = "a checkpoint of plain weights"
 _STATE, _ABOUT = "state_dict", "drapeline"
 
@@ -63,6 +64,29 @@ def load_state(module: nn.Module, checkpoint: Mapping[str, Any], path: str | Pat
     except RuntimeError as error:
         reason = str(error).splitlines()[-1].strip()
         raise InputError(f"{path}: its weights do not fit its network ({reason})") from error
+
+
+def load_network(
+    path: str | Path, kind: str, build: Callable[[Mapping[str, Any]], Network]
+) -> Network:
+    """A trained network, ready to predict.
+
+    Args:
+        path: of the checkpoint.
+        kind: its `checkpoint_type`.
+        build: makes the network from what its `about` gave.
+
+    Raises:
+        InputError: the checkpoint is missing, damaged, or of another kind of network.
+    """
+    checkpoint = read_checkpoint(path)
+    about = checkpoint[_ABOUT]
+    if about["checkpoint_type"] != kind:
+        raise InputError(f"{path}: holds a '{about['checkpoint_type']}' network, expected {kind}")
+    with building(path):
+        network = build(about)
+    load_state(network, checkpoint, path)
+    return network.eval().requires_grad_(False)
 
 
 def _refuse_large_sizes(path: str | Path, about: Any, weights: int, name: str = "") -> None:

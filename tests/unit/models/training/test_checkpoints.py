@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.training.checkpoints import load_state, read_checkpoint
+from drapeline.models.training.checkpoints import load_network, load_state, read_checkpoint
 
 
 @pytest.mark.parametrize(
@@ -102,3 +102,25 @@ def test_weights_that_do_not_fit_their_network_are_named(state, reason):
         InputError, match=rf"a\.ckpt: its weights do not fit its network \({reason}"
     ):
         load_state(network, {"state_dict": state}, "a.ckpt")
+
+
+class Toy(torch.nn.Module):
+    def __init__(self, width):
+        super().__init__()
+        self.layer = torch.nn.Parameter(torch.zeros(2, width))
+
+
+def build(about):
+    return Toy(about["settings"]["network"]["width"])
+
+
+def test_trained_networks_are_built_from_what_they_said(tmp_path):
+    network = load_network(saved(tmp_path / "a.ckpt"), "toy", build)
+    assert network.layer.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert not network.training
+    assert not network.layer.requires_grad
+
+
+def test_networks_of_another_kind_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a\.ckpt: holds a 'toy' network, expected tale"):
+        load_network(saved(tmp_path / "a.ckpt"), "tale", build)
