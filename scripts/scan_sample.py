@@ -3,12 +3,16 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.bodies.scan_fit import BodyFit, fit_body
+from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
-from drapeline.dataset.segmented_scans import ScanSettings, save_scans, scan_sample
+from drapeline.dataset.scan_bodies import fit_scan_body
+from drapeline.dataset.segmented_scans import (
+    ScanSettings,
+    save_scans,
+    scan_sample,
+)
 from drapeline.rule_log import rule_log
-from drapeline.seeding import rng_for
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -19,16 +23,6 @@ with rule_log(snakemake.log[0]):
     if read_record(given.sample).accepted:
         with Sample(given.sample) as sample:
             scans = scan_sample(sample, model, ScanSettings(**params.scans), params.seed)
-    bodies = [
-        fit_body(
-            model,
-            scan.points,
-            scan.skin,
-            scan.estimate,
-            scan.joints,
-            BodyFit(**params.body),
-            rng_for(params.seed, "scan body", scan.name),
-        )
-        for scan in scans
-    ]
+    settings = BodyFit(**params.body)
+    bodies = [fit_scan_body(scan, model, settings, params.seed) for scan in scans]
     save_scans(snakemake.output[0], scans, bodies)

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drapeline.bodies.follow import pose_body
+from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.bodies.moved_body import BodyState
-from drapeline.bodies.scan_fit import BodyFit, fit_body
+from drapeline.bodies.scan_fit import BodyFit
+from drapeline.dataset.scan_bodies import fit_scan_body
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.dataset.tables import write_table
 from drapeline.geometry.mesh import Mesh
@@ -22,7 +23,6 @@ from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import Wearing
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.rule_log import progress
-from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, save_npz
 
 
@@ -63,10 +63,11 @@ def find_garments(
         InputError: no model knows a garment of the scan, or one has too few points.
     """
     model = next(iter(models.values())).bodies[scan.gender]
-    rng = rng_for(seed, "scan body", scan.name)
-    body = fit_body(model, scan.points, scan.skin, scan.estimate, scan.joints, body_fit, rng)
+    body = fit_scan_body(scan, model, body_fit, seed)
     found = fit_scan(scan, models, body, body_fit, settings, seed).joint
-    return dress_scan(scan, models, found.codes, found.body, meshing)
+    posed, garments = dress_scan(scan, models, found.codes, found.body, meshing)
+    skin = Mesh(posed.posed.astype(np.float32), posed.faces)
+    return DressedScan(found.body, skin, garments, move_garments(scan, garments, posed))
 
 
 def dress_scan(
@@ -75,15 +76,21 @@ def dress_scan(
     codes: Mapping[str, np.ndarray],
     body: BodyState,
     meshing: Meshing,
-) -> DressedScan:
-    """Sheets of codes, at rest, worn in layers by a body in a scan, and moved to its points."""
+) -> tuple[PosedBody, dict[str, FittedGarment]]:
+    """The body in a scan, and sheets of codes, at rest and as it wears them in layers."""
     chosen = {name: (models[MODEL_OF_GARMENT[name]], z) for name, z in codes.items()}
     model = next(iter(models.values())).bodies[scan.gender]
     posed = pose_body(model, body.shape, body.pose, body.trans)
-    garments = dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)
-    worn, rest = ({k: getattr(g, part) for k, g in garments.items()} for part in ("posed", "sheet"))
-    moved = move_to_scan(worn, rest, scan, posed)
-    return DressedScan(body, Mesh(posed.posed.astype(np.float32), posed.faces), garments, moved)
+    return posed, dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)
+
+
+def move_garments(
+    scan: SegmentedScan, garments: Mapping[str, FittedGarment], body: PosedBody
+) -> dict[str, Mesh]:
+    """Worn sheets, moved to the points of a scan; see `move_to_scan`."""
+    worn = {name: garment.posed for name, garment in garments.items()}
+    rest = {name: garment.sheet for name, garment in garments.items()}
+    return move_to_scan(worn, rest, scan, body)
 
 
 def find_in_scans(

@@ -8,7 +8,7 @@ from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from drapeline.models.smplicit.own_scans import dress_scan
+from drapeline.models.smplicit.own_scans import dress_scan, move_garments
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 
 START, NEAREST, CODE, JOINT, MOVED = (
@@ -67,7 +67,8 @@ class SmplicitScanFitter:
             for variant, way in ways.items()
         }
         worn = {
-            variant: {name: garment.posed for name, garment in one.garments.items()}
-            for variant, one in dressed.items()
+            variant: {name: garment.posed for name, garment in garments.items()}
+            for variant, (_, garments) in dressed.items()
         }
-        return {**worn, MOVED: dressed[JOINT].moved}
+        wearer, garments = dressed[JOINT]
+        return {**worn, MOVED: move_garments(scan, garments, wearer)}
