@@ -19,6 +19,7 @@ include: "workflow/rules/simulation.smk"
 include: "workflow/rules/dataset.smk"
 include: "workflow/rules/renders.smk"
 include: "workflow/rules/registration.smk"
+include: "workflow/rules/learning_samples.smk"
 include: "workflow/rules/learning_data.smk"
 include: "workflow/rules/scans.smk"
 # One line for each model, which adds itself to the tables of metrics, the report and `all`.

@@ -25,6 +25,9 @@ MAY_IMPORT = {
         "simulation": ["outfits", "bodies", "geometry"],
         "dataset": ["outfits", "motions", "bodies", "geometry"],
         "experiment": ["dataset", "outfits", "motions", "bodies"],
+        "generation": [
+            *["experiment", "dataset", "simulation", "outfits", "motions", "bodies", "geometry"],
+        ],
         "registration": ["dataset", "outfits", "bodies", "geometry"],
         "learning_data": ["registration", "dataset", "outfits", "bodies", "geometry"],
         "metrics": ["learning_data", "registration", "dataset", "outfits", "bodies", "geometry"],

@@ -21,6 +21,7 @@ from drapeline.dataset.record import outfit_text, read_meta
 from drapeline.errors import InputError
 from drapeline.experiment.checks import refuse_contradictions, require_splits
 from drapeline.experiment.config import fill_settings
+from drapeline.experiment.learning_plan import plan_learning
 from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
@@ -42,9 +43,11 @@ try:
         )
     )
     refuse_contradictions(config)
+    CLIPS = config["motions"]["table"] or os.path.relpath(
+        ROOT / "workflow/resources/motions/clips.tsv"
+    )
     MOTIONS = motion_table(
-        config["motions"]["table"]
-        or os.path.relpath(ROOT / "workflow/resources/motions/clips.tsv"),
+        CLIPS,
         config["motions"]["sequences"],
         loop_frames=config["motions"]["loop_frames"],
     )
@@ -61,6 +64,28 @@ try:
         outfit_types=config["outfits"]["types"],
         male_skirts=config["outfits"]["male_skirts"],
     )
+    LEARNING_MOTIONS, LEARNING = {}, {}
+    if config["learning"]["count"]:
+        LEARNING_MOTIONS = motion_table(
+            CLIPS,
+            config["learning"]["sequences"],
+            loop_frames=config["learning"]["loop_frames"],
+        )
+        LEARNING = plan_learning(
+            config["seed"],
+            {name: motion.frames for name, motion in LEARNING_MOTIONS.items()},
+            **{
+                key: config["learning"][key]
+                for key in (
+                    *("frames", "frames_min", "count", "shard_size", "speeds", "mirror"),
+                    *("val_share", "test_share"),
+                )
+            },
+            known_splits={plan.sequence: plan.split for plan in SAMPLES.values()},
+            female_share=config["body"]["female_share"],
+            outfit_types=config["learning"]["types"],
+            male_skirts=config["outfits"]["male_skirts"],
+        )
     STATIC = plan_static(
         config["seed"],
         config["static"]["count"],

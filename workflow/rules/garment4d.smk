@@ -76,6 +76,55 @@ rule fit_sample_templates:
         "../../scripts/fit_sample_templates.py"
 
 
+rule fit_learning_templates:
+    input:
+        **TEMPLATES,
+        samples=f"{LEARNED}/samples/{{shard}}",
+    output:
+        directory(f"{G4D}/fits/learning/{{shard}}"),
+    log:
+        f"{LOGS}/fit_learning_templates/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/fit_learning_templates/{{shard}}.tsv"
+    priority: LONG_CHAIN
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    params:
+        garments=G4D_GARMENTS,
+        settings=lookup(dpath="garment4d/registration", within=config),
+        code=source_hash("fit_learning_templates"),
+    script:
+        "../../scripts/fit_learning_templates.py"
+
+
+rule sample_learning_clouds:
+    input:
+        f"{LEARNED}/samples/{{shard}}",
+    output:
+        directory(f"{G4D}/learning_clouds_{{protocol}}/{{shard}}"),
+    log:
+        f"{LOGS}/sample_learning_clouds_{{protocol}}/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/sample_learning_clouds_{{protocol}}/{{shard}}.tsv"
+    priority: LONG_CHAIN
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=60,
+    params:
+        garments=G4D_GARMENTS,
+        settings=cloud_settings,
+        code=source_hash("sample_learning_clouds"),
+    script:
+        "../../scripts/sample_learning_clouds.py"
+
+
 rule sample_clouds:
     input:
         f"{RESULTS}/samples/{{sample}}",

@@ -4,6 +4,7 @@ CLOTH_SOLVERS = {
     "xpbd": ("drapeline.xpbd.solver", "../../envs/geometry.yaml"),
 }
 SOLVER_MODULE, SOLVER_ENVIRONMENT = CLOTH_SOLVERS[config["simulation"]["solver"]]
+LEARNING_SOLVER, LEARNING_ENVIRONMENT = CLOTH_SOLVERS[config["learning"]["solver"]]
 
 
 rule simulate_outfit:

@@ -1,13 +1,13 @@
 """Animate a body: put a motion on a shape and free it of self-collisions (CLOTH3D 3.1)."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.bodies.parts import PAIRS, PART_JOINTS, PART_NAMES, BodyParts, body_parts
+from drapeline.bodies.parts import PAIRS, PART_JOINTS, PART_NAMES, BodyParts, Pair, body_parts
 from drapeline.bodies.placement import ground_contact, leg_length_m, place_on_floor
 from drapeline.bodies.self_collision import Solution, solve_self_collisions
 from drapeline.bodies.sequence import BodySequence, ClipLabels
@@ -17,13 +17,20 @@ from drapeline.frames import JOINT_NAMES
 REMOVABLE = {"hands": ("hand",), "forearms": ("hand", "forearm")}
 THINNER_STEP = 1.0  # of the shape's second coefficient, corpulence
 MAX_THINNED = 3
-TRIAL_FRAMES = 6  # worst frames, on which a thinner body is tried before the whole sequence
+GLANCE_STEP = 10  # between the frames that are looked at first
 _UNLABELLED = ClipLabels()
 
 
 def make_body_sequence(
+    body: BodyModel, shape: np.ndarray, poses: np.ndarray, trans: np.ndarray, **options: Any
+) -> BodySequence:
+    """Put a motion on a body of one shape (10,); see `first_free_sequence`."""
+    return first_free_sequence(body, [shape], poses, trans, **options)
+
+
+def first_free_sequence(
     body: BodyModel,
-    shape: np.ndarray,
+    shapes: Iterable[np.ndarray],
     poses: np.ndarray,
     trans: np.ndarray,
     *,
@@ -37,11 +44,12 @@ def make_body_sequence(
     """Put a motion on a body and free it of self-collisions (CLOTH3D 3.1).
 
     Small overlaps are pressed apart. For larger ones, parts are left out where the outfit allows
-    it; else the body is made thinner, step by step; else the sequence is rejected.
+    it; else the body is made thinner, step by step; else CLOTH3D rejects the sequence, and another
+    shape may pass.
 
     Args:
         body: of the sample's gender.
-        shape: (10,) shape coefficients.
+        shapes: (10,) shape coefficients each, at least one, taken only as far as needed.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the motion's own root joint in metres.
         gender: 0 female, 1 male.
@@ -51,38 +59,38 @@ def make_body_sequence(
         shape_range: largest magnitude of a coefficient; no body is made thinner than that.
         gap_m: between parts that were pressed apart, metres.
         labels: of the motion, for the record.
+
+    Returns:
+        The sequence, with the number of shapes given up; that of the last shape if all are
+        rejected.
     """
-    shape = np.array(shape, dtype=np.float64)
     parts = body_parts(body)
-    vertices, solution, removed = _solve(body, parts, shape, poses, removable, gap_m)
-    thinned = 0
-    if solution.unsolved().any():
-        worst = np.where(solution.unsolved(), solution.depth_m, 0).max(axis=1).argsort()
-        trial = np.sort(worst[-TRIAL_FRAMES:])
-        for times, thin in enumerate(_thinner_shapes(body, shape, shape_range), 1):
-            _, attempt, _ = _solve(body, parts, thin, poses[trial], removable, gap_m)
-            if attempt.unsolved().any():
-                continue
-            attempt = _solve(body, parts, thin, poses, removable, gap_m)
-            if not attempt[1].unsolved().any():
-                (vertices, solution, removed), shape, thinned = attempt, thin, times
-                break
+    for redrawn, drawn in enumerate(shapes):
+        shape = np.array(drawn, dtype=np.float64)
+        freed = _free(body, parts, shape, poses, removable, shape_range, gap_m)
+        if freed is not None:
+            break
+    else:
+        freed = _solve(body, parts, shape, poses, removable, gap_m)  # all frames, for the record
     scale = 1.0
     if reference_leg_length_m is not None:
-        scale = leg_length_m(body, shape) / reference_leg_length_m
-    path = place_on_floor(vertices, trans, scale)
-    ground = ground_contact(vertices, path, _feet(parts))
+        scale = leg_length_m(body, freed.shape) / reference_leg_length_m
+    solution = freed.solution
+    path = place_on_floor(freed.vertices, trans, scale)
+    ground = ground_contact(freed.vertices, path, _feet(parts))
     collided = (solution.depth_m > 0).any(axis=1)
     return BodySequence(
-        shape=shape,
+        shape=freed.shape,
         gender=gender,
         poses=np.array(poses, dtype=np.float64),
         trans=path,
-        outcome=_outcome(solution.unsolved().any(), thinned, bool(removed), collided.any()),
+        outcome=_outcome(
+            solution.unsolved().any(), freed.thinned, bool(freed.removed), collided.any()
+        ),
         reason=_reason(solution),
-        thinned=thinned,
-        redrawn=0,
-        removed_segments=_joints_of(removed),
+        thinned=freed.thinned,
+        redrawn=redrawn,
+        removed_segments=_joints_of(freed.removed),
         fix_frame=solution.frame,
         fix_vertex=solution.vertex,
         fix_delta=solution.delta,
@@ -95,32 +103,63 @@ def make_body_sequence(
     )
 
 
-def first_free_sequence(
-    body: BodyModel,
-    shapes: Iterable[np.ndarray],
-    poses: np.ndarray,
-    trans: np.ndarray,
-    **options: Any,
-) -> BodySequence:
-    """Animate the first of several shapes that does not collide with itself too much.
+@dataclass(frozen=True)
+class _Freed:
+    """A body in motion after its parts were pressed apart.
 
-    CLOTH3D 3.1 rejects such a sequence; another body may pass.
-
-    Args:
-        body: of the sample's gender.
-        shapes: (10,) each, at least one, taken only as far as needed.
-        poses, trans, options: as for `make_body_sequence`.
-
-    Returns:
-        The sequence, with the number of shapes given up; that of the last shape if all are
-        rejected.
+    Attributes:
+        shape: (10,).
+        vertices: (N, V, 3) root-relative, as posed.
+        solution: their corrections.
+        removed: parts left out.
+        thinned: how many times the body was made thinner.
     """
-    for redrawn, shape in enumerate(shapes):
-        record = make_body_sequence(body, shape, poses, trans, **options)
-        record = replace(record, redrawn=redrawn)
-        if record.outcome != "rejected":
-            break
-    return record
+
+    shape: np.ndarray
+    vertices: np.ndarray
+    solution: Solution
+    removed: frozenset[str]
+    thinned: int = 0
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing is too deep."""
+        return not self.solution.unsolved().any()
+
+
+def _free(
+    body: BodyModel,
+    parts: BodyParts,
+    shape: np.ndarray,
+    poses: np.ndarray,
+    removable: str,
+    shape_range: float,
+    gap_m: float,
+) -> _Freed | None:
+    """The body, or a thinner one, whose collisions are solved in all frames; None if none is.
+
+    A shape is given up with its first frame that nothing cures, so those that are likely to be it
+    come first.
+    """
+    spread = np.argsort(np.arange(len(poses)) % GLANCE_STEP, kind="stable")
+    found = _solve(body, parts, shape, poses, removable, gap_m, spread)
+    if found.free:
+        return found
+    worst = _worst_first(found.solution)
+    for times, thin in enumerate(_thinner_shapes(body, shape, shape_range), 1):
+        found = _solve(body, parts, thin, poses, removable, gap_m, worst)
+        if found.free:
+            return replace(found, thinned=times)
+        # What stopped this one will likely stop the next.
+        stopped = found.solution.unsolved().any(axis=1)
+        worst = worst[np.argsort(~stopped[worst], kind="stable")]
+    return None
+
+
+def _worst_first(solution: Solution) -> np.ndarray:
+    """Frames (N,) by how deep their deepest collision is."""
+    deepest = np.where(solution.unsolved(), solution.depth_m, 0).max(axis=1)
+    return np.argsort(-deepest, kind="stable")
 
 
 def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
@@ -152,14 +191,26 @@ def _solve(
     poses: np.ndarray,
     removable: str,
     gap_m: float,
-) -> tuple[np.ndarray, Solution, frozenset[str]]:
-    """Root-relative vertices, their corrections and the parts left out."""
+    order: Sequence[int] | None = None,
+) -> _Freed:
+    """Press parts apart, or leave those out that may be.
+
+    With an order of the frames, no more of them are solved than it takes to see that the body is
+    not free.
+    """
     vertices, _ = posed_vertices(body, shape, poses)
-    solution = solve_self_collisions(vertices, parts, gap_m=gap_m)
+    hopeless = None
+    if order is not None:
+        hopeless = np.array([not _removable_parts(pair, removable) for pair in PAIRS])
+    solution = solve_self_collisions(vertices, parts, gap_m=gap_m, order=order, hopeless=hopeless)
     removed = _parts_to_remove(solution, removable)
     if removed:
-        solution = solve_self_collisions(vertices, parts, gap_m=gap_m, ignored=removed)
-    return vertices, solution, removed
+        if order is not None:
+            hopeless = np.ones(len(PAIRS), dtype=bool)
+        solution = solve_self_collisions(
+            vertices, parts, gap_m=gap_m, ignored=removed, order=order, hopeless=hopeless
+        )
+    return _Freed(shape, vertices, solution, removed)
 
 
 def _thinner_shapes(body: BodyModel, shape: np.ndarray, shape_range: float) -> Iterator[np.ndarray]:
@@ -188,14 +239,18 @@ def _parts_to_remove(solution: Solution, removable: str) -> frozenset[str]:
     allowed = REMOVABLE[removable]
     removed: set[str] = set()
     for index in np.flatnonzero(solution.unsolved().any(axis=0)):
-        pair = PAIRS[index]
-        candidates = {p for p in (pair.first, pair.second) if p.partition("_")[2] in allowed}
+        candidates = _removable_parts(PAIRS[index], removable)
         if not candidates:
             return frozenset()
         for part in candidates:
             side, _, limb = part.partition("_")
             removed |= {f"{side}_{beyond}" for beyond in allowed[: allowed.index(limb) + 1]}
     return frozenset(removed)
+
+
+def _removable_parts(pair: Pair, removable: str) -> set[str]:
+    """Those of a pair's parts that may be left out."""
+    return {p for p in (pair.first, pair.second) if p.partition("_")[2] in REMOVABLE[removable]}
 
 
 def _joints_of(parts: frozenset[str]) -> np.ndarray:

@@ -114,11 +114,28 @@ class BodyParts:
     neighbours: csr_matrix
     seam: np.ndarray
 
-    def normals(self, vertices: np.ndarray) -> np.ndarray:
-        """Outward unit normals (V, 3) of vertices (V, 3)."""
-        a, b, c = (vertices[self.faces[:, i]] for i in range(3))
-        total = self.normal_of @ np.cross(b - a, c - a)
+    def normals(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        """Outward unit normals (n, 3) of the vertices `ids` (n,) of a body (V, 3)."""
+        faces, own = row_entries(self.normal_of, ids)
+        a, b, c = (vertices[self.faces[faces, i]] for i in range(3))
+        products = np.cross(b - a, c - a)
+        total = np.stack([np.bincount(own, axis, len(ids)) for axis in products.T], axis=1)
         return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20)
+
+    def around(self, ids: np.ndarray) -> np.ndarray:
+        """Vertices `ids` (n,) and those that share an edge with one of them, sorted."""
+        return np.unique(row_entries(self.neighbours, ids)[0])
+
+
+def row_entries(matrix: csr_matrix, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (k,) of the entries in some rows of a sparse matrix, and which row (k,) of these."""
+    counts = matrix.indptr[rows + 1] - matrix.indptr[rows]
+    own = np.repeat(np.arange(len(rows)), counts)
+    first = np.cumsum(counts) - counts
+    places = (
+        np.arange(counts.sum()) - np.repeat(first, counts) + np.repeat(matrix.indptr[rows], counts)
+    )
+    return matrix.indices[places], own
 
 
 def part_of_joint() -> np.ndarray:

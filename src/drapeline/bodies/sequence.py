@@ -20,6 +20,8 @@ class ClipLabels:
         subject: who moved; empty if unknown.
         source: file the motion was read from.
         start_frame: first frame of the sub-sequence in its clip, at 30 fps.
+        speed: seconds of the clip per second of the sub-sequence.
+        mirrored: whether left and right are exchanged.
     """
 
     sequence: str = ""
@@ -27,6 +29,8 @@ class ClipLabels:
     subject: str = ""
     source: str = ""
     start_frame: int = 0
+    speed: float = 1.0
+    mirrored: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,11 +140,11 @@ def load_body_sequence(path: str | Path) -> BodySequence:
     """
     own = {field.name: field.type for field in fields(BodySequence) if field.name != "labels"}
     labels = {field.name: field.type for field in fields(ClipLabels)}
-    kinds = {str: "str", int: "int", float: "number"}
+    kinds = {str: "str", int: "int", float: "number", bool: "bool"}
     forms = {name: kinds[type_] for name, type_ in (own | labels).items() if type_ in kinds}
     arrays = load_npz(path, forms | _ARRAYS)
     values = {
-        name: type_(arrays[name]) if type_ in (str, int, float) else arrays[name]
+        name: type_(arrays[name]) if type_ in kinds else arrays[name]
         for name, type_ in (own | labels).items()
     }
     return BodySequence(

@@ -1,7 +1,7 @@
 """Split samples for training, validation and testing without sharing motion clips or bodies."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ def split_samples(
     *,
     val_share: float,
     test_share: float,
+    known: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
     """Assign every sample to a split, before anything is generated.
 
@@ -42,18 +43,25 @@ def split_samples(
         items: every sample once.
         val_share: share of the samples for validation, 0 to 1.
         test_share: share of the samples for testing, 0 to 1.
+        known: clip -> its split, where other samples have decided on it. The remaining clips fill
+            the shares.
 
     Returns:
         Sample id -> "train", "val" or "test", in the order of `items`.
     """
-    groups = _groups(items)
+    known = known or {}
+    split_of = {item.sample: known.get(item.source, "train") for item in items}
+    decided = {item.sample for item in items if item.source in known}
+    groups = [group for group in _groups(items) if decided.isdisjoint(group)]
     groups = [groups[i] for i in rng.permutation(len(groups))]
     shares = [(name, share) for name, share in (("test", test_share), ("val", val_share)) if share]
-    split_of = dict.fromkeys((item.sample for item in items), "train")
     for position, (name, share) in enumerate(shares):
         others = len(shares) - position  # groups to leave for the remaining splits and train
+        filled = sum(split_of[sample] == name for sample in decided)
+        if filled >= share * len(items):
+            continue
         chosen = _closest_sum(
-            [len(group) for group in groups], share * len(items), len(groups) - others
+            [len(group) for group in groups], share * len(items) - filled, len(groups) - others
         )
         for index in chosen:
             split_of.update(dict.fromkeys(groups[index], name))

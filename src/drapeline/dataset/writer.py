@@ -147,6 +147,8 @@ def _motion(record: BodySequence) -> dict[str, Any]:
         "subject": labels.subject,
         "action": labels.action,
         "start_frame": labels.start_frame,
+        "speed": labels.speed,
+        "mirrored": labels.mirrored,
         "frames": len(record.poses),
         "floor_penetration_m": record.penetration_m,
         "foot_sliding_m_s": record.foot_sliding_m_s,

@@ -116,16 +116,16 @@ def planned_sequences(
     """
     samples, outfits = list(samples), list(outfits)
     span = (frames - 1) * step + 1
-    longest = max((sample.stop - sample.start for sample in samples), default=0)
+    longest = max((sample.frames for sample in samples), default=0)
     if outfits and longest < span:
         raise InputError(
             f"garment4d.skinned.frames is {frames} and step {step}, which take {span} frames of a"
             f" sample, expected at most those of the longest, {longest}"
         )
-    moving = {sample.split for sample in samples if sample.stop - sample.start >= span}
+    moving = {sample.split for sample in samples if sample.frames >= span}
     return [
         *(
-            PlannedSequence("simulated", sample.split, sample.stop - sample.start)
+            PlannedSequence("simulated", sample.split, sample.frames)
             for sample in samples
             if garment in sample.outfit_type.split("+")
         ),

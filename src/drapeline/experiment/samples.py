@@ -5,9 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
 
+import numpy as np
+
 from drapeline.dataset.splits import SPLITS, SplitItem, split_samples
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
+from drapeline.motions.variation import piece_frames
 from drapeline.outfits.garment_types import GARMENT_TYPES, outfit_types_by_gender
 from drapeline.seeding import rng_for
 
@@ -26,6 +29,8 @@ class SamplePlan:
         gender: "female" or "male".
         outfit_type: garments from inner to outer, joined by "+".
         split: "train", "val" or "test".
+        speed: seconds of the clip per second of the sample.
+        mirrored: whether left and right are exchanged.
     """
 
     sample: str
@@ -36,6 +41,13 @@ class SamplePlan:
     gender: str
     outfit_type: str
     split: str
+    speed: float = 1.0
+    mirrored: bool = False
+
+    @property
+    def frames(self) -> int:
+        """Frames of the sample."""
+        return piece_frames(self.stop - self.start, self.speed)
 
     @property
     def sub_sequence(self) -> str:
@@ -115,8 +127,8 @@ def plan_samples(
         rng_for(seed, "split"), items, val_share=val_share, test_share=test_share
     )
     splits = [split_of[sample] for sample in ids]
-    genders = _genders(seed, splits, female_share)
-    outfits = _outfits(genders, splits, outfit_types, male_skirts)
+    genders = even_genders(rng_for(seed, "gender"), splits, female_share)
+    outfits = even_outfits(genders, splits, outfit_types, male_skirts)
     plans = {}
     for sample, (name, part), gender, outfit_type in zip(
         ids, chosen, genders, outfits, strict=True
@@ -151,12 +163,18 @@ def _turns(pieces: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[str, i
     ]
 
 
-def _genders(seed: int, splits: Sequence[str], female_share: float) -> list[str]:
-    """The exact share, mixed evenly within each split: small splits see both genders too."""
+def even_genders(rng: np.random.Generator, splits: Sequence[str], female_share: float) -> list[str]:
+    """The exact share, mixed evenly within each split: small splits see both genders too.
+
+    Args:
+        rng: draws where in the mix the first sample is.
+        splits: of all samples.
+        female_share: of all of them.
+    """
     total = len(splits)
     females = round(total * female_share)
     # Bresenham's line: female wherever the running share asks for the next one.
-    offset = rng_for(seed, "gender").integers(total) if total else 0
+    offset = rng.integers(total) if total else 0
     steps = [(index + 1) * females // total - index * females // total for index in range(total)]
     genders = [""] * total
     by_split = sorted(range(total), key=lambda i: SPLITS.index(splits[i]))
@@ -165,13 +183,21 @@ def _genders(seed: int, splits: Sequence[str], female_share: float) -> list[str]
     return genders
 
 
-def _outfits(
+def even_outfits(
     genders: Sequence[str], splits: Sequence[str], outfit_types: Sequence[str], male_skirts: bool
 ) -> list[str]:
     """Outfit of each sample: of those its gender may wear the one its split used least so far.
 
     Small splits then wear the first types of the list, so that a garment type which is tested
     was trained too. In each split males choose first: what they cannot wear is left to females.
+
+    Args:
+        genders, splits: of all samples.
+        outfit_types: to take turns over; a type named twice is worn twice as often.
+        male_skirts: whether male bodies wear skirts and dresses.
+
+    Raises:
+        InputError: male bodies are left with nothing to wear.
     """
     allowed = outfit_types_by_gender(outfit_types, male_skirts=male_skirts, males="male" in genders)
     slots = {

@@ -1,0 +1,87 @@
+include: "learning_samples_common.smk"
+
+
+rule import_learning_motions:
+    input:
+        LEARNING_MOTION_FILES,
+    output:
+        directory(f"{LEARNED}/motions"),
+    log:
+        f"{LOGS}/import_learning_motions.log",
+    benchmark:
+        f"{BENCHMARKS}/import_learning_motions.tsv"
+    priority: SAMPLES_FIRST
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    params:
+        clips=LEARNING_CLIPS,
+        code=source_hash("import_learning_motions"),
+    script:
+        "../../scripts/import_learning_motions.py"
+
+
+rule simulate_learning:
+    input:
+        **DRESS_FORMS,
+        motions=f"{LEARNED}/motions",
+        own=OWN_GARMENT_FILES,
+    output:
+        directory(f"{LEARNED}/samples/{{shard}}"),
+    log:
+        f"{LOGS}/simulate_learning/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/simulate_learning/{{shard}}.tsv"
+    priority: SAMPLES_FIRST
+    conda:
+        LEARNING_ENVIRONMENT
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=240,
+    params:
+        seed=config["seed"],
+        plans=learning_plans,
+        solver=LEARNING_SOLVER,
+        bodies={
+            key: config["body"][key]
+            for key in ("shape_range", "shape_draws", "segment_gap_m")
+        },
+        outfits={
+            "edge_length_m": config["learning"]["edge_length_m"],
+            "vertices_min": 0,
+            "tightness_range": config["outfits"]["tightness_range"],
+            "elastic_probability": config["outfits"]["elastic_probability"],
+        },
+        own_garments=OWN_GARMENTS,
+        settings=lookup(dpath="simulation/settings", within=config),
+        bounds=lookup(dpath="simulation/bounds", within=config),
+        code=source_hash("simulate_learning", LEARNING_SOLVER),
+    script:
+        "../../scripts/simulate_learning.py"
+
+
+rule register_learning:
+    input:
+        **SUPER_BODIES,
+        samples=f"{LEARNED}/samples/{{shard}}",
+        topology=TOPOLOGY,
+    output:
+        directory(f"{LEARNED}/registration/{{shard}}"),
+    log:
+        f"{LOGS}/register_learning/{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/register_learning/{{shard}}.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=60,
+    params:
+        code=source_hash("register_learning"),
+    script:
+        "../../scripts/register_learning.py"
