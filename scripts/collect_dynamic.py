@@ -5,16 +5,18 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import collect_dynamic
+from drapeline.learning_data.moving import moving_folders
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
+    given = snakemake.input
     frames = collect_dynamic(
         snakemake.output[0],
-        dict(zip(snakemake.input.samples, snakemake.input.registrations, strict=True)),
-        {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
+        dict(zip(*moving_folders(given), strict=True)),
+        {gender: load_body(given[gender]) for gender in GENDERS},
         version=snakemake.wildcards.version,
         step=snakemake.params.frame_step,
     )

@@ -2,26 +2,18 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import read_record
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.template_fit import FitSettings
-from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
+from drapeline.registration.to_template.template_tables import garments_of_sample, write_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    sample, garments = snakemake.input.sample, []
-    if read_record(sample).accepted:
-        with Sample(sample) as sequence:
-            for name in sequence.garments:
-                mesh = sequence.mesh(name)
-                garments.append(NamedGarment(sequence.id, name, mesh.vertices, mesh.faces))
     count = write_tables(
         snakemake.output[0],
-        garments,
+        garments_of_sample(snakemake.input.sample),
         {garment: load_template(snakemake.input[garment]) for garment in snakemake.params.garments},
         FitSettings(**snakemake.params.settings),
     )

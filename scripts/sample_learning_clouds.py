@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.dataset.point_clouds import CloudSettings, write_clouds
-from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_meta
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.rule_log import rule_log
 from drapeline.storage import atomic_folder
@@ -15,4 +15,6 @@ with rule_log(snakemake.log[0]) as log:
     settings = CloudSettings(**snakemake.params.settings)
     with atomic_folder(snakemake.output[0]) as folder:
         for sample in samples_of_shards([snakemake.input[0]]):
-            log.info(write_clouds(folder / sample.name, sample, settings))
+            worn = {garment["name"] for garment in read_meta(sample)["outfit"]["garments"]}
+            if worn & set(snakemake.params.garments):
+                log.info(write_clouds(folder / sample.name, sample, settings))

@@ -70,10 +70,10 @@ def toy_sequences(body: BodyModel) -> list[GarmentSequence]:
     """Nine, of which the simulated ones are longer; the last is the only one of the test split."""
     sources = [
         *(("skinned", "train", 3),) * 4,
-        *(("simulated", "train", 8),) * 2,
+        *(("blender", "train", 8),) * 2,
         ("skinned", "val", 3),
-        ("simulated", "val", 7),
-        ("simulated", "test", 7),
+        ("blender", "val", 7),
+        ("blender", "test", 7),
     ]
     return [
         toy_sequence(body, number, frames=frames, source=source, split=split)

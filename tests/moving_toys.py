@@ -30,6 +30,7 @@ def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):
         f"{split}{seed}",
         split,
         name,
+        "blender",
         "female",
         shape,
         poses,

@@ -140,6 +140,7 @@ def write_stages(
         {
             "status": status,
             "reason": "" if status == "accepted" else "1.20 % of the vertices inside the body",
+            "solver": {"name": "blender"},
             "attempts": [{"steps": 14}],
             "frames_per_second": 2.0,
             "versions": {"bpy": "4.5.15"},

@@ -475,7 +475,7 @@ def _make_skinned(folder: Path) -> None:
 def _use_sequences(folder: Path) -> None:
     data = SequenceData(folder / "data")
     for sequence in range(len(data)):
-        data.rows(sequence), data.consecutive(sequence)
+        data.rows(sequence)
     _ = data.originals
     data.windows("train", 3, 1)
     data.label_share("train")

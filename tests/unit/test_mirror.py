@@ -19,6 +19,7 @@ MODULES = sorted(
 # Modules that the tests of another one, or of a rule, cover.
 COVERED_BY = {
     "dataset/scan_bodies": "rules/test_smplicit_scans.py",
+    "generation/sample": "rules/test_learning_samples.py",
     "metrics/predictions": "unit/report/models/gcvae/test_views.py",
     "models/garment4d/scans": "rules/test_garment4d.py",
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",

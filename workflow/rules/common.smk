@@ -77,7 +77,14 @@ try:
             **{
                 key: config["learning"][key]
                 for key in (
-                    *("frames", "frames_min", "count", "shard_size", "speeds", "mirror"),
+                    *(
+                        "frames",
+                        "frames_min",
+                        "count",
+                        "shard_size",
+                        "speeds",
+                        "mirror",
+                    ),
                     *("val_share", "test_share"),
                 )
             },

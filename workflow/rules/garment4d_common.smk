@@ -17,6 +17,7 @@ TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in G4D_GARMENT
 TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
     *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
+    *expand(f"{G4D}/fits/learning/{{shard}}", shard=LEARNING),
 ]
 PROTOCOL = config["garment4d"]["protocol"]
 # Sequences of each type, sampled as the config says.
@@ -69,6 +70,10 @@ def garment_sequences(wildcards):
         "clouds": [
             f"{G4D}/clouds_{wildcards.protocol}/{sample}" for sample in TEMPLATE_WEARERS
         ],
+        "learning": LEARNING_SAMPLES,
+        "learning_clouds": [
+            f"{G4D}/learning_clouds_{wildcards.protocol}/{shard}" for shard in LEARNING
+        ],
         "skinned": [f"{G4D}/skinned/{shard}" for shard in shards],
         "shards": [f"{RESULTS}/static/outfits/{shard}.npz" for shard in shards],
     }
@@ -88,7 +93,7 @@ def stage_sequences(stage=None):
             wildcards.garment,
             planned_sequences(
                 wildcards.garment,
-                SAMPLES.values(),
+                [*SAMPLES.values(), *LEARNING_PLANS],
                 [plan for shard in SKINNED for plan in STATIC[shard]],
                 frames=skinned["frames"],
                 step=skinned["step"],

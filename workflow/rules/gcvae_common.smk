@@ -13,6 +13,8 @@ from drapeline.models.training.settings import override_settings
 MOVING_INPUTS = {
     "samples": per_sample(f"{RESULTS}/samples/{{sample}}"),
     "registrations": per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
+    "learning": LEARNING_SAMPLES,
+    "learning_registrations": LEARNING_REGISTRATIONS,
     "topology": TOPOLOGY,
 }
 GCVAE_BASELINES = ["baselines", "dynamic_baselines"]
@@ -41,7 +43,7 @@ def static_model():
 
 def training_frames(version):
     """Garments in motion, some of which are planned for training and for validation."""
-    planned = [plan.split for plan in SAMPLES.values()]
+    planned = [plan.split for plan in [*SAMPLES.values(), *LEARNING_PLANS]]
     require_splits(planned, ["train", "val"], group="samples", shares=config["samples"])
     return f"{RESULTS}/dynamic/{version}"
 

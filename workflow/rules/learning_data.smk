@@ -29,6 +29,8 @@ rule collect_dynamic:
         **SUPER_BODIES,
         samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
         registrations=per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
+        learning=LEARNING_SAMPLES,
+        learning_registrations=LEARNING_REGISTRATIONS,
     output:
         directory(f"{RESULTS}/dynamic/{{version}}"),
     log:

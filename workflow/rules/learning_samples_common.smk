@@ -1,5 +1,6 @@
 # The learning group: samples in shards, each a folder of CLOTH3D folders.
 LEARNED = f"{RESULTS}/learning"
+LEARNING_PLANS = [plan for plans in LEARNING.values() for plan in plans]
 LEARNING_SAMPLES = expand(f"{LEARNED}/samples/{{shard}}", shard=LEARNING)
 LEARNING_REGISTRATIONS = expand(f"{LEARNED}/registration/{{shard}}", shard=LEARNING)
 LEARNING_CLIPS = {

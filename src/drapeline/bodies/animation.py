@@ -65,7 +65,7 @@ def first_free_sequence(
         rejected.
     """
     parts = body_parts(body)
-    for redrawn, drawn in enumerate(shapes):
+    for redrawn, drawn in enumerate(shapes):  # noqa: B007
         shape = np.array(drawn, dtype=np.float64)
         freed = _free(body, parts, shape, poses, removable, shape_range, gap_m)
         if freed is not None:

@@ -290,11 +290,8 @@ def segment_triangle_crossings(segments: np.ndarray, triangles: np.ndarray) -> n
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross products of rows (M, 3), several times as fast as NumPy's for short arrays."""
-    out = np.empty_like(a)
-    for axis in range(3):
-        y, z = (axis + 1) % 3, (axis + 2) % 3
-        out[:, axis] = a[:, y] * b[:, z] - a[:, z] * b[:, y]
-    return out
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _separate(vertices: np.ndarray, parts: BodyParts, contact: _Contact, gap_m: float) -> None:

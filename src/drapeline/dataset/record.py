@@ -24,7 +24,7 @@ META = {
     "outfit?": {"garments?": [{"name": str, "fabric?": str}]},
     "garments?": dict,
     "health?": dict,
-    "simulation?": dict,
+    "simulation?": {"solver?": {"name?": str}},
     "self_collision?": dict,
 }
 STATUS = {"id": str, "status": str, "split": str}
@@ -90,6 +90,11 @@ def read_meta(folder: str | Path) -> dict[str, Any]:
         InputError: the file is missing or not JSON.
     """
     return read_json(meta_path(folder), META)
+
+
+def solver_name(meta: Mapping[str, Any]) -> str:
+    """The cloth solver that made a sample, such as "blender"; empty if its record does not say."""
+    return meta.get("simulation", {}).get("solver", {}).get("name", "")
 
 
 def outfit_text(meta: Mapping[str, Any]) -> str:

@@ -13,12 +13,11 @@ def samples_of_shards(shards: Iterable[str | Path]) -> list[Path]:
         shards: folders that hold nothing but a folder for each sample, named by its id.
 
     Raises:
-        InputError: a shard is missing or empty.
+        InputError: a shard is missing.
     """
     found = []
     for shard in map(Path, shards):
-        folders = sorted(path for path in shard.glob("[!.]*") if path.is_dir())
-        if not folders:
-            raise InputError(f"{shard}: holds no samples, expected a folder for each")
-        found += folders
+        if not shard.is_dir():
+            raise InputError(f"{shard}: no such folder, expected one with samples")
+        found += sorted(path for path in shard.glob("[!.]*") if path.is_dir())
     return found

@@ -1,13 +1,14 @@
 """Simulated garments with their registrations, sample by sample."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import STATUS
+from drapeline.dataset.record import STATUS, read_meta, solver_name
+from drapeline.dataset.shards import samples_of_shards
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -23,6 +24,7 @@ class MovingGarment:
 
     Attributes:
         sample, split, name: identify it; `name` is its type.
+        source: cloth solver that moved it.
         gender: of the wearer.
         shape: (10,).
         poses: (N, 72) rad.
@@ -34,6 +36,7 @@ class MovingGarment:
     sample: str
     split: str
     name: str
+    source: str
     gender: str
     shape: np.ndarray
     poses: np.ndarray
@@ -57,7 +60,7 @@ class MovingFiles:
     """Files of a garment of a simulated sample; not all garments fit into memory.
 
     Attributes:
-        sample, split, name: as of `MovingGarment`.
+        sample, split, name, source: as of `MovingGarment`.
         folder: of the sample.
         registration: folder of its registrations.
     """
@@ -65,6 +68,7 @@ class MovingFiles:
     sample: str
     split: str
     name: str
+    source: str
     folder: Path
     registration: Path
 
@@ -79,6 +83,7 @@ class MovingFiles:
                 sample=self.sample,
                 split=self.split,
                 name=self.name,
+                source=self.source,
                 gender=sample.gender,
                 shape=np.asarray(sample.info.shape),
                 poses=np.asarray(sample.info.poses),
@@ -86,6 +91,23 @@ class MovingFiles:
                 faces=sample.mesh(self.name).triangles,
                 cloth=sample.vertices(self.name, frame="root"),
             )
+
+
+def moving_folders(given: Mapping[str, Sequence[str]]) -> tuple[list[Path], list[Path]]:
+    """Folders of all samples and of their registrations, in the same order.
+
+    Args:
+        given: `samples` as `write_sample` leaves them and their `registrations` as
+            `register_sample` does; `learning`, shards of the learning group, and
+            `learning_registrations`, shards of what was registered of these.
+
+    Raises:
+        InputError: a shard is missing.
+    """
+    return (
+        [*map(Path, given["samples"]), *samples_of_shards(given["learning"])],
+        [*map(Path, given["registrations"]), *samples_of_shards(given["learning_registrations"])],
+    )
 
 
 def moving_files(
@@ -104,10 +126,11 @@ def moving_files(
     for folder, registration in zip(map(Path, samples), map(Path, registrations), strict=True):
         status = read_json(registration / "status.json", STATUS)
         if status["status"] == "accepted" and status["split"] in splits:
+            source = solver_name(read_meta(folder))
             with Sample(folder) as sample:
                 names = sample.garments
             for name in names:
-                yield MovingFiles(status["id"], status["split"], name, folder, registration)
+                yield MovingFiles(status["id"], status["split"], name, source, folder, registration)
 
 
 def load_moving(

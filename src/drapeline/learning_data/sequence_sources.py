@@ -8,10 +8,11 @@ import numpy as np
 
 from drapeline.dataset.point_clouds import load_clouds
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import solver_name
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.learning_data.sequences import GarmentSequence
+from drapeline.learning_data.sequences import SKINNED, GarmentSequence
 from drapeline.learning_data.skinned import load_skinned
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
@@ -44,7 +45,7 @@ def simulated_sequences(
         sequences.append(
             GarmentSequence(
                 name=sample.id,
-                source="simulated",
+                source=solver_name(sample.meta or {}),
                 split=cloud.about["split"],
                 gender=int(info.gender),
                 shape=np.asarray(info.shape),
@@ -97,7 +98,7 @@ def skinned_sequences(
             sequences.append(
                 GarmentSequence(
                     name=one.name,
-                    source="skinned",
+                    source=SKINNED,
                     split=one.split,
                     gender=GENDERS.index(one.gender),
                     shape=one.shape,

@@ -32,7 +32,8 @@ from drapeline.storage import (
     write_json,
 )
 
-SOURCES = ("simulated", "skinned")
+# What a sequence is: simulated cloth, or a garment at rest that skinning moves.
+SIMULATED, SKINNED = KINDS = ("simulated", "skinned")
 _PER_SEQUENCE = {
     **dict.fromkeys(("name", "source", "split"), "str s"),
     **dict.fromkeys(("start", "count"), "int s"),
@@ -50,7 +51,7 @@ class GarmentSequence:
 
     Attributes:
         name: of the sequence; no other of the same type has it.
-        source: "simulated", or "skinned" for a garment moved by its skinning weights.
+        source: the cloth solver that moved the garment, or `SKINNED` where skinning weights did.
         split: "train", "val" or "test".
         gender: 0 female, 1 male.
         shape: (10,).
@@ -272,13 +273,10 @@ class SequenceData:
         start = int(self.start[sequence])
         return slice(start, start + int(self.count[sequence]))
 
-    def consecutive(self, sequence: int) -> bool:
-        """Whether a sequence has every frame of its motion, so that accelerations are known."""
-        return bool((np.diff(self.number[self.rows(sequence)]) == 1).all())
-
-    def of_split(self, split: str, sources: Sequence[str] = SOURCES) -> np.ndarray:
-        """Sequences of a split from some sources."""
-        return np.flatnonzero((self.split == split) & np.isin(self.source, sources))
+    def of_split(self, split: str, kinds: Sequence[str] = KINDS) -> np.ndarray:
+        """Sequences of a split that are of some `KINDS`."""
+        kind = np.where(self.source == SKINNED, SKINNED, SIMULATED)
+        return np.flatnonzero((self.split == split) & np.isin(kind, kinds))
 
     @cached_property
     def originals(self) -> dict[str, Mesh]:
@@ -290,7 +288,7 @@ class SequenceData:
         return {name: Mesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"]) for name in names}
 
     def windows(
-        self, split: str, frames: int, stride: int, sources: Sequence[str] = SOURCES
+        self, split: str, frames: int, stride: int, kinds: Sequence[str] = KINDS
     ) -> np.ndarray:
         """(W, 2) sequence and first frame within it of windows that cover every frame.
 
@@ -299,7 +297,7 @@ class SequenceData:
         """
         windows = [
             (sequence, start)
-            for sequence in self.of_split(split, sources)
+            for sequence in self.of_split(split, kinds)
             for start in window_starts(
                 int(self.count[sequence]), frames, stride, str(self.name[sequence])
             )

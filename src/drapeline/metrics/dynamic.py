@@ -8,7 +8,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.metrics.garment import garment_measures, garment_mesh, inside_measures
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.table import MetricRow, by_source, summary_rows
 from drapeline.registration.to_body.topology import Topology
 from drapeline.seeding import rng_for
 
@@ -50,11 +50,13 @@ class Measured(NamedTuple):
 
     Attributes:
         sample, garment: name and type.
+        source: cloth solver that moved it.
         rows: metric -> value, per frame.
     """
 
     sample: str
     garment: str
+    source: str
     rows: Sequence[Mapping[str, float]]
 
 
@@ -67,13 +69,18 @@ def moving_summary(
     seed: int,
 ) -> list[MetricRow]:
     """Rows of the table of metrics over all frames; samples are resampled as a whole."""
-    return summary_rows(
-        rng_for(seed, "intervals", variant, split),
-        [row for garment in measured for row in garment.rows],
-        [garment.garment for garment in measured for _ in garment.rows],
-        [garment.sample for garment in measured for _ in garment.rows],
-        model=model,
-        variant=variant,
-        split=split,
-        seed=seed,
-    )
+    return [
+        row
+        for source, own in by_source(measured).items()
+        for row in summary_rows(
+            rng_for(seed, "intervals", variant, split, source),
+            [row for garment in own for row in garment.rows],
+            [garment.garment for garment in own for _ in garment.rows],
+            [garment.sample for garment in own for _ in garment.rows],
+            model=model,
+            variant=variant,
+            split=split,
+            seed=seed,
+            source=source,
+        )
+    ]

@@ -89,10 +89,10 @@ def moving_baseline_summary(
                     "unposed",
                 )
                 rows = measure_motion(moving, frames, points, body, topology)
-                measured[name].append(Measured(moving.sample, moving.name, rows))
+                measured[name].append(Measured(moving.sample, moving.name, moving.source, rows))
             rows = measure_motion(moving, frames, moving.points(frames), body, topology)
             inside = [{k: v for k, v in row.items() if k.startswith("inside")} for row in rows]
-            measured["moving"].append(Measured(moving.sample, moving.name, inside))
+            measured["moving"].append(Measured(moving.sample, moving.name, moving.source, inside))
         for name, rows in measured.items():
             model = "truth" if name == "moving" else "baseline"
             found += moving_summary(rows, model=model, variant=name, split=split, seed=seed)

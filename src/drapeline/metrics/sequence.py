@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.garment import area_distance_mm, inside_measures
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.garment import area_distance_mm, inside_measures, surface_distances_mm
+from drapeline.metrics.table import MetricRow, by_source, summary_rows
 from drapeline.seeding import rng_for
 
 MODEL = "garment4d"
@@ -40,11 +40,13 @@ class Measured(NamedTuple):
         sequence: its name; sequences with the same name are resampled together.
         garment: its type.
         measures: metric -> value; NaN where a metric is not defined.
+        source: cloth solver that moved the garment, if one did.
     """
 
     sequence: str
     garment: str
     measures: Mapping[str, float]
+    source: str = ""
 
 
 def vertex_errors_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -107,13 +109,33 @@ def inside_means(
     return {name: float(np.mean([one[name] for one in measures])) for name in measures[0]}
 
 
+def surface_means(
+    garment: np.ndarray, true: np.ndarray, faces: np.ndarray, *, every: int = CONTACT_EVERY
+) -> dict[str, float]:
+    """Distances between surfaces in every so many frames, averaged over them.
+
+    Vertex errors also count sliding along the surface, which nobody sees.
+
+    Args:
+        garment, true: (F, N, 3) metres.
+        faces: (E, 3) of both.
+        every: step of the frames.
+    """
+    both = [
+        surface_distances_mm(Mesh(garment[frame], faces), Mesh(true[frame], faces))
+        for frame in range(0, len(garment), every)
+    ]
+    to_true, to_predicted = np.mean(both, axis=0).tolist()
+    return {"predicted_to_true_mm": to_true, "true_to_predicted_mm": to_predicted}
+
+
 def sequence_measures(
     garment: np.ndarray,
     true: np.ndarray | None = None,
     *,
     body: MovingBody | None = None,
     points: Sequence[np.ndarray] | None = None,
-    consecutive: bool = True,
+    faces: np.ndarray | None = None,
 ) -> dict[str, float]:
     """All measures of a posed garment that the arguments allow.
 
@@ -122,14 +144,14 @@ def sequence_measures(
         true: (F, N, 3), or None for scans, which have no ground truth.
         body: that wears the garment, to measure what is inside it.
         points: (P, 3) per frame, for the one-way distance.
-        consecutive: whether these are all frames of a motion at `FPS`; if not, M3 is left out,
-            since accelerations over longer steps cannot be compared with others.
+        faces: (E, 3) of the garment, for distances between its surface and the true one.
     """
     measures = {}
     if true is not None:
         measures["vertex_error_mm"] = vertex_error_mm(garment, true)
-        if consecutive:
-            measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
+        measures["acceleration_error_m_s2"] = acceleration_error_m_s2(garment, true)
+        if faces is not None:
+            measures |= surface_means(garment, true, faces)
     if points is not None:
         measures["to_cloud_mm"] = to_cloud_mm(garment, points)
     if body is not None:
@@ -169,13 +191,18 @@ def sequence_summary(
         split: of the sequences.
         seed: recorded in the rows; also draws the intervals.
     """
-    return summary_rows(
-        rng_for(seed, "intervals", MODEL, variant, split),
-        [one.measures for one in measured],
-        [one.garment for one in measured],
-        [one.sequence for one in measured],
-        model=MODEL,
-        variant=variant,
-        split=split,
-        seed=seed,
-    )
+    return [
+        row
+        for source, own in by_source(measured).items()
+        for row in summary_rows(
+            rng_for(seed, "intervals", MODEL, variant, split, source),
+            [one.measures for one in own],
+            [one.garment for one in own],
+            [one.sequence for one in own],
+            model=MODEL,
+            variant=variant,
+            split=split,
+            seed=seed,
+            source=source,
+        )
+    ]

@@ -4,7 +4,7 @@ import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -46,7 +46,6 @@ UNITS = {
     "silhouette_iou": "1",
     "better_than_mean_share": "1",
     "fit_s": "s",
-    "simulated_share": "1",
     "inference_s_per_frame": "s",
 }
 
@@ -64,6 +63,7 @@ class MetricRow(NamedTuple):
         unit: one of `UNITS`.
         n: garments, frames of garments or sequences that the value is a mean over.
         seed: of the training, or of the experiment where nothing was trained.
+        source: cloth solver that moved the garments measured; empty for garments of any source.
     """
 
     model: str
@@ -75,11 +75,12 @@ class MetricRow(NamedTuple):
     unit: str
     n: int
     seed: int
+    source: str = ""
 
     @property
     def key(self) -> tuple[str, ...]:
         """Identifies a row in a table."""
-        return (*self[:5], str(self.seed))
+        return (*self[:5], str(self.seed), self.source)
 
 
 def summary_rows(
@@ -92,6 +93,7 @@ def summary_rows(
     variant: str,
     split: str,
     seed: int,
+    source: str = "",
 ) -> list[MetricRow]:
     """Means over garments of each type and over all, with 95 % intervals.
 
@@ -132,10 +134,25 @@ def summary_rows(
                     UNITS[name],
                     int(kept.sum()),
                     seed,
+                    source,
                 )
                 for end, value in numbers.items()
             ]
     return rows
+
+
+class _HasSource(Protocol):
+    source: str
+
+
+_Measured = TypeVar("_Measured", bound=_HasSource)
+
+
+def by_source(measured: Sequence[_Measured]) -> dict[str, Sequence[_Measured]]:
+    """What was measured, under "" all of it and, where there are several, under each source."""
+    sources = sorted({one.source for one in measured})
+    parts = {name: [one for one in measured if one.source == name] for name in sources}
+    return {"": measured, **(parts if len(parts) > 1 else {})}
 
 
 def _interval(
@@ -181,8 +198,8 @@ def read_metrics(path: str | Path) -> list[MetricRow]:
     rows = []
     for number, line in enumerate(lines, 2):
         try:
-            *words, value, unit, n, seed = line.values()
-            rows.append(MetricRow(*words, float(value), unit, int(n), int(seed)))
+            *words, value, unit, n, seed, source = line.values()
+            rows.append(MetricRow(*words, float(value), unit, int(n), int(seed), source))
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"{path}: line {number} is no row of metrics: {' '.join(line.values()):.200}"
@@ -219,8 +236,8 @@ def _check(rows: Sequence[MetricRow], path: str | Path) -> None:
 
 
 def find_value(
-    rows: Iterable[MetricRow], variant: str, split: str, garment: str, metric: str
+    rows: Iterable[MetricRow], variant: str, split: str, garment: str, metric: str, source: str = ""
 ) -> MetricRow | None:
-    """The first row of that name, of any seed, or None."""
+    """The first row of that name and source, of any seed, or None."""
     wanted = (variant, split, garment, metric)
-    return next((row for row in rows if row[1:5] == wanted), None)
+    return next((row for row in rows if row[1:5] == wanted and row.source == source), None)

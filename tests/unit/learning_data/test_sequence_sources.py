@@ -46,7 +46,7 @@ def test_accepted_samples_that_wear_the_garment_are_sequences(simulated):
     tiny, samples, clouds = simulated
     table = middles(tiny[0].meshes["Skirt"].faces)
     (one,) = simulated_sequences("Skirt", samples, clouds, {"00001": table})
-    assert (one.name, one.source, one.split, one.gender) == ("00001", "simulated", "train", 0)
+    assert (one.name, one.source, one.split, one.gender) == ("00001", "blender", "train", 0)
     assert one.number.tolist() == list(range(6))
     np.testing.assert_allclose(one.poses, tiny[0].poses, atol=1e-6)
     np.testing.assert_allclose(one.shape, tiny[0].shape, atol=1e-6)

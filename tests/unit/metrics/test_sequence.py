@@ -141,7 +141,6 @@ def test_sequence_measures_follow_what_is_known(motion):
     vertices, faces = ball(0.05)
     body = MovingBody(lambda frame: vertices, faces)
     assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
-    assert set(sequence_measures(motion, motion, consecutive=False)) == {"vertex_error_mm"}
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
     found = sequence_measures(motion + 0.01, motion, body=body, points=motion)
     assert found["vertex_error_mm"] == pytest.approx(np.sqrt(300), rel=1e-4)
@@ -183,3 +182,20 @@ def test_summary_weighs_sequences_alike_and_leaves_out_what_has_no_meaning():
     smooth = find_value(rows, "posed", "test", "Skirt", "acceleration_error_m_s2")
     assert (smooth.value, smooth.n, smooth.unit) == (0.5, 2, "m/s^2")
     assert rows == sequence_summary(measured, variant="posed", split="test", seed=1)
+
+
+def test_sliding_along_a_plane_is_no_distance_between_surfaces():
+    across = np.linspace(0, 1, 11)
+    grid = np.stack([*np.meshgrid(across, across), np.zeros((11, 11))], axis=-1).reshape(-1, 3)
+    corner = np.arange(121).reshape(11, 11)[:-1, :-1].ravel()
+    faces = np.concatenate([corner[:, None] + [0, 1, 12], corner[:, None] + [0, 12, 11]]).astype(
+        np.int32
+    )
+    true = np.stack([grid] * 3)
+    lifted = sequence_measures(true + [0, 0, 0.004], true, faces=faces)
+    assert lifted["predicted_to_true_mm"] == pytest.approx(4, abs=1e-3)
+    assert lifted["true_to_predicted_mm"] == pytest.approx(4, abs=1e-3)
+    # Within the plane only what leaves the square is away from it: the last column, by 5 cm.
+    slid = sequence_measures(true + [0.05, 0, 0], true, faces=faces)
+    assert slid["vertex_error_mm"] == pytest.approx(50)
+    assert slid["predicted_to_true_mm"] == pytest.approx(50 / 11, abs=1e-3)

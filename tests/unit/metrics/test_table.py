@@ -38,7 +38,7 @@ def test_rows_come_back_as_they_were_written(tmp_path):
     write_metrics(tmp_path / "m.tsv", rows)
     assert read_metrics(tmp_path / "m.tsv") == rows
     header = (tmp_path / "m.tsv").read_text().splitlines()[0]
-    assert header == "model\tvariant\tsplit\tgarment\tmetric\tvalue\tunit\tn\tseed"
+    assert header == "model\tvariant\tsplit\tgarment\tmetric\tvalue\tunit\tn\tseed\tsource"
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_rows_that_are_no_metric_are_refused(tmp_path, wrong, message):
         ("", "has the columns none"),
         ("model\tvalue\n", "has the columns model, value, expected model, variant"),
         ("\t".join(MetricRow._fields) + "\nsvae\tsvae\n", "line 2 is no row"),
-        ("\t".join(MetricRow._fields) + "\na\tb\tc\td\te\tmany\tmm\t1\t0\n", "line 2 is no row"),
+        ("\t".join(MetricRow._fields) + "\na\tb\tc\td\te\tmany\tmm\t1\t0\t\n", "line 2 is no row"),
     ],
 )
 def test_files_that_are_no_table_are_refused(tmp_path, text, message):
@@ -89,7 +89,7 @@ def test_collecting_keeps_order_and_refuses_doubles(tmp_path):
 
 def test_summary_has_each_type_and_all_with_their_counts():
     rows = summarised([0.2, 0.4, 0.9, np.nan], ["Top", "Top", "Dress", "Dress"], [*"abcd"])
-    assert find_value(rows, "svae", "test", ALL, "mask_iou")[5:] == (pytest.approx(0.5), "1", 3, 1)
+    assert find_value(rows, "svae", "test", ALL, "mask_iou")[5:] == (pytest.approx(0.5), "1", 3, 1, "")
     assert find_value(rows, "svae", "test", "Top", "mask_iou").value == pytest.approx(0.3)
     assert find_value(rows, "svae", "test", "Dress", "mask_iou").n == 1
     assert find_value(rows, "svae", "test", "Top", "mask_iou" + LOW) is None  # of two: none

@@ -10,7 +10,9 @@ import numpy as np
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.metrics.sequence import Measured
@@ -31,7 +33,7 @@ from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
 from drapeline.registration.to_points import RefineSettings
 from drapeline.registration.worn_garments import WornGarmentStatistics
-from drapeline.rule_log import LOGGER, progress
+from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
@@ -69,6 +71,10 @@ class Evaluation:
         sequences: of one type.
         split: "train", "val" or "test".
         settings: see there.
+
+    Raises:
+        InputError: no sequence of the split is simulated. Garments moved by skinning are never
+            measured: they have no folds of their own.
     """
 
     def __init__(self, sequences: BodySequences, split: str, settings: EvaluationSettings) -> None:
@@ -76,18 +82,11 @@ class Evaluation:
         self.split, self.settings = split, settings
         self._measured: dict[str, list[Measured]] = {}
         self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
-        data = sequences.data
-        simulated = data.of_split(split, ("simulated",))
-        self.of_split = data.of_split(split)
-        # Skinned garments have no true folds, but they are better than nothing to measure at all.
-        self.moving = simulated if len(simulated) else self.of_split
-        if len(self.of_split) and not len(simulated):
-            LOGGER.warning(
-                "no simulated %s in the %s split: posed garments are measured on %d skinned ones,"
-                " without accelerations where frames are not consecutive",
-                data.garment_type,
-                split,
-                len(self.moving),
+        self.simulated = self.data.of_split(split, (SIMULATED,))
+        if not len(self.simulated):
+            raise InputError(
+                f"no {self.data.garment_type} of the {split} split is simulated, expected one or"
+                " more to measure"
             )
 
     def rows(self) -> list[MetricRow]:
@@ -104,17 +103,23 @@ class Evaluation:
 
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
         """Record measures of a variant on a sequence."""
-        one = Measured(str(self.data.name[sequence]), self.data.garment_type, measures)
+        one = Measured(
+            str(self.data.name[sequence]),
+            self.data.garment_type,
+            measures,
+            str(self.data.source[sequence]),
+        )
         self._measured.setdefault(variant, []).append(one)
 
     def measure_canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
-        """M1 of stages by variant and of references without a stage, on sequences of all sources.
+        """M1 of stages by variant and of references without a stage.
 
-        The references are the mean garment; "pca", the garment from its true coefficients, which is
-        the best that the space can do; and "truth", the registered garment against the original.
+        The references are the mean garment; "regression", what the canonical network starts from;
+        "pca", the garment from its true coefficients, which is the best that the space can do; and
+        "truth", the registered garment against the original.
         """
         data = self.data
-        for sequence in progress(self.of_split, total=len(self.of_split), label="canonical"):
+        for sequence in progress(self.simulated, total=len(self.simulated), label="canonical"):
             self._measure_canonical("mean_garment", sequence, data.space.mean)
             self._measure_canonical(
                 "pca", sequence, data.space.vertices(data.coefficients[sequence])
@@ -141,7 +146,7 @@ class Evaluation:
         self, variant: str, stage: PosedStage
     ) -> Iterator[tuple[int, ReconstructedGarment]]:
         """Measure a stage; yields each sequence with its reconstruction, and keeps none."""
-        for sequence in progress(self.moving, total=len(self.moving), label=variant):
+        for sequence in progress(self.simulated, total=len(self.simulated), label=variant):
             made = self._reconstruct(stage, sequence)
             self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
             yield int(sequence), made
@@ -194,11 +199,17 @@ class Evaluation:
             data.garment[rows] if true else None,
             body=metrics.MovingBody(body_vertices, body.model.faces),
             points=data.points[rows],
-            consecutive=data.consecutive(sequence),
+            faces=data.space.faces,
         )
         if seconds is not None:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
+
+    def measure_still(self, sequence: int) -> None:
+        """M3 of a garment that never moves: what networks that smooth all motion away would get."""
+        true = self.data.garment[self.data.rows(sequence)]
+        error = metrics.acceleration_error_m_s2(np.zeros_like(true), true)
+        self.add("still", sequence, {"acceleration_error_m_s2": error})
 
     def reconstruction(self, sequence: int, made: ReconstructedGarment) -> Reconstruction:
         """A reconstruction with all that figures need."""
@@ -219,7 +230,7 @@ class Evaluation:
     def measure_sweeps(self, stage: PosedStage) -> None:
         """Figures 8, 9 and 10."""
         settings, plain = self.settings, stage.settings.skinning
-        for sequence in progress(self.moving, total=len(self.moving), label="sweeps"):
+        for sequence in progress(self.simulated, total=len(self.simulated), label="sweeps"):
             name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
             points, labels = self.data.points[rows], self.data.labels[rows]
             for count in settings.neighbours:
@@ -253,12 +264,11 @@ class Evaluation:
         body. Of the posed stages these are the full model (the variant "noisy_body" itself), its
         proposals and our last step, and MGN*.
         """
-        for sequence in progress(self.of_split, total=len(self.of_split), label="noisy bodies"):
+        for sequence in progress(self.simulated, total=len(self.simulated), label="noisy bodies"):
             for variant, stage in canonical.items():
                 if stage.body_relative_points:
                     estimated = self._estimate(stage, sequence, noisy=True)
                     self._measure_canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
-        for sequence in progress(self.moving, total=len(self.moving), label="noisy bodies"):
             poses, body = self._body(sequence, noisy=True)
             made = self._reconstruct(posed["posed"], sequence, noisy=True)
             ours = self._refine(sequence, made, poses, body, refining, worn_statistics)
@@ -285,8 +295,7 @@ class Evaluation:
     ) -> None:
         """Measure M2 and M3 alone."""
         true = self.data.garment[self.data.rows(sequence)]
-        consecutive = self.data.consecutive(sequence)
-        measures = metrics.sequence_measures(garment, true, consecutive=consecutive)
+        measures = metrics.sequence_measures(garment, true)
         if seconds is not None:
             measures["inference_s_per_frame"] = seconds / len(true)
         self.add(variant, sequence, measures)
@@ -310,8 +319,7 @@ class Evaluation:
             return self._estimates[key]
         points, body = self.data.points[self.data.rows(sequence)], self._body(sequence, noisy=noisy)
         made = estimate(stage, points, *body, frames=frames, stride=stride)
-        if sequence in self.moving:
-            self._estimates.add(key, made)
+        self._estimates.add(key, made)
         return made
 
     def _reconstruct(
@@ -330,7 +338,6 @@ class Evaluation:
             "poses": poses,
             "body": body,
             "stride": stride,
-            "consecutive": self.data.consecutive(sequence),
         }
         return reconstruct(stage, **{**given, **changed})
 
@@ -362,20 +369,21 @@ def evaluate(
             leave them out.
     """
     data, table = sequences.data, []
+    regression = canonical["canonical"].regression_alone()
+    references = {} if regression is None else {"regression": regression}
     with atomic_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(sequences, split, settings)
-            evaluation.measure_canonicals(canonical)
-            for variant, stage in posed.items():
+            evaluation.measure_canonicals(canonical | references)
+            for variant, stage in {**posed, "untrained": posed["posed"].untrained()}.items():
                 for sequence, made in evaluation.measure_posed(variant, stage):
                     if variant != "posed":
                         continue
                     name, rows = str(data.name[sequence]), data.rows(sequence)
                     evaluation.measure_garment("lbs", sequence, made.proposal)
+                    evaluation.measure_still(sequence)
                     ours = evaluation.measure_ours(sequence, made, refining, worn_statistics)
                     evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
-                    simulated = float(data.source[sequence] == "simulated")
-                    evaluation.add("truth", sequence, {"simulated_share": simulated})
                     if split == "test":
                         shown = evaluation.reconstruction(sequence, made)
                         shown.save(scratch / f"{name}.npz")

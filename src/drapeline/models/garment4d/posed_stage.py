@@ -1,6 +1,7 @@
 """Training of the posed stage on a trained canonical one, and of its baseline MGN*."""
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import asdict
 from typing import Any
 
@@ -72,6 +73,12 @@ class PosedStage(Stage):
             canonical.level_channels,
             self.weight_rng(),
         )
+
+    def untrained(self) -> "PosedStage":
+        """The same stage with the weights that its training began with."""
+        stage = deepcopy(self)
+        stage.network = self.build(self.canonical.network).to(self.device)
+        return stage.eval()
 
     def estimate_canonical(
         self, points: torch.Tensor, initial_alpha: torch.Tensor | None = None

@@ -111,7 +111,6 @@ def reconstruct(
     stride: int | None = None,
     skinning: SkinningSettings | None = None,
     labels: np.ndarray | None = None,
-    consecutive: bool = True,
     estimated: Estimate | None = None,
 ) -> ReconstructedGarment:
     """Both stages on a whole sequence; a frame in several windows gets the mean of them.
@@ -125,7 +124,6 @@ def reconstruct(
             to end with the sequence.
         skinning: of the proposals, where not as in training.
         labels: (F, P) to choose the garment's points by, instead of the network's own.
-        consecutive: whether these are all frames of the motion; others are not smoothed.
         estimated: output of its canonical network for all this, if it is known already.
 
     Raises:
@@ -163,7 +161,7 @@ def reconstruct(
         batch = {key: value.to(stage.device) for key, value in batch.items()}
         mean.add(chosen, stage.predict(batch, output.levels)[-1].cpu().numpy())
     final = mean()
-    if consecutive and stage.smooth_passes:
+    if stage.smooth_passes:
         final = proposal + smooth_over_frames(final - proposal, stage.smooth_passes)
     seconds = estimated.seconds + time.perf_counter() - started
     return ReconstructedGarment(estimated.labels, canonical, proposal, final, seconds)

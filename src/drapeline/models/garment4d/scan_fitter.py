@@ -116,9 +116,9 @@ class Garment4dScanFitter:
         clouds = (scan.points[chosen] - body.trans).astype(np.float32)
         poses = np.tile(body.pose, (frames, 1))
         wearer = model.bodies.of(GENDERS.index(scan.gender), body.shape)
-        made = reconstruct(
-            model.stage, clouds, poses, wearer, labels=scan.labels[chosen], consecutive=True
-        )._replace(labels=scan.labels[chosen])
+        made = reconstruct(model.stage, clouds, poses, wearer, labels=scan.labels[chosen])._replace(
+            labels=scan.labels[chosen]
+        )
         final = refine(
             made,
             clouds,

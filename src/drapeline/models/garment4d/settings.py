@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from drapeline.errors import InputError
-from drapeline.learning_data.sequences import SOURCES
+from drapeline.learning_data.sequences import KINDS
 from drapeline.models.garment4d.canonical import Abstraction
 from drapeline.models.training.module import Training
 
@@ -19,13 +19,13 @@ class Garment4dTraining(Training):
     Attributes:
         frames: T of a window.
         stride: frames from one training window to the next.
-        sources: of the sequences, of `SOURCES`.
+        sources: of the sequences, of `KINDS`.
     """
 
     batch: int = 20
     frames: int = 10
     stride: int = 10
-    sources: tuple[str, ...] = SOURCES
+    sources: tuple[str, ...] = KINDS
 
 
 @dataclass(frozen=True)

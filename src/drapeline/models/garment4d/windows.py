@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drapeline.learning_data.sequences import SOURCES, SequenceData
+from drapeline.learning_data.sequences import KINDS, SequenceData
 from drapeline.models.garment4d.body_input import BodySet, PosedBody
 from drapeline.rule_log import LOGGER
 
@@ -110,7 +110,7 @@ class Windows:
         *,
         frames: int,
         stride: int,
-        sources: Sequence[str] = SOURCES,
+        sources: Sequence[str] = KINDS,
         most_validated: int | None = None,
         body_relative_points: bool = False,
     ) -> None:
@@ -119,7 +119,7 @@ class Windows:
         train = sequences.data.windows("train", frames, stride, sources)
         val = self._validation_windows(sources, most_validated)
         if not len(val):
-            val = self._validation_windows(SOURCES, most_validated)
+            val = self._validation_windows(KINDS, most_validated)
             LOGGER.warning(
                 "no %s %s in the validation split: the network is selected on %d windows of others",
                 " or ".join(sources),

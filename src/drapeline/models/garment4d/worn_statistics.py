@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from drapeline.learning_data.sequences import SIMULATED
 from drapeline.models.garment4d.dressed import propose_garment
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
@@ -28,7 +29,7 @@ def training_worn_statistics(
         skinning: of the proposals that garments are compared with.
     """
     data = sequences.data
-    chosen = data.of_split("train", ("simulated",))
+    chosen = data.of_split("train", (SIMULATED,))
     if not len(chosen):
         return None
     return measure_worn_garments(

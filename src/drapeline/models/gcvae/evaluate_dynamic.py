@@ -53,7 +53,8 @@ def evaluate_dynamic(
                 decoded[variant + RESOLVED_SUFFIX] = resolved
             for name, cloth in decoded.items():
                 measures = measure_motion(moving, frames, cloth, body, topology)
-                own = Measured(moving.sample, moving.name, add_kl(measures, codes.kl_nat()))
+                rows_of = add_kl(measures, codes.kl_nat())
+                own = Measured(moving.sample, moving.name, moving.source, rows_of)
                 measured.setdefault(name, []).append(own)
         for name, own in measured.items():
             found += moving_summary(own, model=model.model, variant=name, split=split, seed=seed)

@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
 from drapeline.registration.to_template.garment_template import GarmentTemplate
@@ -31,6 +33,22 @@ class NamedGarment(NamedTuple):
     garment: str
     vertices: np.ndarray
     faces: np.ndarray
+
+
+def garments_of_sample(folder: str | Path) -> list[NamedGarment]:
+    """Garments at rest of a simulated sample; none if it was rejected.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    if not read_record(folder).accepted:
+        return []
+    with Sample(folder) as sample:
+        meshes = {name: sample.mesh(name) for name in sample.garments}
+        return [
+            NamedGarment(sample.id, name, mesh.vertices, mesh.faces)
+            for name, mesh in meshes.items()
+        ]
 
 
 def write_tables(

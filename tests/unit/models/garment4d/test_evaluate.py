@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from drapeline.errors import InputError
 from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
@@ -65,27 +66,21 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     # Toy garments vary in width and length alone, and registration changes nothing of them.
     assert value("truth", "canonical_to_original_mm") == pytest.approx(0, abs=1e-3)
     assert value("pca", "canonical_error_mm") < 0.1 * value("canonical", "canonical_error_mm")
-    assert value("truth", "simulated_share") == 1
     assert value("truth", "to_cloud_mm") < value("posed", "to_cloud_mm")
-    # Simulated sequences alone are measured in motion, all of them at rest.
+    # Simulated sequences alone are measured, though the split has another one.
     assert find_value(rows, "posed", "val", "Skirt", "vertex_error_mm").n == 1
-    assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 2
+    assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 1
     assert not [row for row in rows if row.split == "val" and row.variant == "noisy_body"]
 
 
-def test_skinned_garments_stand_in_for_simulated_ones_and_have_no_accelerations(
-    identity, toy_body, tmp_path, caplog
-):
+def test_garments_moved_by_skinning_are_never_measured(toy_body, tmp_path):
     save_toy_data(tmp_path / "data", toy_body)
     sequences = open_toy_data(tmp_path / "data", toy_body, 30)
     data = sequences.data
-    data.split[(data.source == "simulated") & (data.split == "val")] = "train"
-    evaluation = Evaluation(sequences, "val", EvaluationSettings())
-    assert "no simulated Skirt in the val split" in caplog.text
-    list(evaluation.measure_posed("posed", identity))
-    names = {row.metric for row in evaluation.rows()}
-    assert "vertex_error_mm" in names
-    assert "acceleration_error_m_s2" not in names
+    data.split[(data.source == "blender") & (data.split == "val")] = "train"
+    assert len(data.of_split("val"))
+    with pytest.raises(InputError, match="no Skirt of the val split is simulated"):
+        Evaluation(sequences, "val", EvaluationSettings())
 
 
 def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
@@ -116,7 +111,7 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, ide
     with torch.no_grad():
         next(other.canonical.network.parameters()).mul_(2)
     evaluation = Evaluation(sequences, "test", EvaluationSettings())
-    sequences = len(evaluation.moving)
+    sequences = len(evaluation.simulated)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
         list(evaluation.measure_posed("posed", stage))
         assert len(asked) == expected * sequences

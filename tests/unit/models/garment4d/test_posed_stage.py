@@ -19,7 +19,7 @@ from garment4d_toys import POSED
 def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, sequences):
     stage = load_stage(trained_posed, PosedStage)
     batch = batch_of(stage, stage.dress(sequences, ("val",)), "val")
-    assert set(sequences.data.source[batch["sequence"]]) == {"simulated", "skinned"}
+    assert set(sequences.data.source[batch["sequence"]]) == {"blender", "skinned"}
     with torch.no_grad():
         made = stage.predict(batch, stage.point_levels(batch))[-1]
     expected = 1000 * (made - batch["target"]).norm(dim=-1).mean()

@@ -77,4 +77,4 @@ def test_validation_falls_back_on_other_sources(tmp_path, toy_body, caplog):
     assert [str(sequences.data.source[s]) for s in batch["sequence"]] == ["skinned"]
     assert "no simulated Skirt in the validation split" in caplog.text
     trained = windows.batch(windows.rows("train"))["sequence"]
-    assert set(sequences.data.source[trained]) == {"simulated"}
+    assert set(sequences.data.source[trained]) == {"blender"}

@@ -1,0 +1,142 @@
+"""The rules of the learning group: clips, samples, and what is made of them, shard by shard."""
+
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.model import save_body
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_meta, solver_name
+from drapeline.experiment.samples import SamplePlan
+from drapeline.outfits.templates import build_templates
+from drapeline.simulation.attempts import SimulationSettings
+from drapeline.simulation.health import HealthBounds
+
+CLIPS = Path(__file__).parents[2] / "workflow/resources/motions"
+PLANS = [
+    SamplePlan("L00001", "walk", 0, 7, 16, "female", "Tshirt+Skirt", "train", 1.1),
+    SamplePlan("L00002", "walk", 1, 3, 10, "male", "Top+Trousers", "test", 0.9, True),
+]
+_LOOSE = {"stretch_low": 0.0, "stretch_high": 10.0}
+
+
+@pytest.fixture(scope="module")
+def shard(tmp_path_factory, run_rule, baked_bodies):
+    """The folder of a shard that the rules' own scripts have made."""
+    folder = tmp_path_factory.mktemp("learning")
+    forms = {}
+    for gender, body in baked_bodies.items():
+        forms |= {
+            f"{gender}_{kind}": folder / f"{gender}_{kind}.npz" for kind in ("body", "templates")
+        }
+        save_body(forms[f"{gender}_body"], body)
+        build_templates(body).save(forms[f"{gender}_templates"])
+    clip = {"motion": str(CLIPS / "walk.npz"), "frames": 40, "lock_feet": True}
+    run_rule(
+        "import_learning_motions",
+        input=[CLIPS / "walk.npz"],
+        output=[folder / "motions"],
+        params={"clips": {"walk": clip}},
+    )
+    run_rule(
+        "simulate_learning",
+        input={"motions": folder / "motions", **forms},
+        output=[folder / "samples" / "000"],
+        params={
+            "seed": 5,
+            "plans": [asdict(plan) for plan in PLANS],
+            "solver": "drapeline.xpbd.solver",
+            "bodies": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
+            "outfits": {
+                "edge_length_m": 0.04,
+                "vertices_min": 0,
+                "tightness_range": [-1.0, 0.0],
+                "elastic_probability": 0.5,
+            },
+            "own_garments": {"female": {}, "male": {}},
+            "settings": asdict(SimulationSettings(steps_min=6, steps_max=6, attempts=1)),
+            # Whatever a processor makes of so short a motion is taken.
+            "bounds": {field.name: _LOOSE.get(field.name, 1.0) for field in fields(HealthBounds)},
+        },
+        threads=1,
+    )
+    return folder / "samples" / "000"
+
+
+def test_samples_are_cloth3d_folders_that_say_how_they_were_made(shard):
+    assert [path.name for path in sorted(shard.iterdir())] == ["L00001", "L00002"]
+    for plan in PLANS:
+        meta = read_meta(shard / plan.sample)
+        assert meta["status"] == "accepted"
+        assert solver_name(meta) == "xpbd"
+        assert meta["split"] == plan.split
+        motion = meta["motion"]
+        assert motion["sequence"] == plan.sub_sequence
+        assert (motion["speed"], motion["mirrored"]) == (plan.speed, plan.mirrored)
+        assert motion["start_frame"] == plan.start
+        with Sample(shard / plan.sample) as sample:
+            assert sample.frame_count == plan.frames
+            assert {*sample.garments} == {*plan.outfit_type.split("+")}
+            assert sample.gender == plan.gender
+            for garment in sample.garments:
+                assert np.isfinite(sample.vertices(garment)).all()
+
+
+def test_bodies_and_outfits_are_their_own(shard):
+    shapes = []
+    for plan in PLANS:
+        with Sample(shard / plan.sample) as sample:
+            shapes.append(sample.info.shape)
+    assert np.abs(shapes[0] - shapes[1]).max() > 0.1
+
+
+def test_clouds_are_of_samples_that_wear_what_is_learned(shard, run_rule, tmp_path):
+    run_rule(
+        "sample_learning_clouds",
+        input=[shard],
+        output=[tmp_path / "clouds"],
+        params={
+            "garments": ["Skirt"],
+            "settings": {"points": 64, "protocol": "surface", "seed": 0},
+        },
+    )
+    assert [path.name for path in (tmp_path / "clouds").iterdir()] == ["L00001"]
+
+
+def test_garments_are_registered_by_sample(shard, run_rule, tmp_path, baked_bodies):
+    from drapeline.registration.to_body.super_body import build_super_body
+    from drapeline.registration.to_body.topology import build_topology, save_topology
+
+    refined = build_super_body(baked_bodies, 0)
+    save_topology(tmp_path / "topology.npz", build_topology(refined))
+    for gender, body in refined.bodies.items():
+        save_body(tmp_path / f"{gender}.npz", body)
+    run_rule(
+        "register_learning",
+        input={
+            "samples": shard,
+            "topology": tmp_path / "topology.npz",
+            **{gender: tmp_path / f"{gender}.npz" for gender in refined.bodies},
+        },
+        output=[tmp_path / "registered"],
+    )
+    for plan in PLANS:
+        files = {path.stem for path in (tmp_path / "registered" / plan.sample).glob("*.npz")}
+        assert files == set(plan.outfit_type.split("+"))
+
+
+def test_templates_are_fitted_to_all_garments_of_a_shard(shard, run_rule, tmp_path, baked_bodies):
+    from drapeline.registration.to_template.make_template import make_template
+    from drapeline.registration.to_template.remesh_table import load_tables
+
+    forms = {gender: build_templates(body) for gender, body in baked_bodies.items()}
+    make_template("Skirt", forms, baked_bodies, 0.06).save(tmp_path / "Skirt.npz")
+    run_rule(
+        "fit_learning_templates",
+        input={"samples": shard, "Skirt": tmp_path / "Skirt.npz"},
+        output=[tmp_path / "fits"],
+        params={"garments": ["Skirt"], "settings": {"iterations": 1}},
+    )
+    assert list(load_tables([tmp_path / "fits"], "Skirt")) == ["L00001"]
