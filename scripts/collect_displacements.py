@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
+from drapeline.dataset.shards import samples_of_shards
 from drapeline.frames import GENDERS
 from drapeline.learning_data.pose_displacements import collect_displacements
 from drapeline.rule_log import rule_log
@@ -14,7 +15,7 @@ with rule_log(snakemake.log[0]) as log:
     given, params = snakemake.input, snakemake.params
     frames = collect_displacements(
         snakemake.output[0],
-        given.samples,
+        [*given.samples, *samples_of_shards(given.learning)],
         params.garments,
         {gender: load_body(given[gender]) for gender in GENDERS},
         frame_step=params.frame_step,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from drapeline.bodies.model import load_body
+from drapeline.dataset.shards import samples_of_shards
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import load_clusters
 from drapeline.learning_data.pose_displacements import DisplacementData, simulated_files
@@ -32,6 +33,9 @@ with rule_log(snakemake.log[0]):
         seed=params.seed,
     )
     held_out = simulated_files(
-        given.samples, params.garments, [params.split], frame_step=params.frame_step
+        [*given.samples, *samples_of_shards(given.learning)],
+        params.garments,
+        [params.split],
+        frame_step=params.frame_step,
     )
     write_metrics(snakemake.output[0], evaluation.run(params.split, held_out))

@@ -70,6 +70,8 @@ def stages(toy_body, tmp_path_factory):
         **given,
         "samples": samples,
         "registrations": registrations,
+        "learning": [],
+        "learning_registrations": [],
         "static": made / "static",
         "dynamic": made / "dynamic",
         "data": made / "dynamic",

@@ -31,7 +31,7 @@ def made(tmp_path_factory, run_rule, toy_body):
     save_npz(folder / "fields" / "clusters.npz", vertices=CLUSTERS)
     run_rule(
         "collect_displacements",
-        input={**bodies, "samples": samples},
+        input={**bodies, "samples": samples, "learning": []},
         output=[folder / "data"],
         params={"garments": ("Skirt",), "frame_step": 2},
     )
@@ -55,6 +55,7 @@ def made(tmp_path_factory, run_rule, toy_body):
             "data": folder / "data",
             "fields": folder / "fields",
             "samples": samples,
+            "learning": [],
         },
         output=[folder / "metrics.tsv"],
         params={"garments": ("Skirt",), "split": "test", "frame_step": 3, "seed": 0},

@@ -1,5 +1,7 @@
 """The rules that collect garments in motion and train on them, on a toy body."""
 
+import shutil
+
 import numpy as np
 import pytest
 import torch
@@ -57,10 +59,15 @@ def collected(run_rule, stages, folder):
                 output=[folder / "registration" / sample],
                 wildcards={"sample": sample},
             )
-        lists = {
-            name: [str(folder / part / sample) for sample in SPLITS]
-            for name, part in (("samples", "samples"), ("registrations", "registration"))
-        }
+        # The first sample by itself, the others as a shard of the learning group.
+        lists = {"samples": [], "registrations": [], "learning": [], "learning_registrations": []}
+        for kind, part in (("samples", "samples"), ("registrations", "registration")):
+            first, *others = [folder / part / sample for sample in SPLITS]
+            lists[kind] = [first]
+            for other in others:
+                shard = folder / "shards" / part
+                shutil.copytree(other, shard / other.name, dirs_exist_ok=True)
+            lists["learning" if kind == "samples" else "learning_registrations"] = [shard]
         run_rule(
             "collect_dynamic",
             input={**lists, **bodies},

@@ -1,4 +1,8 @@
-from drapeline.experiment.checks import planned_sequences, require_sequences
+from drapeline.experiment.checks import (
+    planned_sequences,
+    require_sequences,
+    require_simulated,
+)
 from drapeline.models.garment4d.variants import posed_variants
 from drapeline.models.training.settings import override_settings
 
@@ -147,7 +151,13 @@ def posed_models(wildcards):
 
 
 def evaluated_sequences(wildcards):
-    """Sequences of a type; for the ablations with points as in the released code too."""
+    """Sequences of a type; for the ablations with points as in the released code too.
+
+    Those moved by skinning are not measured, so the plan must have others.
+    """
+    planned = [*SAMPLES.values(), *LEARNING_PLANS]
+    wearers = [p for p in planned if wildcards.garment in p.outfit_type.split("+")]
+    require_simulated(wildcards.garment, wearers, EVALUATED_SPLITS)
     sequences = {"data": SEQUENCES[wildcards.garment]}
     if wildcards.models == "ablations":
         sequences["vertex_sampled"] = f"{G4D}/{wildcards.garment}/data_vertices"

@@ -37,7 +37,7 @@ DISPLACED_MODELS = [
     if {"train", EVALUATED_SPLITS[0]}
     <= {
         planned.split
-        for planned in SAMPLES.values()
+        for planned in [*SAMPLES.values(), *LEARNING_PLANS]
         if set(FIELD_MODELS[model].garments) & {*planned.outfit_type.split("+")}
     }
 ]

@@ -2,6 +2,7 @@ rule collect_displacements:
     input:
         **WHOLE_BODIES,
         samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
+        learning=LEARNING_SAMPLES,
     output:
         directory(f"{SMPLICIT}/displacement_data/{{field}}"),
     log:
@@ -55,6 +56,7 @@ rule evaluate_displacement:
         data=f"{SMPLICIT}/displacement_data/{{field}}",
         fields=f"{SMPLICIT}/data/{{field}}",
         samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
+        learning=LEARNING_SAMPLES,
     output:
         f"{RESULTS}/metrics/smplicit_displacement_{{field}}.tsv",
     log:

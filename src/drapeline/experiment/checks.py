@@ -80,6 +80,26 @@ def require_splits(
             )
 
 
+def require_simulated(garment: str, wearers: Iterable[SamplePlan], splits: Sequence[str]) -> None:
+    """Check that a garment type is simulated in every split that is measured.
+
+    Args:
+        garment: type.
+        wearers: samples that wear it.
+        splits: that are measured.
+
+    Raises:
+        InputError: a split has none.
+    """
+    found = {sample.split for sample in wearers}
+    for split in splits:
+        if split not in found:
+            raise InputError(
+                f"the plan has no simulated {garment} for {split}, expected one or more to measure;"
+                " outfits.types, samples.count, learning.count and the shares of the splits decide"
+            )
+
+
 class PlannedSequence(NamedTuple):
     """A garment in motion that Garment4D is going to learn from or be tested on.
 
@@ -169,8 +189,8 @@ def require_sequences(
         if len(available) < least:
             raise InputError(
                 f"the plan has {len(available)} sequences of a {garment} for {split} {origin},"
-                f" expected {least} or more; outfits.types, samples.count, the shares of the"
-                " splits and garment4d.skinned.shards decide"
+                f" expected {least} or more; outfits.types, samples.count, learning.count, the"
+                " shares of the splits and garment4d.skinned.shards decide"
             )
     seen = own + ([sequence for sequence in val if sequence.source in sources] or val)
     shortest = min(seen, key=lambda sequence: sequence.frames)

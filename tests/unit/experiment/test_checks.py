@@ -11,6 +11,7 @@ from drapeline.experiment.checks import (
     planned_sequences,
     refuse_contradictions,
     require_sequences,
+    require_simulated,
     require_splits,
 )
 from drapeline.experiment.config import fill_settings
@@ -124,6 +125,16 @@ ENOUGH = [
 
 def require(planned, sources, window):
     require_sequences("Skirt", planned, stage="posed", sources=sources, window=window)
+
+
+def test_what_is_measured_must_be_simulated():
+    wearers = [
+        SamplePlan("00001", "walk", 0, 0, 60, "female", "Tshirt+Skirt", split)
+        for split in ("train", "test")
+    ]
+    require_simulated("Skirt", wearers, ["test"])
+    with pytest.raises(InputError, match="no simulated Skirt for val, expected one or more"):
+        require_simulated("Skirt", wearers, ["val", "test"])
 
 
 def test_enough_sequences_pass():

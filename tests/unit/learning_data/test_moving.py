@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.learning_data.moving import load_moving, moving_files_test_first
+from drapeline.learning_data.moving import load_moving, moving_files_test_first, moving_folders
 from moving_toys import moving_garment, write_registered_sample
 
 
@@ -20,6 +20,22 @@ def samples(toy_body, tmp_path):
 def folders(samples):
     """Of samples and of their registrations."""
     return [s.tiny.folder for s in samples], [s.registration for s in samples]
+
+
+def test_samples_of_shards_follow_the_others_with_their_registrations(tmp_path):
+    for name in ("L00002", "L00001"):
+        for part in ("samples", "registration"):
+            (tmp_path / part / "000" / name).mkdir(parents=True)
+    given = {
+        "samples": ["a/00001"],
+        "registrations": ["b/00001"],
+        "learning": [str(tmp_path / "samples" / "000")],
+        "learning_registrations": [str(tmp_path / "registration" / "000")],
+    }
+    found = moving_folders(given)
+    assert [path.name for path in found[0]] == ["00001", "L00001", "L00002"]
+    assert [path.name for path in found[1]] == ["00001", "L00001", "L00002"]
+    assert found[1][1].parents[1].name == "registration"
 
 
 def test_only_accepted_samples_are_loaded_root_relative(samples):

@@ -89,7 +89,13 @@ def test_collecting_keeps_order_and_refuses_doubles(tmp_path):
 
 def test_summary_has_each_type_and_all_with_their_counts():
     rows = summarised([0.2, 0.4, 0.9, np.nan], ["Top", "Top", "Dress", "Dress"], [*"abcd"])
-    assert find_value(rows, "svae", "test", ALL, "mask_iou")[5:] == (pytest.approx(0.5), "1", 3, 1, "")
+    assert find_value(rows, "svae", "test", ALL, "mask_iou")[5:] == (
+        pytest.approx(0.5),
+        "1",
+        3,
+        1,
+        "",
+    )
     assert find_value(rows, "svae", "test", "Top", "mask_iou").value == pytest.approx(0.3)
     assert find_value(rows, "svae", "test", "Dress", "mask_iou").n == 1
     assert find_value(rows, "svae", "test", "Top", "mask_iou" + LOW) is None  # of two: none
