@@ -13,13 +13,18 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import pytorch_lightning as lightning
 import torch
-from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
-from pytorch_lightning.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from drapeline.models.training.batches import Batch, TrainingBatches
+from drapeline.models.training.lightning_parts import (
+    Callback,
+    LightningModule,
+    ModelCheckpoint,
+    TensorBoardLogger,
+    TQDMProgressBar,
+    Trainer,
+)
 from drapeline.models.training.module import (
     BEST,
     LAST,
@@ -41,7 +46,7 @@ HISTORY = "history.tsv"
 CURVES = "tensorboard"
 
 
-class History(lightning.Callback):
+class History(Callback):
     """A row per epoch, kept in the checkpoint so that a resumed training has the earlier ones."""
 
     def __init__(self, path: Path) -> None:
@@ -52,7 +57,7 @@ class History(lightning.Callback):
         """Start the clock."""
         self._started = time.perf_counter()
 
-    def on_train_epoch_end(self, trainer: lightning.Trainer, _: Any) -> None:
+    def on_train_epoch_end(self, trainer: Trainer, _: Any) -> None:
         """Write the epoch's row, and a line of it to the log."""
         values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
         seconds = time.perf_counter() - self._started
@@ -83,7 +88,7 @@ class History(lightning.Callback):
         self.rows = list(state["rows"])
 
 
-class _Loop(lightning.LightningModule):
+class _Loop(LightningModule):
     """A network and its batches as Lightning takes them; checkpoints hold the weights alone."""
 
     def __init__(self, trained: TrainableModule, data: TrainingBatches) -> None:
@@ -210,9 +215,7 @@ def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
     write_json(under_way / SETTINGS, settings)
 
 
-def _trainer(
-    under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]
-) -> lightning.Trainer:
+def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]) -> Trainer:
     terminal = sys.stderr.isatty()
     # The last after the best, so that it knows which epoch was best so far when resumed.
     keepers = [
@@ -225,7 +228,7 @@ def _trainer(
         )
         for name, value in ((BEST, monitor), (LAST, None))
     ]
-    return lightning.Trainer(
+    return Trainer(
         max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
         logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
