@@ -14,9 +14,7 @@ sys.path.insert(0, str(SOURCE))
 os.environ.update(
     PYTHONPATH=os.pathsep.join(
         filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")])
-    ),
-    # Large blocks of memory in huge pages, which speeds up trainings; glibc reads it at the start.
-    GLIBC_TUNABLES=os.environ.get("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1"),
+    )
 )
 
 from drapeline.dataset.record import outfit_text, read_meta
