@@ -4,12 +4,10 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
-
-from tqdm import tqdm
 
 from drapeline.errors import InputError
 
@@ -50,12 +48,17 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
 
 def progress(items: Iterable[Item], *, total: int | None = None, label: str) -> Iterator[Item]:
     """Iterate with a progress bar on a terminal and a log message every ten seconds."""
-    bar = tqdm(items, total=total, desc=label, disable=not sys.stderr.isatty())
+    if total is None and isinstance(items, Sized):
+        total = len(items)
+    if sys.stderr.isatty():
+        from tqdm import tqdm  # here, because every job imports this module and few draw a bar
+
+        items = tqdm(items, total=total, desc=label)
     last = started = time.perf_counter()
-    for index, item in enumerate(bar):
+    for index, item in enumerate(items):
         yield item
         now = time.perf_counter()
         if now - last > 10:
             last = now
             rate = (index + 1) / (now - started)
-            LOGGER.info("%s: %d of %s, %.1f per s", label, index + 1, bar.total or "?", rate)
+            LOGGER.info("%s: %d of %s, %.1f per s", label, index + 1, total or "?", rate)

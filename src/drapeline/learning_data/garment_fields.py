@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
@@ -84,6 +83,8 @@ def sample_field(
 
 
 def _on_surface(rng: np.random.Generator, mesh: Mesh, count: int) -> np.ndarray:
+    import trimesh  # here, because those who read finished samples do not need it
+
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     return trimesh.sample.sample_surface(surface, count, seed=rng)[0]
 

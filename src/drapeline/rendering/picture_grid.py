@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.storage import atomic_file
 
-_HEAT = matplotlib.colormaps["viridis"]
 _HEAT_LEVELS = 40
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
 _CARD = (237, 238, 240)
@@ -20,7 +18,10 @@ _CARD = (237, 238, 240)
 
 def heat_colour(share: np.ndarray | float) -> np.ndarray:
     """(..., 3) sRGB in 0-1: dark blue for 0, yellow for 1 and more."""
-    return np.asarray(_HEAT(np.clip(np.asarray(share, dtype=float), 0, 1)))[..., :3]
+    import matplotlib  # here, because few pictures have such colours
+
+    heat = matplotlib.colormaps["viridis"]
+    return np.asarray(heat(np.clip(np.asarray(share, dtype=float), 0, 1)))[..., :3]
 
 
 def heat_parts(

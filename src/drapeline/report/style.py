@@ -1,4 +1,4 @@
-"""One look for all figures: colours, fonts and how they are saved."""
+"""One look for all figures: fonts, lines and how they are saved."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -6,27 +6,10 @@ from pathlib import Path
 
 import matplotlib
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from drapeline.report.colours import FAINT, INK, QUIET
 from drapeline.storage import atomic_file
-
-# Okabe and Ito's palette, which colour-blind readers can tell apart.
-BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
-VERMILION, SKY = "#D55E00", "#56B4E9"
-INK, QUIET, FAINT = "#222222", "#6b6f76", "#e3e5e8"
-SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
-GENDER_COLOURS = {"female": PURPLE, "male": BLUE}
-GARMENT_COLOURS = {
-    "Tshirt": BLUE,
-    "Top": ORANGE,
-    "Trousers": GREEN,
-    "Skirt": PURPLE,
-    "Jumpsuit": VERMILION,
-    "Dress": SKY,
-}
-FABRIC_GLOSS = {"silk": 0.22, "leather": 0.3}  # cotton and denim have no highlights
-FABRIC_COLOURS = {"cotton": SKY, "silk": ORANGE, "denim": BLUE, "leather": VERMILION}
 
 _SETTINGS = {
     "font.family": "sans-serif",
@@ -55,16 +38,6 @@ _SETTINGS = {
     "svg.fonttype": "none",
     "svg.hashsalt": "drapeline",
 }
-
-
-def garment_colour(garment: str) -> tuple[float, float, float]:
-    """sRGB of a garment type in 0-1, the same in every figure."""
-    return to_rgb(GARMENT_COLOURS[garment])
-
-
-def fabric_gloss(fabric: str | None) -> float:
-    """Strength of a fabric's highlights in renderings, 0 for none."""
-    return FABRIC_GLOSS.get(fabric or "", 0.0)
 
 
 @contextmanager

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from drapeline.dataset.tables import read_table, write_table
 from drapeline.errors import InputError
+from drapeline.report.colours import BLUE, GREEN, ORANGE
 from drapeline.report.html import Cell, html_table, write_page
-from drapeline.report.style import BLUE, GREEN, ORANGE, label_bar, saved_figure, show_message
+from drapeline.report.style import label_bar, saved_figure, show_message
 
 
 class StepTime(NamedTuple):

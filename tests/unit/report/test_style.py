@@ -1,18 +1,10 @@
-"""How figures are saved, and the colours of garments."""
+"""How figures are saved."""
 
 import re
 
-import numpy as np
 from PIL import Image
 
-from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.style import (
-    garment_colour,
-    label_bar,
-    place_legend_above,
-    saved_figure,
-    show_message,
-)
+from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 
 
 def draw(path):
@@ -45,9 +37,3 @@ def test_an_empty_plot_says_why_and_has_no_axes(tmp_path):
         show_message(axes, "Nothing yet")
         assert not axes.axison
     assert "Nothing yet" in (tmp_path / "a.svg").read_text()
-
-
-def test_garment_types_have_colours_that_can_be_told_apart():
-    colours = np.array([garment_colour(garment) for garment in GARMENTS])
-    apart = np.abs(colours[:, None] - colours).max(axis=2)
-    assert apart[~np.eye(len(GARMENTS), dtype=bool)].min() > 0.2

@@ -9,22 +9,28 @@ import shutil
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import pytorch_lightning as lightning
 import torch
-from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
-from pytorch_lightning.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from drapeline.models.training.batches import Batch, TrainingBatches
+from drapeline.models.training.lightning_parts import (
+    Callback,
+    LightningModule,
+    ModelCheckpoint,
+    TensorBoardLogger,
+    TQDMProgressBar,
+    Trainer,
+)
 from drapeline.models.training.module import (
     BEST,
     LAST,
     RATE_SHARE,
     SETTINGS,
+    Logged,
     Position,
     TrainableModule,
 )
@@ -41,7 +47,7 @@ HISTORY = "history.tsv"
 CURVES = "tensorboard"
 
 
-class History(lightning.Callback):
+class History(Callback):
     """A row per epoch, kept in the checkpoint so that a resumed training has the earlier ones."""
 
     def __init__(self, path: Path) -> None:
@@ -52,8 +58,9 @@ class History(lightning.Callback):
         """Start the clock."""
         self._started = time.perf_counter()
 
-    def on_train_epoch_end(self, trainer: lightning.Trainer, _: Any) -> None:
+    def on_train_epoch_end(self, trainer: Trainer, loop: LightningModule) -> None:
         """Write the epoch's row, and a line of it to the log."""
+        loop.log_epoch("train")
         values = {key: float(value) for key, value in sorted(trainer.callback_metrics.items())}
         seconds = time.perf_counter() - self._started
         self.rows.append({"epoch": trainer.current_epoch, "seconds": round(seconds, 3), **values})
@@ -83,12 +90,33 @@ class History(lightning.Callback):
         self.rows = list(state["rows"])
 
 
-class _Loop(lightning.LightningModule):
+class _Means:
+    """Means of what the steps of an epoch log, weighted by their rows."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, torch.Tensor] = {}
+        self._counts: dict[str, int] = {}
+
+    def add(self, values: Mapping[str, torch.Tensor], count: int) -> None:
+        """Add the values of a batch of `count` rows."""
+        for name, value in values.items():
+            self._sums[name] = self._sums.get(name, 0) + value.float() * count
+            self._counts[name] = self._counts.get(name, 0) + count
+
+    def take(self, stage: str) -> Iterator[Logged]:
+        """Means of the names that begin with a stage's, with their rows; they start anew."""
+        for name in [name for name in self._sums if name.startswith(f"{stage}_")]:
+            count = self._counts.pop(name)
+            yield Logged({name: self._sums.pop(name) / count}, count)
+
+
+class _Loop(LightningModule):
     """A network and its batches as Lightning takes them; checkpoints hold the weights alone."""
 
     def __init__(self, trained: TrainableModule, data: TrainingBatches) -> None:
         super().__init__()
         self.trained, self.data = trained, data
+        self._means = _Means()
 
     def state_dict(self, *args: Any, **kwargs: Any) -> Any:
         """The network's."""
@@ -139,9 +167,20 @@ class _Loop(lightning.LightningModule):
         trained.position = Position(self.current_epoch, self.global_step, self.global_rank)
         out = step(batch)
         while trained.logged:
-            values, count = trained.logged.pop()
-            self.log_dict(values, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
+            self._means.add(*trained.logged.pop())
         return out
+
+    def on_validation_epoch_end(self) -> None:
+        """Log the validation's results."""
+        self.log_epoch("val")
+
+    def log_epoch(self, stage: str) -> None:
+        """Log means over the epoch, once: Lightning's own take milliseconds of every step.
+
+        Each process counts its rows, so that those of several devices weigh alike.
+        """
+        for values, count in self._means.take(stage):
+            self.log_dict(values, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
 
 
 def fit(
@@ -210,9 +249,7 @@ def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
     write_json(under_way / SETTINGS, settings)
 
 
-def _trainer(
-    under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]
-) -> lightning.Trainer:
+def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, Any]) -> Trainer:
     terminal = sys.stderr.isatty()
     # The last after the best, so that it knows which epoch was best so far when resumed.
     keepers = [
@@ -225,7 +262,7 @@ def _trainer(
         )
         for name, value in ((BEST, monitor), (LAST, None))
     ]
-    return lightning.Trainer(
+    return Trainer(
         max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
         logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),

@@ -14,7 +14,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import edge_counts, edges
@@ -189,6 +188,9 @@ def _renumber(
     label: np.ndarray, vertices: np.ndarray, wanted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Renumber a level so that its vertices overlap the wanted ones of the same number most."""
+    # Here, because whoever reads a finished hierarchy, as every network does, does without it.
+    from scipy.optimize import linear_sum_assignment
+
     overlap = np.zeros((len(vertices),) * 2)
     np.add.at(overlap, (label, wanted), 1)
     number = linear_sum_assignment(-overlap)[1]

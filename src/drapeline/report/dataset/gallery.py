@@ -21,7 +21,7 @@ from drapeline.rendering.camera import (
 )
 from drapeline.rendering.picture_grid import text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.style import fabric_gloss
+from drapeline.report.colours import fabric_gloss
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_file
 

@@ -11,16 +11,9 @@ from matplotlib.axes import Axes
 from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
+from drapeline.report.colours import BLUE, FAINT, GREEN, SKY
 from drapeline.report.html import Cell, html_table, write_page
-from drapeline.report.style import (
-    BLUE,
-    FAINT,
-    GREEN,
-    SKY,
-    place_legend_above,
-    saved_figure,
-    show_message,
-)
+from drapeline.report.style import place_legend_above, saved_figure, show_message
 
 ACCEPTED_SHARE_MIN = 0.9
 _NAMED_SAMPLES = 48  # more rows would be illegible, so samples are ranked instead

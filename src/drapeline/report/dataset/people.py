@@ -14,7 +14,7 @@ from drapeline.frames import FPS
 from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import Camera, facing_direction, frame_points, look_at
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.style import fabric_gloss
+from drapeline.report.colours import fabric_gloss
 from drapeline.rule_log import progress
 
 _BLENDED = 8  # frames over which the end of a loop becomes its beginning

@@ -11,17 +11,8 @@ from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
-from drapeline.report.style import (
-    BLUE,
-    FABRIC_COLOURS,
-    GENDER_COLOURS,
-    QUIET,
-    SERIES,
-    label_bar,
-    place_legend_above,
-    saved_figure,
-    show_message,
-)
+from drapeline.report.colours import BLUE, FABRIC_COLOURS, GENDER_COLOURS, QUIET, SERIES
+from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 
 _NOTHING = "No sample was accepted"
 _ROW_IN = 0.34

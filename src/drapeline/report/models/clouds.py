@@ -7,8 +7,8 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import BACKDROP, ColouredMesh
+from drapeline.report.colours import garment_colour
 from drapeline.report.models.scene import PICTURE_SIZE, Scene
-from drapeline.report.style import garment_colour
 
 _SURFACE_M2 = 2.2  # of a dressed body, roughly: what a cloud's points are spread over
 _POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them

@@ -15,10 +15,10 @@ from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import GridCell, save_contact_sheet, save_grid, text_card
 from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.report.colours import garment_colour
 from drapeline.report.html import html_table, write_page
 from drapeline.report.models.clouds import cloud_parts
 from drapeline.report.models.scene import Scene, fit_scene
-from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 _SPLIT = "test"

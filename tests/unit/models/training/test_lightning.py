@@ -67,6 +67,43 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
     assert list((tmp_path / "out" / "tensorboard").glob("events.out.tfevents.*"))
 
 
+class Numbers(Line):
+    """Logs what it is given, the rows of a batch at once."""
+
+    def training_step(self, batch):
+        self.log_means("train", {"mean": batch.mean(), "half": batch.mean().half()}, len(batch))
+        return self.x**2
+
+    def validation_step(self, batch):
+        self.log_means("val", {"x": self.x.detach()}, len(batch))
+
+
+class Batches:
+    def loader(self, split, *, processes, rank):
+        rows = torch.arange(5.0) if split == "train" else torch.zeros(1)
+        return torch.utils.data.DataLoader(rows, batch_size=2)
+
+
+def test_history_holds_means_over_the_rows_of_each_epoch(tmp_path):
+    fit(
+        Numbers(),
+        Batches(),
+        tmp_path / "out",
+        progress=tmp_path / "progress",
+        epochs=2,
+        monitor="val_x",
+        settings={},
+        trainer={"accelerator": "cpu"},
+        threads=THREADS,
+    )
+    header, *rows = (tmp_path / "out" / "history.tsv").read_text().splitlines()
+    for row in rows:
+        values = dict(zip(header.split("\t"), row.split("\t"), strict=True))
+        # 0, 1 | 2, 3 | 4: the last batch counts half of the others.
+        assert float(values["train_mean"]) == float(values["train_half"]) == 2.0
+    assert len(rows) == 2
+
+
 def test_a_training_clears_away_those_of_other_settings_and_keeps_its_own(tmp_path):
     for name in ("old", "same"):
         begin(tmp_path / "progress" / name, {"name": name})

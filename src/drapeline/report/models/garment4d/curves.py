@@ -10,19 +10,9 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from drapeline.metrics.sequence import MODEL
 from drapeline.metrics.table import HIGH, LOW, MetricRow, find_value
+from drapeline.report.colours import BLUE, GARMENT_COLOURS, GREEN, INK, QUIET, SKY
 from drapeline.report.models.garment_columns import garment_columns
-from drapeline.report.style import (
-    BLUE,
-    GARMENT_COLOURS,
-    GREEN,
-    INK,
-    QUIET,
-    SKY,
-    label_bar,
-    place_legend_above,
-    saved_figure,
-    show_message,
-)
+from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 
 _BASELINE = "#b4b8be"
 

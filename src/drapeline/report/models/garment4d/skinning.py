@@ -12,8 +12,8 @@ from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import edges
 from drapeline.rendering.picture_grid import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.report.colours import garment_colour
 from drapeline.report.models.scene import Scene, fit_scene
-from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 _RING = (213, 94, 0)

@@ -10,15 +10,9 @@ from matplotlib.ticker import PercentFormatter
 
 from drapeline.rendering.picture_grid import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.report.colours import GARMENT_COLOURS, QUIET, garment_colour
 from drapeline.report.models.scene import Scene, fit_scene
-from drapeline.report.style import (
-    GARMENT_COLOURS,
-    QUIET,
-    garment_colour,
-    place_legend_above,
-    saved_figure,
-    show_message,
-)
+from drapeline.report.style import place_legend_above, saved_figure, show_message
 from drapeline.rule_log import progress
 
 _DEVIATIONS = (-2, -1, 0, 1, 2)

@@ -13,9 +13,9 @@ from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import GridCell, heat_parts, join_pictures, save_grid
 from drapeline.rendering.raytracer import ColouredMesh
+from drapeline.report.colours import garment_colour
 from drapeline.report.models.clouds import cloud_parts
 from drapeline.report.models.scene import Scene, fit_scene, share_scale
-from drapeline.report.style import garment_colour
 from drapeline.rule_log import progress
 
 HEAT_SPAN_MM = 80.0

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from sklearn.manifold import TSNE
 
-from drapeline.report.style import GARMENT_COLOURS, saved_figure
+from drapeline.report.colours import GARMENT_COLOURS
+from drapeline.report.style import saved_figure
 
 _PERPLEXITY = 30.0
 _CODES_MAX = 1500  # points of the t-SNE, whose time grows with their square

@@ -21,7 +21,7 @@ from drapeline.rendering.camera import Camera
 from drapeline.rendering.modalities import cast_rays
 from drapeline.rendering.picture_grid import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.style import garment_colour
+from drapeline.report.colours import garment_colour
 from drapeline.rule_log import progress
 
 OWN_COLUMNS = ("picture", "found", "from the side")

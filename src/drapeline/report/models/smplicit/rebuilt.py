@@ -5,8 +5,8 @@ from pathlib import Path
 
 from drapeline.metrics.garment import distances_mm
 from drapeline.metrics.predictions import RebuiltGarment
+from drapeline.report.colours import garment_colour
 from drapeline.report.models.views import View, plot_views, wearer_view
-from drapeline.report.style import garment_colour
 
 COLUMNS = ("original", "one layer", "its error", "walls", "mean code")
 

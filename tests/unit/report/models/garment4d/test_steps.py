@@ -7,6 +7,7 @@ from PIL import Image
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.report.colours import garment_colour
 from drapeline.report.models.garment4d.steps import (
     STEP_COLUMNS,
     animate_steps,
@@ -17,7 +18,6 @@ from drapeline.report.models.garment4d.steps import (
     step_cells,
 )
 from drapeline.report.models.scene import Scene
-from drapeline.report.style import garment_colour
 from drapeline.seeding import rng_for
 from gcvae_toys import tube, tube_faces
 

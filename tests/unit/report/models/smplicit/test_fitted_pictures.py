@@ -10,12 +10,12 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.fitted_pictures import BODY, FittedPicture, PersonShown, label_of
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
+from drapeline.report.colours import garment_colour
 from drapeline.report.models.smplicit.fitted_pictures import (
     label_colours,
     plot_known_pictures,
     plot_own_picture,
 )
-from drapeline.report.style import garment_colour
 from view_toys import TUBE, coloured
 
 WIDTH, HEIGHT = 120, 160
