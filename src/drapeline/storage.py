@@ -1,17 +1,21 @@
 """Reading and writing files: written under a temporary name first, so never left half-written."""
 
 import csv
+import ctypes
 import errno
+import fcntl
 import io
 import json
 import math
 import os
 import re
 import shutil
+import socket
 import tempfile
+import time
 import zipfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from itertools import zip_longest
 from pathlib import Path
@@ -19,7 +23,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.npy import Declared, Header, HeaderError, read_array, read_header
 
 # Failures of the disk rather than of the program.
@@ -64,15 +68,16 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         # The suffix is kept because writers such as Blender's and Pillow's choose a format by it.
         handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
+            dir=path.parent, prefix=_scratch_prefix(path.stem), suffix=path.suffix
         )
-        os.close(handle)
         scratch = Path(name)
         try:
+            _claim(handle)
             yield scratch
             scratch.chmod(0o666 & ~_umask())  # mkstemp makes files private
             os.replace(scratch, path)
         finally:
+            os.close(handle)
             scratch.unlink(missing_ok=True)
 
 
@@ -80,21 +85,116 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder that replaces `path` if the block ends without an error.
 
+    At `path` there is always a whole folder, the old one or the new one; of several writers the
+    last one's stays. Only file systems that cannot exchange two names, such as NFS, have none there
+    for a moment; a process killed in it leaves nothing at `path`, and the folder is made anew.
+
     Raises:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
     with _report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+        scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=_scratch_prefix(path.name)))
+        handle = os.open(scratch, os.O_RDONLY)
         try:
+            _claim(handle)
             yield scratch
             scratch.chmod(0o777 & ~_umask())
-            if path.exists():
-                shutil.rmtree(path)
-            os.replace(scratch, path)
+            _replace_folder(scratch, path)
         finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+            shutil.rmtree(scratch, ignore_errors=True)  # what was at `path`, or what failed
+            os.close(handle)
+
+
+def _replace_folder(scratch: Path, path: Path) -> None:
+    """Give a folder the name `path`; what has it so far may get the name `scratch`."""
+    while True:
+        try:
+            os.rename(scratch, path)  # over nothing or an empty folder
+            return
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+        if _exchange(scratch, path):
+            return
+        aside = Path(tempfile.mkdtemp(dir=path.parent, prefix=_scratch_prefix(path.name)))
+        try:
+            os.rename(path, aside)
+        except FileNotFoundError:
+            pass  # another writer was here first
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two folders swap names at once; False if the system cannot, or one is not there."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)  # Linux's alone
+    if rename is None:
+        return False
+    names = os.fsencode(one), os.fsencode(other)
+    return rename(_AT_FDCWD, names[0], _AT_FDCWD, names[1], _RENAME_EXCHANGE) == 0
+
+
+# Hidden, so that no listing takes one for a sample. The host and the lock tell whether its writer
+# is still at work.
+_SCRATCH = ".writing-"
+_HOST = socket.gethostname().partition(".")[0]
+_FORGOTTEN_S = 24 * 3600
+
+
+def _scratch_prefix(name: str) -> str:
+    return f"{_SCRATCH}{name}@{_HOST}."
+
+
+def _claim(handle: int) -> None:
+    """Mark an open file or folder as in use; the system takes the mark back when we are killed."""
+    with suppress(OSError):  # some file systems have no locks
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def sweep(root: str | Path) -> list[Path]:
+    """Remove what killed processes were writing below a folder.
+
+    What a living process of this machine writes is left alone. Nobody can ask the processes of
+    another machine: what those wrote goes once it has not changed for a day.
+
+    Returns:
+        What was removed.
+    """
+    removed = []
+    for folder, folders, files in os.walk(root):
+        scraps = [name for name in (*folders, *files) if name.startswith(_SCRATCH)]
+        folders[:] = [name for name in folders if not name.startswith(_SCRATCH)]
+        removed += [path for name in scraps if _remove_if_dead(path := Path(folder) / name)]
+    return removed
+
+
+def _remove_if_dead(path: Path) -> bool:
+    with suppress(OSError):  # another process may be faster
+        if not _in_use(path):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+            return True
+    return False
+
+
+def _in_use(path: Path) -> bool:
+    if f"@{_HOST}." in path.name:
+        handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return False
+        except BlockingIOError:
+            return True
+        except OSError:
+            pass  # a file system without locks
+        finally:
+            os.close(handle)
+    inside = [path, *path.rglob("*")] if path.is_dir() else [path]
+    return max(part.lstat().st_mtime for part in inside) > time.time() - _FORGOTTEN_S
 
 
 def _umask() -> int:
@@ -139,10 +239,10 @@ def _open_array(path: Path, form: str, declared: Declared) -> np.ndarray:
             header = read_header(stream)
             declared.check_header(form, header)
         except HeaderError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise DamagedFile(path, str(error)) from error
         size, expected = os.fstat(stream.fileno()).st_size, header.size + header.nbytes
         if size != expected:
-            raise InputError(f"{path}: {size} bytes, expected {expected} as its header says")
+            raise DamagedFile(path, f"{size} bytes, expected {expected} as its header says")
         order = "F" if header.fortran else "C"
         if not header.nbytes:
             return np.zeros(header.shape, header.dtype, order)
@@ -150,8 +250,26 @@ def _open_array(path: Path, form: str, declared: Declared) -> np.ndarray:
 
 
 def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
-    """Create an `.npy` array to be filled piece by piece; it may be larger than memory."""
-    return np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
+    """Create an `.npy` array of zeros to be filled piece by piece; it may be larger than memory.
+
+    Raises:
+        OSError: the disk has no room for it. It is reserved here, since a process that writes to a
+            mapped page for which there is none is killed without a word.
+    """
+    header = {
+        "descr": np.lib.format.dtype_to_descr(np.dtype(dtype)),
+        "fortran_order": False,
+        "shape": shape,
+    }
+    with open(path, "wb") as stream:
+        np.lib.format.write_array_header_1_0(stream, header)
+        stream.flush()
+        size = math.prod(shape) * np.dtype(dtype).itemsize
+        if size and hasattr(os, "posix_fallocate"):  # macOS has no such call
+            os.posix_fallocate(stream.fileno(), stream.tell(), size)
+        else:
+            stream.truncate(stream.tell() + size)
+    return np.lib.format.open_memmap(path, mode="r+")
 
 
 def save_npz(path: str | Path, **arrays: Any) -> None:
@@ -171,7 +289,7 @@ class _Arrays(dict[str, np.ndarray]):
         self._path = path
 
     def __missing__(self, key: str) -> None:
-        raise InputError(f"{self._path}: lacks {key}; it holds {', '.join(sorted(self))}")
+        raise DamagedFile(self._path, f"lacks {key}; it holds {', '.join(sorted(self))}")
 
 
 def load_npz(
@@ -222,7 +340,7 @@ def _members(
     """An open `.npz` and its members that a table names, by their keys."""
     required = [key for key in table if not key.endswith("?") and "*" not in key]
     if not path.is_file():
-        raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
+        raise DamagedFile(path, f"no such file, expected an .npz with {', '.join(required)}")
     with refuse_damage(path, "an .npz of plain arrays"), zipfile.ZipFile(path) as archive:
         held = {
             info.filename[: -len(".npy")]: info
@@ -231,8 +349,8 @@ def _members(
         }
         missing = [key for key in required if key not in held]
         if missing:
-            raise InputError(
-                f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(held))}"
+            raise DamagedFile(
+                path, f"lacks {', '.join(missing)}; it holds {', '.join(sorted(held))}"
             )
         yield archive, {key: held[key] for key in held if _form_of(key, table) is not None}
 
@@ -250,7 +368,7 @@ def _naming(path: Path, key: str) -> Iterator[None]:
     try:
         yield
     except HeaderError as error:
-        raise InputError(f"{path}: '{key}' {error}") from error
+        raise DamagedFile(path, f"'{key}' {error}") from error
 
 
 _SMALL = 1 << 16
