@@ -5,7 +5,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,6 +17,27 @@ Item = TypeVar("Item")
 LOGGER = logging.getLogger("drapeline")
 
 
+class _LogFile(logging.FileHandler):
+    """A log that may end early on a full disk, which is not what its job ends with."""
+
+    def __init__(self, path: str) -> None:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        # Lightning runs the script again for each further device; those processes only append.
+        if os.environ.get("LOCAL_RANK", "0") == "0":
+            Path(path).write_text("")
+        super().__init__(path)
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing where the disk is full or gone."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+    def close(self) -> None:
+        """Let go of the file, with what could not be written."""
+        with suppress(OSError):
+            super().close()
+
+
 @contextmanager
 def rule_log(path: str) -> Iterator[logging.Logger]:
     """Send the messages and errors of the block to the log file `path`.
@@ -25,11 +46,10 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
     sentence on the terminal and the traceback in the log. Any other exception is a bug and is
     re-raised, so its traceback appears in both places.
     """
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    # Lightning runs the script again for each further device; those processes only append.
-    if os.environ.get("LOCAL_RANK", "0") == "0":
-        Path(path).write_text("")
-    handler = logging.FileHandler(path)
+    try:
+        handler = _LogFile(path)
+    except OSError as error:
+        sys.exit(f"drapeline: {path}: cannot be written ({error.strerror})")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S"))
     LOGGER.addHandler(handler)
     LOGGER.setLevel(logging.INFO)

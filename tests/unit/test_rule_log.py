@@ -1,6 +1,7 @@
 """Logs of rules, and how errors end a job."""
 
 import logging
+from pathlib import Path
 
 import pytest
 
@@ -40,6 +41,28 @@ def test_a_log_begins_anew_but_for_processes_of_further_devices(tmp_path, monkey
         with rule_log(str(path)) as log:
             log.info("this is %s", text)
     assert [text in path.read_text() for text in ("old", "first", "second")] == [False, True, True]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's disk that is full")
+def test_a_full_disk_hides_no_reason_under_tracebacks_of_the_log(capfd):
+    with (
+        pytest.raises(SystemExit, match="drapeline: a.npz: cannot be written"),
+        rule_log("/dev/full") as log,
+    ):
+        log.info("lost")
+        raise InputError("a.npz: cannot be written (No space left on device)")
+    assert capfd.readouterr().err == ""
+    with rule_log("/dev/full") as log:  # a job that has room for its results succeeds
+        log.info("lost")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_log_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "logs").touch()
+    path = tmp_path / "logs" / "rule.log"
+    message = f"drapeline: {path}: cannot be written"
+    with pytest.raises(SystemExit, match=message), rule_log(str(path)):
+        pass
 
 
 def test_progress_yields_everything_in_order():

@@ -21,6 +21,7 @@ from drapeline.models.gcvae.ppca import Ppca, blur_mask, fit_ppca
 from drapeline.models.layers.mesh_graph import scaled_laplacian
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
+from drapeline.models.training.checkpoints import write_weights
 from drapeline.models.training.module import BEST, SETTINGS
 from drapeline.registration.to_body.super_body import mirror_of
 from drapeline.registration.to_body.topology import TOPOLOGIES
@@ -262,7 +263,7 @@ def save_fit(
     """
     with atomic_folder(folder) as scratch:
         checkpoint = {"state_dict": ppca.state_dict(), "drapeline": ppca.about()}
-        torch.save(checkpoint, scratch / BEST)
+        write_weights(scratch / BEST, checkpoint)
         write_json(
             scratch / SETTINGS,
             {

@@ -17,9 +17,12 @@ import pytorch_lightning as lightning
 import torch
 from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
 from pytorch_lightning.loggers import TensorBoardLogger
+from pytorch_lightning.plugins import TorchCheckpointIO
 from torch.utils.data import DataLoader
 
+from drapeline.errors import DamagedFile
 from drapeline.models.training.batches import Batch, TrainingBatches
+from drapeline.models.training.checkpoints import read_weights, write_weights
 from drapeline.models.training.module import (
     BEST,
     LAST,
@@ -81,6 +84,19 @@ class History(lightning.Callback):
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """From the checkpoint."""
         self.rows = list(state["rows"])
+
+
+class _AtomicCheckpoints(TorchCheckpointIO):
+    """Lightning's own writes to a folder for temporary files, and copies from there piece by piece.
+
+    A process that is killed meanwhile, or a full disk, would leave half a checkpoint.
+    """
+
+    def save_checkpoint(
+        self, checkpoint: dict[str, Any], path: str | Path, storage_options: Any = None
+    ) -> None:
+        """Replace a checkpoint as a whole, or leave it as it is."""
+        write_weights(path, checkpoint)
 
 
 class _Loop(lightning.LightningModule):
@@ -181,16 +197,15 @@ def fit(
     engine = _trainer(under_way, epochs, monitor, trainer)
     if engine.is_global_zero:
         begin(under_way, settings)
-    last = under_way / LAST
-    resumed = last.exists()
-    if resumed:
-        LOGGER.info("resuming from %s", last)
+    resumed = newest_readable(under_way)
+    if resumed is not None:
+        LOGGER.info("resuming from %s", resumed)
     with warnings.catch_warnings():
         # The progress folder is meant to hold files; the other warning is internal to Lightning.
         warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
         loop = _Loop(module, data)
-        engine.fit(loop, ckpt_path=last if resumed else None, weights_only=True)
+        engine.fit(loop, ckpt_path=resumed, weights_only=True)
     module.position = None
     if engine.is_global_zero:
         with atomic_folder(folder) as scratch:
@@ -200,6 +215,22 @@ def fit(
             if complete is not None:
                 complete(scratch)
         shutil.rmtree(progress)
+
+
+def newest_readable(under_way: Path) -> Path | None:
+    """The checkpoint to resume a training from, the last or else the best; None begins it anew.
+
+    Whichever it is, the training ends with the same weights.
+    """
+    there = [path for path in (under_way / LAST, under_way / BEST) if path.exists()]
+    for number, path in enumerate(there, 1):
+        try:
+            read_weights(path)
+            return path
+        except DamagedFile as error:
+            instead = f"is resumed from {there[number]}" if there[number:] else "begins anew"
+            LOGGER.warning("%s; the training %s", error, instead)
+    return None
 
 
 def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
@@ -228,6 +259,7 @@ def _trainer(
     return lightning.Trainer(
         max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
+        plugins=[_AtomicCheckpoints()],
         logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
         use_distributed_sampler=False,  # batches are split among devices already
         enable_progress_bar=terminal,
