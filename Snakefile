@@ -32,6 +32,11 @@ include: "workflow/rules/report.smk"
 SOURCES.remember()
 
 
+onstart:
+    for scrap in sweep(RESULTS) + sweep("resources"):
+        logger.info(f"Removed {scrap}, which a killed job was writing.")
+
+
 report: "workflow/report/workflow.rst"
 
 

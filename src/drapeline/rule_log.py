@@ -11,7 +11,9 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
+from drapeline.frames import GENDERS
+from drapeline.storage import output_of
 
 Item = TypeVar("Item")
 LOGGER = logging.getLogger("drapeline")
@@ -43,7 +45,8 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
     """Send the messages and errors of the block to the log file `path`.
 
     An InputError, or an operating-system error such as a full disk, ends the job with a single
-    sentence on the terminal and the traceback in the log. Any other exception is a bug and is
+    sentence on the terminal and the traceback in the log; where a file is damaged that a rule made,
+    it says what to delete. Any other exception is a bug and is
     re-raised, so its traceback appears in both places.
     """
     try:
@@ -59,13 +62,29 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
         LOGGER.info("done in %.1f s", time.perf_counter() - started)
     except (InputError, OSError) as error:
         LOGGER.exception("%s", error)
-        sys.exit(f"drapeline: {error}")
+        sys.exit(f"drapeline: {error}{_remedy(error, Path(path))}")
     except BaseException as error:
         LOGGER.exception("%s: %s", type(error).__name__, error)
         raise
     finally:
         LOGGER.removeHandler(handler)
         handler.close()
+
+
+def _remedy(error: Exception, log: Path) -> str:
+    """What to do about a damaged file that is the user's own no more than the log is."""
+    if not isinstance(error, DamagedFile):
+        return ""
+    path = error.path
+    results = next((folder.parent for folder in log.parents if folder.name == "logs"), None)
+    if results is not None and results in path.parents:
+        path = output_of(path, results)
+    elif path not in _BAKED:
+        return ""
+    return f"; delete {path} and give the same command again, which makes it anew"
+
+
+_BAKED = [Path("resources/body", f"{gender}.npz") for gender in GENDERS]
 
 
 def progress(items: Iterable[Item], *, total: int | None = None, label: str) -> Iterator[Item]:

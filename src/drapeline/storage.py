@@ -206,12 +206,47 @@ def _umask() -> int:
 def link_or_copy(source: str | Path, target: str | Path) -> None:
     """Hard-link a finished file, or copy it if the file system does not support links.
 
-    Linking is safe because all our files are replaced as a whole and never changed in place.
+    All our files are replaced as a whole and never changed in place. So that nothing else does so
+    to both at once, they can only be read from now on.
     """
     try:
         os.link(source, target)
     except OSError:
-        shutil.copy2(source, target)
+        shutil.copyfile(source, target)
+    else:
+        with suppress(OSError):  # another user's
+            os.chmod(target, os.stat(target).st_mode & ~0o222)
+
+
+def copy_file(source: str | Path, target: str | Path) -> None:
+    """Copy a file; the system may let both share their blocks until one of them changes.
+
+    Btrfs and XFS do, so that a copy costs neither time nor room.
+    """
+    try:
+        with open(source, "rb") as old, open(target, "wb") as new:
+            left = os.fstat(old.fileno()).st_size
+            while left:
+                left -= os.copy_file_range(old.fileno(), new.fileno(), left) or left
+    except (AttributeError, OSError):  # the system or the file system has no such call
+        pass
+    if Path(target).stat().st_size != Path(source).stat().st_size:
+        shutil.copyfile(source, target)
+
+
+def output_of(path: str | Path, root: str | Path) -> Path:
+    """The output of a rule that a file is, or is part of, by the marks that Snakemake leaves.
+
+    Args:
+        path: of the file.
+        root: folder of all outputs.
+    """
+    inside = [folder for folder in Path(path).parents if Path(root) in folder.parents]
+    marked = (folder for folder in reversed(inside) if (folder / _MARK).exists())
+    return next(marked, Path(path))
+
+
+_MARK = ".snakemake_timestamp"  # in folders that are outputs
 
 
 def open_arrays(
@@ -504,13 +539,14 @@ def read_text(path: str | Path, expected: str) -> str:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}: line {line} is not UTF-8 text (byte 0x{raw[error.start]:02x}), expected"
-            f" {expected} in UTF-8"
+        raise DamagedFile(
+            path,
+            f"line {line} is not UTF-8 text (byte 0x{raw[error.start]:02x}), expected {expected} in"
+            " UTF-8",
         ) from error
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise InputError(f"{path}: line {line} holds a zero byte, expected {expected}")
+        raise DamagedFile(path, f"line {line} holds a zero byte, expected {expected}")
     return text
 
 
@@ -522,19 +558,20 @@ def read_rows(path: str | Path, expected: str) -> tuple[list[str], list[dict[str
             fields than the heading.
     """
     if not Path(path).is_file():
-        raise InputError(f"{path}: no such file, expected {expected}")
+        raise DamagedFile(path, f"no such file, expected {expected}")
     text = read_text(path, expected)
     with refuse_damage(path, expected):
         lines = csv.reader(io.StringIO(text, newline=""), delimiter="\t")
         heading = next(lines, [])
         if len(set(heading)) < len(heading):
-            raise InputError(f"{path}: a column is there twice, expected each name once")
+            raise DamagedFile(path, "a column is there twice, expected each name once")
         rows = []
         for fields in filter(None, lines):
             if len(fields) > len(heading):
-                raise InputError(
-                    f"{path}: line {lines.line_num} has {len(fields)} fields, expected"
-                    f" {len(heading)} as in the heading"
+                raise DamagedFile(
+                    path,
+                    f"line {lines.line_num} has {len(fields)} fields, expected {len(heading)} as in"
+                    " the heading",
                 )
             rows.append(dict(zip_longest(heading, fields, fillvalue="")))
     return heading, rows

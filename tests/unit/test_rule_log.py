@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
 from drapeline.rule_log import progress, rule_log
 
 
@@ -15,6 +15,27 @@ def test_a_user_error_ends_the_job_with_its_sentence_and_a_traceback_in_the_log(
         raise InputError("a.bvh: 0 frames, expected at least 1")
     assert "Traceback" in path.read_text()
     assert "a.bvh: 0 frames, expected at least 1" in path.read_text()
+
+
+@pytest.mark.parametrize(
+    ("file", "hint"),
+    [
+        ("results/static/data/offsets.npy", "; delete results/static/data and give the same"),
+        ("results/motions/walk.npz", "; delete results/motions/walk.npz and give the same"),
+        ("resources/body/female.npz", "; delete resources/body/female.npz and give the same"),
+        ("resources/body/SMPL_FEMALE.npz", ""),
+        ("mine/walk.npz", ""),
+    ],
+)
+def test_a_damaged_file_that_a_rule_made_is_to_be_deleted(tmp_path, monkeypatch, file, hint):
+    monkeypatch.chdir(tmp_path)
+    made = tmp_path / "results/static/data"
+    made.mkdir(parents=True)
+    (made / ".snakemake_timestamp").touch()
+    with pytest.raises(SystemExit) as caught, rule_log("results/logs/train/1.log"):
+        raise DamagedFile(file, "cut off")
+    command = " command again, which makes it anew" if hint else ""
+    assert str(caught.value) == f"drapeline: {file}: cut off{hint}{command}"
 
 
 def test_a_bug_keeps_its_traceback(tmp_path):

@@ -19,9 +19,12 @@ from drapeline.errors import InputError
 from drapeline.storage import (
     atomic_file,
     atomic_folder,
+    copy_file,
     create_array,
+    link_or_copy,
     load_npz,
     open_arrays,
+    output_of,
     read_json,
     read_rows,
     save_npz,
@@ -179,6 +182,45 @@ def test_where_files_cannot_be_locked_age_decides(tmp_path, monkeypatch):
         os.utime(scratch, times=(0, 0))
         assert sweep(tmp_path) == [scratch]
         scratch.touch()
+
+
+def test_linked_files_cannot_be_written_by_accident(tmp_path):
+    first = tmp_path / "a"
+    first.write_text("whole")
+    link_or_copy(first, tmp_path / "b")
+    assert first.samefile(tmp_path / "b")
+    assert first.stat().st_mode & 0o222 == 0
+    copy_file(first, tmp_path / "c")
+    assert (tmp_path / "c").read_text() == "whole"
+    assert (tmp_path / "c").stat().st_mode & 0o200
+    assert not first.samefile(tmp_path / "c")
+
+
+@pytest.mark.parametrize("result", [0, OSError("not supported"), None])
+def test_a_file_is_copied_whatever_the_system_can_do(tmp_path, monkeypatch, result):
+    def copy_nothing(*_):
+        if result is None:
+            raise AttributeError
+        if result:
+            raise result
+        return result
+
+    (tmp_path / "a").write_bytes(b"x" * 100_000)
+    monkeypatch.setattr(os, "copy_file_range", copy_nothing)
+    copy_file(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "b").read_bytes() == (tmp_path / "a").read_bytes()
+
+
+def test_a_file_belongs_to_the_outermost_folder_that_a_rule_made(tmp_path):
+    made = tmp_path / "results" / "dataset"
+    inner = made / "train" / "00001"
+    inner.mkdir(parents=True)
+    (inner / ".snakemake_timestamp").touch()
+    (made / ".snakemake_timestamp").touch()
+    (tmp_path / ".snakemake_timestamp").touch()
+    assert output_of(inner / "info.mat", tmp_path / "results") == made
+    file = tmp_path / "results" / "motions" / "walk.npz"
+    assert output_of(file, tmp_path / "results") == file
 
 
 def test_written_files_have_the_usual_mode(tmp_path):

@@ -28,6 +28,7 @@ from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.own_garments import own_garments
 from drapeline.outfits.static_plan import plan_static
+from drapeline.storage import sweep
 
 try:
     config.update(

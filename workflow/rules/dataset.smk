@@ -61,6 +61,24 @@ rule dataset:
         rules.collect_dataset.output,
 
 
+rule verify:
+    # Nothing is made for it: what is there is compared, also what its rules would make anew.
+    log:
+        f"{LOGS}/verify.log",
+    benchmark:
+        f"{BENCHMARKS}/verify.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=240,
+    params:
+        results=RESULTS,
+    script:
+        "../../scripts/verify.py"
+
+
 rule export_sample:
     input:
         f"{RESULTS}/samples/{{sample}}",

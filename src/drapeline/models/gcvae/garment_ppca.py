@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import torch
 
+from drapeline.manifest import write_manifest
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of
 from drapeline.models.gcvae.networks import Code
@@ -274,3 +275,4 @@ def save_fit(
         )
         if complete is not None:
             complete(scratch)
+        write_manifest(scratch)

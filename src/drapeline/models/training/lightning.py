@@ -21,6 +21,7 @@ from pytorch_lightning.plugins import TorchCheckpointIO
 from torch.utils.data import DataLoader
 
 from drapeline.errors import DamagedFile
+from drapeline.manifest import write_manifest
 from drapeline.models.training.batches import Batch, TrainingBatches
 from drapeline.models.training.checkpoints import read_weights, write_weights
 from drapeline.models.training.module import (
@@ -178,7 +179,8 @@ def fit(
     Args:
         module: to train.
         data: batches to train and validate on.
-        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json` and `tensorboard`.
+        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json`, `tensorboard`, and
+            `manifest.tsv` with the sums of all of them.
         progress: folder for a training under way, which is resumed if its settings are `settings`.
         epochs: of training.
         monitor: logged value; the epoch where it is least is the best.
@@ -214,6 +216,7 @@ def fit(
             shutil.copytree(under_way / CURVES, scratch / CURVES)
             if complete is not None:
                 complete(scratch)
+            write_manifest(scratch)
         shutil.rmtree(progress)
 
 

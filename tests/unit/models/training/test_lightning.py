@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
+from drapeline.manifest import damages
 from drapeline.models.training import lightning
 from drapeline.models.training.checkpoints import write_weights
 from drapeline.models.training.lightning import begin, fit, learning_rate
@@ -187,8 +188,9 @@ def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
         [sys.executable, script, tmp_path], capture_output=True, text=True, timeout=1800, env=toys
     )
     assert done.returncode == 0, done.stderr
-    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "tensorboard"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "manifest.tsv"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names | {"tensorboard"}
+    assert not list(damages(tmp_path / "out", sums=True))
     assert not (tmp_path / "progress").exists()
     steps = torch.load(tmp_path / "out" / "last.ckpt", weights_only=True)["global_step"]
     assert steps == 2 * 2  # 36 rows in batches of 8 on each of two

@@ -1,0 +1,105 @@
+"""Manifests: sizes and SHA-256 sums of the files of a folder, by which damage is noticed."""
+
+import csv
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+from drapeline.errors import DamagedFile
+from drapeline.storage import atomic_file, read_rows
+
+MANIFEST = "manifest.tsv"
+_COLUMNS = ("file", "bytes", "sha256")
+_CHUNK = 1 << 20
+
+
+class FileSum(NamedTuple):
+    """What a file should be: its size and the hexadecimal digits of its SHA-256 sum."""
+
+    bytes: int
+    sha256: str
+
+
+def sum_file(path: str | Path) -> FileSum:
+    """Size and sum of a file as it is."""
+    digest, size = hashlib.sha256(), 0
+    with open(path, "rb") as stream:
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+            size += len(chunk)
+    return FileSum(size, digest.hexdigest())
+
+
+def write_manifest(
+    folder: str | Path, name: str = MANIFEST, known: Mapping[str, FileSum] | None = None
+) -> None:
+    """List the files in and below a folder; hidden ones do not count.
+
+    Args:
+        folder: whose files are listed by their paths within it, with "/".
+        name: of the manifest, within the folder.
+        known: sums of files that are not read again.
+    """
+    known = known or {}
+    with atomic_file(Path(folder) / name) as scratch, open(scratch, "w", newline="") as stream:
+        writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        for file in sorted(_files(Path(folder))):
+            if file != name:
+                writer.writerow([file, *(known.get(file) or sum_file(Path(folder) / file))])
+
+
+def _files(folder: Path) -> Iterator[str]:
+    for place, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for name in files:
+            if not name.startswith("."):
+                yield (Path(place) / name).relative_to(folder).as_posix()
+
+
+def read_manifest(path: str | Path) -> dict[str, FileSum]:
+    """File -> what it should be.
+
+    Raises:
+        DamagedFile: the manifest is missing or is none, or names a file outside its folder.
+    """
+    heading, rows = read_rows(path, "a manifest")
+    if heading != list(_COLUMNS):
+        raise DamagedFile(path, f"has columns {', '.join(heading)}, expected {', '.join(_COLUMNS)}")
+    found = {}
+    for line, row in enumerate(rows, 2):
+        file, size = PurePosixPath(row["file"]), row["bytes"]
+        if file.is_absolute() or ".." in file.parts or not row["file"]:
+            raise DamagedFile(path, f"line {line} names '{file}', expected a file in its folder")
+        if not (size.isascii() and size.isdigit() and len(size) < 20):
+            raise DamagedFile(path, f"line {line} has '{size}' bytes, expected a whole number")
+        found[row["file"]] = FileSum(int(size), row["sha256"])
+    return found
+
+
+def damages(folder: str | Path, name: str = MANIFEST, *, sums: bool) -> Iterator[DamagedFile]:
+    """What is wrong with the files of a folder; files that the manifest does not list may be there.
+
+    Args:
+        folder: that the manifest describes.
+        name: of the manifest, within the folder.
+        sums: whether to read the files; otherwise only their sizes are compared.
+
+    Raises:
+        DamagedFile: the manifest itself is not usable.
+    """
+    manifest = Path(folder) / name
+    for file, wanted in read_manifest(manifest).items():
+        path = Path(folder) / file
+        try:
+            size = path.stat().st_size
+            found = sum_file(path) if sums and size == wanted.bytes else wanted
+        except OSError as error:
+            yield DamagedFile(path, f"cannot be read ({error.strerror}), but {manifest} lists it")
+            continue
+        if size != wanted.bytes:
+            yield DamagedFile(path, f"{size} bytes, expected {wanted.bytes} as in {manifest}")
+        elif found != wanted:
+            yield DamagedFile(path, f"its SHA-256 sum is not the one in {manifest}")
