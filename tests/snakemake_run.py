@@ -18,7 +18,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PROFILE = ROOT / "workflow/profiles/ci"
 PARTS = (
-    *("Snakefile", "config.yaml", "workflow", "scripts", "src", "envs", "examples", "tests/data"),
+    *("Snakefile", "config.yaml", "profiles", "workflow", "scripts", "src", "envs", "examples"),
+    "tests/data",
 )
 
 
