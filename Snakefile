@@ -33,8 +33,7 @@ SOURCES.remember()
 
 
 onstart:
-    for scrap in sweep(RESULTS) + sweep("resources"):
-        logger.info(f"Removed {scrap}, which a killed job was writing.")
+    remove_scraps()
 
 
 report: "workflow/report/workflow.rst"

@@ -11,5 +11,5 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     count = verify_results(snakemake.params.results)
-    log.info("%d files are as they were written", count)
-    sys.stdout.write(f"drapeline: {count} files are as they were written\n")
+    log.info("all files are as they were written (%d compared)", count)
+    sys.stdout.write(f"drapeline: all files are as they were written ({count} compared)\n")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import yaml
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
 
 # Of drapeline, which may be a module of another workflow or work in another folder.
 ROOT = Path(str(workflow.current_basedir)).parents[1]
@@ -108,7 +109,14 @@ wildcard_constraints:
     shard=r"\d+",
 
 
-SOURCES = Sources(SOURCE, memory=".snakemake/drapeline_sources.json")
+SOURCES = Sources(SOURCE, memory=".snakemake/drapeline/sources.json")
+
+
+def remove_scraps():
+    """Remove what killed jobs were writing; a start of Snakemake does so before its first job."""
+    for folder in (RESULTS, "resources/body", ".snakemake/drapeline"):
+        for scrap in sweep(folder):
+            logger.info(f"Removed {scrap}, which a killed job was writing.")
 
 
 def source_hash(script, *modules):
