@@ -3,6 +3,7 @@
 import logging
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -57,6 +58,7 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
     LOGGER.addHandler(handler)
     LOGGER.setLevel(logging.INFO)
     started = time.perf_counter()
+    usual, threading.excepthook = threading.excepthook, _log_thread
     try:
         yield LOGGER
         LOGGER.info("done in %.1f s", time.perf_counter() - started)
@@ -67,8 +69,15 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
         LOGGER.exception("%s: %s", type(error).__name__, error)
         raise
     finally:
+        threading.excepthook = usual
         LOGGER.removeHandler(handler)
         handler.close()
+
+
+def _log_thread(failed: threading.ExceptHookArgs) -> None:
+    """What a thread of a library died of; whoever waits for the thread raises it again."""
+    if failed.exc_value is not None:
+        LOGGER.error("in another thread: %s", failed.exc_value, exc_info=failed.exc_value)
 
 
 def _remedy(error: Exception, log: Path) -> str:

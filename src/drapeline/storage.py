@@ -41,8 +41,11 @@ _DISK_ERRORS = {
 
 
 @contextmanager
-def _report_disk_errors(path: Path) -> Iterator[None]:
-    """Turn a full disk or an unwritable folder at `path` into an InputError."""
+def report_disk_errors(path: Path) -> Iterator[None]:
+    """Turn a full disk or an unwritable folder at `path` into an InputError.
+
+    Errors that name no file, as of a write that found no room, are taken for errors of `path`.
+    """
     try:
         yield
     except OSError as error:
@@ -64,7 +67,7 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
-    with _report_disk_errors(path):
+    with report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         # The suffix is kept because writers such as Blender's and Pillow's choose a format by it.
         handle, name = tempfile.mkstemp(
@@ -93,7 +96,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
-    with _report_disk_errors(path):
+    with report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=_scratch_prefix(path.name)))
         handle = os.open(scratch, os.O_RDONLY)

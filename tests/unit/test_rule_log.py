@@ -1,6 +1,7 @@
 """Logs of rules, and how errors end a job."""
 
 import logging
+import threading
 from pathlib import Path
 
 import pytest
@@ -76,6 +77,20 @@ def test_a_full_disk_hides_no_reason_under_tracebacks_of_the_log(capfd):
     with rule_log("/dev/full") as log:  # a job that has room for its results succeeds
         log.info("lost")
     assert capfd.readouterr().err == ""
+
+
+def test_what_a_thread_dies_of_is_for_the_log(tmp_path, capfd):
+    def fail():
+        raise OSError("no room for curves")
+
+    with rule_log(str(tmp_path / "log")):
+        thread = threading.Thread(target=fail)
+        thread.start()
+        thread.join()
+    assert capfd.readouterr().err == ""
+    assert (
+        "ERROR in another thread: no room for curves\nTraceback" in (tmp_path / "log").read_text()
+    )
 
 
 def test_a_log_that_cannot_be_made_is_named(tmp_path):

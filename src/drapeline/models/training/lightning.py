@@ -33,7 +33,7 @@ from drapeline.models.training.module import (
     TrainableModule,
 )
 from drapeline.rule_log import LOGGER
-from drapeline.storage import atomic_file, atomic_folder, write_json
+from drapeline.storage import atomic_file, atomic_folder, report_disk_errors, write_json
 
 # Messages of Lightning (devices, tips, that it is done) belong in the rule's log, with ours.
 for _name in ("pytorch_lightning", "lightning_fabric"):
@@ -207,7 +207,9 @@ def fit(
         warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
         loop = _Loop(module, data)
-        engine.fit(loop, ckpt_path=resumed, weights_only=True)
+        # Lightning's curves are written by a thread, whose errors name no file.
+        with report_disk_errors(under_way):
+            engine.fit(loop, ckpt_path=resumed, weights_only=True)
     module.position = None
     if engine.is_global_zero:
         with atomic_folder(folder) as scratch:

@@ -136,6 +136,15 @@ def test_a_full_disk_leaves_the_checkpoint_before(tmp_path, monkeypatch):
     assert not list(under_way.glob(".*"))
 
 
+def test_a_full_disk_that_names_no_file_is_that_of_the_training(tmp_path, monkeypatch):
+    def no_room(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Line, "training_step", no_room)
+    with pytest.raises(InputError, match=f"{tmp_path}/progress/.*: cannot be written .No space"):
+        train_line(Line(), tmp_path, 6)
+
+
 def test_a_training_clears_away_those_of_other_settings_and_keeps_its_own(tmp_path):
     for name in ("old", "same"):
         begin(tmp_path / "progress" / name, {"name": name})
