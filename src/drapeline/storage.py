@@ -49,12 +49,13 @@ def report_disk_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        place = path if error.filename is None else Path(error.filename)
-        ours = place.parent == path.parent or place in path.parents
+        place = Path(error.filename2 or error.filename or path)  # where to, of two
+        within = path.parent in place.parents and _SCRATCH in str(place)
+        ours = place.parent == path.parent or place in path.parents or within
         if error.errno not in _DISK_ERRORS or not ours:
             raise
         raise InputError(
-            f"{path}: cannot be written ({os.strerror(error.errno)}),"
+            f"{_final_name(path)}: cannot be written ({os.strerror(error.errno)}),"
             " expected a writable folder with free disk space"
         ) from error
 
@@ -151,6 +152,11 @@ _FORGOTTEN_S = 24 * 3600
 
 def _scratch_prefix(name: str) -> str:
     return f"{_SCRATCH}{name}@{_HOST}."
+
+
+def _final_name(path: Path) -> str:
+    """A path as it will be, for messages about what is being written within a folder."""
+    return re.sub(rf"{re.escape(_SCRATCH)}([^/]+)@[^/@.]*\.[a-z0-9_]{{8}}", r"\1", str(path))
 
 
 def _claim(handle: int) -> None:

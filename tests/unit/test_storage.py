@@ -332,6 +332,16 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_full_disk_is_told_by_the_name_that_a_file_would_have(tmp_path):
+    with (
+        pytest.raises(InputError, match=f"^{tmp_path}/b@c/deep/a.npz: cannot be written"),
+        small_disk(),
+        atomic_folder(tmp_path / "b@c") as scratch,
+        atomic_file(scratch / "deep" / "a.npz") as file,
+    ):
+        file.write_bytes(bytes(10_000))
+
+
 def test_a_mapped_array_that_the_disk_has_no_room_for_is_refused_when_it_is_made(tmp_path):
     with (
         pytest.raises(InputError, match="sample: cannot be written .*free disk space"),
