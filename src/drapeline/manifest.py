@@ -1,17 +1,16 @@
 """Manifests: sizes and SHA-256 sums of the files of a folder, by which damage is noticed."""
 
-import csv
 import hashlib
 import os
+import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
 
 from drapeline.errors import DamagedFile
-from drapeline.storage import atomic_file, read_rows
+from drapeline.storage import atomic_file, read_text
 
 MANIFEST = "manifest.tsv"
-_COLUMNS = ("file", "bytes", "sha256")
 _CHUNK = 1 << 20
 
 
@@ -43,12 +42,13 @@ def write_manifest(
         known: sums of files that are not read again.
     """
     known = known or {}
-    with atomic_file(Path(folder) / name) as scratch, open(scratch, "w", newline="") as stream:
-        writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for file in sorted(_files(Path(folder))):
-            if file != name:
-                writer.writerow([file, *(known.get(file) or sum_file(Path(folder) / file))])
+    lines = [_HEADING]
+    for file in sorted(_files(Path(folder))):
+        if file != name:
+            size, digest = known.get(file) or sum_file(Path(folder) / file)
+            lines.append(f"{file}\t{size}\t{digest}")
+    with atomic_file(Path(folder) / name) as scratch:
+        scratch.write_text("\n".join(lines) + "\n")
 
 
 def _files(folder: Path) -> Iterator[str]:
@@ -65,18 +65,23 @@ def read_manifest(path: str | Path) -> dict[str, FileSum]:
     Raises:
         DamagedFile: the manifest is missing or is none, or names a file outside its folder.
     """
-    heading, rows = read_rows(path, "a manifest")
-    if heading != list(_COLUMNS):
-        raise DamagedFile(path, f"has columns {', '.join(heading)}, expected {', '.join(_COLUMNS)}")
+    heading, *lines = read_text(path, "a manifest").removesuffix("\n").split("\n")
+    if heading != _HEADING:
+        raise DamagedFile(path, f"begins with '{heading:.100}', expected '{_HEADING}'")
     found = {}
-    for line, row in enumerate(rows, 2):
-        file, size = PurePosixPath(row["file"]), row["bytes"]
-        if file.is_absolute() or ".." in file.parts or not row["file"]:
-            raise DamagedFile(path, f"line {line} names '{file}', expected a file in its folder")
-        if not (size.isascii() and size.isdigit() and len(size) < 20):
-            raise DamagedFile(path, f"line {line} has '{size}' bytes, expected a whole number")
-        found[row["file"]] = FileSum(int(size), row["sha256"])
+    for number, line in enumerate(lines, 2):
+        row = _ROW.fullmatch(line)
+        if row is None or not {"", ".", ".."}.isdisjoint(row[1].split("/")):
+            raise DamagedFile(
+                path,
+                f"line {number} is '{line:.100}', expected a file in its folder, a size and a sum",
+            )
+        found[row[1]] = FileSum(int(row[2]), row[3])
     return found
+
+
+_HEADING = "file\tbytes\tsha256"
+_ROW = re.compile(r"([^\t]+)\t([0-9]{1,19})\t([0-9a-f]{64})")
 
 
 def damages(folder: str | Path, name: str = MANIFEST, *, sums: bool) -> Iterator[DamagedFile]:
@@ -90,11 +95,11 @@ def damages(folder: str | Path, name: str = MANIFEST, *, sums: bool) -> Iterator
     Raises:
         DamagedFile: the manifest itself is not usable.
     """
-    manifest = Path(folder) / name
+    manifest = f"{folder}/{name}"
     for file, wanted in read_manifest(manifest).items():
-        path = Path(folder) / file
+        path = f"{folder}/{file}"
         try:
-            size = path.stat().st_size
+            size = os.stat(path).st_size
             found = sum_file(path) if sums and size == wanted.bytes else wanted
         except OSError as error:
             yield DamagedFile(path, f"cannot be read ({error.strerror}), but {manifest} lists it")

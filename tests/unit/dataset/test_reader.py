@@ -191,6 +191,14 @@ def test_sizes_are_compared_whatever_is_read_of_a_sample(tmp_path, tiny, read):
         read(Sample(folder))
 
 
+def test_parts_of_a_sample_can_be_read_without_the_others(tmp_path, tiny):
+    folder = shutil.copytree(tiny.folder, tmp_path / "00001")
+    (folder / "extras" / "Tshirt.f32").unlink()
+    assert Sample(folder).vertices("Tshirt", 0, 1).shape[0] == 1
+    with pytest.raises(DamagedFile, match=r"Tshirt\.f32: cannot be read \(No such file"):
+        Sample(folder).verify()
+
+
 def test_sums_are_compared_where_that_is_asked_for(tmp_path, tiny):
     folder = shutil.copytree(tiny.folder, tmp_path / "train" / "00001")
     Cloth3D(tmp_path).verify()
