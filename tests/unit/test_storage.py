@@ -317,8 +317,14 @@ def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-# NumPy's half-written archive complains once more when it is collected.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_npz_files_have_the_bytes_of_numpys_own(tmp_path):
+    arrays = {"x": np.arange(12.0).reshape(3, 4).T, "s": np.array(["a", "bc"]), "n": 3, "m": "é"}
+    save_npz(tmp_path / "a.npz", **arrays)
+    np.savez_compressed(tmp_path / "b.npz", **arrays)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     path = tmp_path / "a.npz"
     save_npz(path, x=1)
