@@ -33,7 +33,7 @@ from snakemake_run import ROOT, copy_project
 
 SNAKEMAKE = ROOT / ".venv/bin/snakemake"
 CONFIG = ["--configfile", "tests/data/tiny.yaml"]
-RUN = ["--cores", "2", "--workflow-profile", "workflow/profiles/local", *CONFIG]
+RUN = ["--cores", "2", "--keep-going", *CONFIG]
 RESULTS = "results/tiny"
 LONGEST_S = 3600
 Disturb = Callable[[Path, "subprocess.Popen[bytes]"], str]
@@ -151,8 +151,8 @@ def killer(rng: random.Random, longest_s: float) -> Disturb:
             with contextlib.suppress(psutil.NoSuchProcess):
                 rng.choice(jobs).kill()
         process.wait(LONGEST_S)
-        running = [job.pid for job in jobs if job.is_running()]
-        return f"{victim} killed after {wait_s:.1f} s; {len(running)} jobs still run"
+        _, running = psutil.wait_procs(jobs, timeout=1)
+        return f"{victim} killed after {wait_s:.1f} s; {len(running)} processes go on"
 
     return kill
 
@@ -186,9 +186,11 @@ def filler(rng: random.Random, longest_s: float) -> Disturb:
         before = (project / "output.txt").stat().st_size
         left = rng.choice([0, 0, 4096, 100_000, 1_000_000])
         weight = project / "results" / "weight"
-        room = shutil.disk_usage(weight.parent).free
         with open(weight, "wb") as stream:
-            os.posix_fallocate(stream.fileno(), 0, max(room - left, 1))
+            while (room := shutil.disk_usage(weight.parent).free) > left:
+                with contextlib.suppress(OSError):  # jobs are writing as well
+                    start_at = os.fstat(stream.fileno()).st_size
+                    os.posix_fallocate(stream.fileno(), start_at, max((room - left) // 2, 1))
         code = process.wait(LONGEST_S)
         weight.unlink()
         said = (project / "output.txt").read_bytes()[before:].decode(errors="replace")
