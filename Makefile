@@ -1,6 +1,7 @@
 # make setup  install everything into .venv; the others do it when needed
 # make run    set up, build the default dataset and its report
 # make dataset CONFIG=mine.yaml   the dataset of your own experiment and nothing else
+# make unlock   after a run was killed, before the same command is given again
 # make test   set up, run every test; `make test-portable` those that other processors could decide
 #             otherwise, as several processors would run them; `make test-install` installs the
 #             library with pip into empty environments; `make mutants` plants faults in a copy of
@@ -19,18 +20,25 @@ MINUTES ?= 60
 SEED ?= 0
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
+# Snakemake's lock outlives it when it is killed; it also lies there while another one works.
+AFTER_A_KILL = { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
+   echo "If no other Snakemake works in this folder, one was killed here: 'make unlock CONFIG=$(CONFIG)', then the same command again."; \
+   exit 1; }
 
-.PHONY: setup run dataset report docs test test-install test-portable test-browser mutants fuzz lint \
+.PHONY: setup run dataset unlock report docs test test-install test-portable test-browser mutants fuzz lint \
         format lock clean
 
 setup: .venv/ready
 
 run: .venv/ready
-	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG)
+	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG) || $(AFTER_A_KILL)
 	$(MAKE) --no-print-directory report
 
 dataset: .venv/ready
-	$(SNAKEMAKE) dataset --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG)
+	$(SNAKEMAKE) dataset --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG) || $(AFTER_A_KILL)
+
+unlock: .venv/ready
+	$(BIN)/snakemake --unlock --configfile $(CONFIG)
 
 report: .venv/ready
 	$(SNAKEMAKE) --report report.html --report-stylesheet workflow/report/style.css --configfile $(CONFIG)

@@ -33,6 +33,10 @@ include: "workflow/rules/report.smk"
 SOURCES.remember()
 
 
+onstart:
+    remove_scraps()
+
+
 report: "workflow/report/workflow.rst"
 
 

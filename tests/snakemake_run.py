@@ -18,7 +18,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PROFILE = ROOT / "workflow/profiles/ci"
 PARTS = (
-    *("Snakefile", "config.yaml", "workflow", "scripts", "src", "envs", "examples", "tests/data"),
+    *("Snakefile", "config.yaml", "profiles", "workflow", "scripts", "src", "envs", "examples"),
+    "tests/data",
 )
 
 
@@ -75,10 +76,10 @@ def snakemake(project: Path, *arguments: str, many_jobs: bool = False) -> Run:
         many_jobs: whether so many jobs will run that it is worth seconds to import first what they
             need.
     """
-    memory = project / ".snakemake" / "drapeline_sources.json"
+    memory = project / ".snakemake" / "drapeline" / "sources.json"
     parsed = Path(_scratch().name) / memory.name
     if parsed.exists() and not memory.exists():
-        memory.parent.mkdir(exist_ok=True)
+        memory.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(parsed, memory)
     run = _start(project, arguments, many_jobs)
     if memory.exists():

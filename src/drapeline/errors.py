@@ -19,6 +19,18 @@ class InputError(ValueError):
         super().__init__(_one_line(str(message)))
 
 
+class DamagedFile(InputError):
+    """A file is missing, cut off, overwritten, or not of its format.
+
+    Attributes:
+        path: of the file.
+    """
+
+    def __init__(self, path: str | Path, problem: str) -> None:
+        super().__init__(f"{path}: {problem}")
+        self.path = Path(path)
+
+
 def _one_line(text: str) -> str:
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST - 300]} ... {text[-300:]}"
@@ -30,7 +42,7 @@ def _one_line(text: str) -> str:
 
 @contextmanager
 def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
-    """Turn whatever the block raises into an InputError: a damaged file can fail in any way.
+    """Turn whatever the block raises into a DamagedFile: it can fail in any way.
 
     Only what parses a file belongs in the block. Exhausted memory is not the file's fault, since
     sizes are checked before memory is asked for, and passes.
@@ -44,8 +56,8 @@ def refuse_damage(path: str | Path, expected: str) -> Iterator[None]:
     except (InputError, MemoryError):
         raise
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file, expected {expected}") from error
+        raise DamagedFile(path, f"no such file, expected {expected}") from error
     except Exception as error:
         lines = (getattr(error, "strerror", None) or str(error)).strip().splitlines()
         reason = lines[0][:200] if lines else type(error).__name__
-        raise InputError(f"{path}: not readable as {expected} ({reason})") from error
+        raise DamagedFile(path, f"not readable as {expected} ({reason})") from error

@@ -3,16 +3,40 @@
 import logging
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator, Sized
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
+from drapeline.frames import GENDERS
+from drapeline.storage import output_of
 
 Item = TypeVar("Item")
 LOGGER = logging.getLogger("drapeline")
+
+
+class _LogFile(logging.FileHandler):
+    """A log that may end early on a full disk, which is not what its job ends with."""
+
+    def __init__(self, path: str) -> None:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        # Lightning runs the script again for each further device; those processes only append.
+        if os.environ.get("LOCAL_RANK", "0") == "0":
+            Path(path).write_text("")
+        super().__init__(path)
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing where the disk is full or gone."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+    def close(self) -> None:
+        """Let go of the file, with what could not be written."""
+        with suppress(OSError):
+            super().close()
 
 
 @contextmanager
@@ -20,30 +44,54 @@ def rule_log(path: str) -> Iterator[logging.Logger]:
     """Send the messages and errors of the block to the log file `path`.
 
     An InputError, or an operating-system error such as a full disk, ends the job with a single
-    sentence on the terminal and the traceback in the log. Any other exception is a bug and is
+    sentence on the terminal and the traceback in the log; where a file is damaged that a rule made,
+    it says what to delete. Any other exception is a bug and is
     re-raised, so its traceback appears in both places.
     """
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    # Lightning runs the script again for each further device; those processes only append.
-    if os.environ.get("LOCAL_RANK", "0") == "0":
-        Path(path).write_text("")
-    handler = logging.FileHandler(path)
+    try:
+        handler = _LogFile(path)
+    except OSError as error:
+        sys.exit(f"drapeline: {path}: cannot be written ({error.strerror})")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S"))
     LOGGER.addHandler(handler)
     LOGGER.setLevel(logging.INFO)
     started = time.perf_counter()
+    usual, threading.excepthook = threading.excepthook, _log_thread
     try:
         yield LOGGER
         LOGGER.info("done in %.1f s", time.perf_counter() - started)
     except (InputError, OSError) as error:
         LOGGER.exception("%s", error)
-        sys.exit(f"drapeline: {error}")
+        sys.exit(f"drapeline: {error}{_remedy(error, Path(path))}")
     except BaseException as error:
         LOGGER.exception("%s: %s", type(error).__name__, error)
         raise
     finally:
+        threading.excepthook = usual
         LOGGER.removeHandler(handler)
         handler.close()
+
+
+def _log_thread(failed: threading.ExceptHookArgs) -> None:
+    """What a thread of a library died of; whoever waits for the thread raises it again."""
+    if failed.exc_value is not None:
+        LOGGER.error("in another thread: %s", failed.exc_value, exc_info=failed.exc_value)
+
+
+def _remedy(error: Exception, log: Path) -> str:
+    """What to do about a damaged file that is the user's own no more than the log is."""
+    if not isinstance(error, DamagedFile):
+        return ""
+    path = error.path
+    results = next((folder.parent for folder in log.parents if folder.name == "logs"), None)
+    if results is not None and results in path.parents:
+        path = output_of(path, results)
+    elif path not in _BAKED:
+        return ""
+    return f"; delete {path} and give the same command again, which makes it anew"
+
+
+_BAKED = [Path("resources/body", f"{gender}.npz") for gender in GENDERS]
 
 
 def progress(items: Iterable[Item], *, total: int | None = None, label: str) -> Iterator[Item]:

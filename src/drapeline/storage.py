@@ -1,17 +1,21 @@
 """Reading and writing files: written under a temporary name first, so never left half-written."""
 
 import csv
+import ctypes
 import errno
+import fcntl
 import io
 import json
 import math
 import os
 import re
 import shutil
+import socket
 import tempfile
+import time
 import zipfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from itertools import zip_longest
 from pathlib import Path
@@ -19,7 +23,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.npy import Declared, Header, HeaderError, read_array, read_header
 
 # Failures of the disk rather than of the program.
@@ -37,17 +41,21 @@ _DISK_ERRORS = {
 
 
 @contextmanager
-def _report_disk_errors(path: Path) -> Iterator[None]:
-    """Turn a full disk or an unwritable folder at `path` into an InputError."""
+def report_disk_errors(path: Path) -> Iterator[None]:
+    """Turn a full disk or an unwritable folder at `path` into an InputError.
+
+    Errors that name no file, as of a write that found no room, are taken for errors of `path`.
+    """
     try:
         yield
     except OSError as error:
-        place = path if error.filename is None else Path(error.filename)
-        ours = place.parent == path.parent or place in path.parents
+        place = Path(error.filename2 or error.filename or path)  # where to, of two
+        within = path.parent in place.parents and _SCRATCH in str(place)
+        ours = place.parent == path.parent or place in path.parents or within
         if error.errno not in _DISK_ERRORS or not ours:
             raise
         raise InputError(
-            f"{path}: cannot be written ({os.strerror(error.errno)}),"
+            f"{_final_name(path)}: cannot be written ({os.strerror(error.errno)}),"
             " expected a writable folder with free disk space"
         ) from error
 
@@ -60,19 +68,20 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
-    with _report_disk_errors(path):
+    with report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         # The suffix is kept because writers such as Blender's and Pillow's choose a format by it.
         handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
+            dir=path.parent, prefix=_scratch_prefix(path.stem), suffix=path.suffix
         )
-        os.close(handle)
         scratch = Path(name)
         try:
+            _claim(handle)
             yield scratch
             scratch.chmod(0o666 & ~_umask())  # mkstemp makes files private
             os.replace(scratch, path)
         finally:
+            os.close(handle)
             scratch.unlink(missing_ok=True)
 
 
@@ -80,21 +89,121 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder that replaces `path` if the block ends without an error.
 
+    At `path` there is always a whole folder, the old one or the new one; of several writers the
+    last one's stays. Only file systems that cannot exchange two names, such as NFS, have none there
+    for a moment; a process killed in it leaves nothing at `path`, and the folder is made anew.
+
     Raises:
         InputError: the folder is not writable or the disk is full.
     """
     path = Path(path)
-    with _report_disk_errors(path):
+    with report_disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+        scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=_scratch_prefix(path.name)))
+        handle = os.open(scratch, os.O_RDONLY)
         try:
+            _claim(handle)
             yield scratch
             scratch.chmod(0o777 & ~_umask())
-            if path.exists():
-                shutil.rmtree(path)
-            os.replace(scratch, path)
+            _replace_folder(scratch, path)
         finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+            shutil.rmtree(scratch, ignore_errors=True)  # what was at `path`, or what failed
+            os.close(handle)
+
+
+def _replace_folder(scratch: Path, path: Path) -> None:
+    """Give a folder the name `path`; what has it so far may get the name `scratch`."""
+    while True:
+        try:
+            os.rename(scratch, path)  # over nothing or an empty folder
+            return
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+        if _exchange(scratch, path):
+            return
+        aside = Path(tempfile.mkdtemp(dir=path.parent, prefix=_scratch_prefix(path.name)))
+        try:
+            os.rename(path, aside)
+        except FileNotFoundError:
+            pass  # another writer was here first
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two folders swap names at once; False if the system cannot, or one is not there."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)  # Linux's alone
+    if rename is None:
+        return False
+    names = os.fsencode(one), os.fsencode(other)
+    return rename(_AT_FDCWD, names[0], _AT_FDCWD, names[1], _RENAME_EXCHANGE) == 0
+
+
+# Hidden, so that no listing takes one for a sample. The host and the lock tell whether its writer
+# is still at work.
+_SCRATCH = ".writing-"
+_HOST = socket.gethostname().partition(".")[0]
+_FORGOTTEN_S = 24 * 3600
+
+
+def _scratch_prefix(name: str) -> str:
+    return f"{_SCRATCH}{name}@{_HOST}."
+
+
+def _final_name(path: Path) -> str:
+    """A path as it will be, for messages about what is being written within a folder."""
+    return re.sub(rf"{re.escape(_SCRATCH)}([^/]+)@[^/@.]*\.[a-z0-9_]{{8}}", r"\1", str(path))
+
+
+def _claim(handle: int) -> None:
+    """Mark an open file or folder as in use; the system takes the mark back when we are killed."""
+    with suppress(OSError):  # some file systems have no locks
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def sweep(root: str | Path) -> list[Path]:
+    """Remove what killed processes were writing below a folder.
+
+    What a living process of this machine writes is left alone. Nobody can ask the processes of
+    another machine: what those wrote goes once it has not changed for a day.
+
+    Returns:
+        What was removed.
+    """
+    removed = []
+    for folder, folders, files in os.walk(root):
+        scraps = [name for name in (*folders, *files) if name.startswith(_SCRATCH)]
+        folders[:] = [name for name in folders if not name.startswith(_SCRATCH)]
+        removed += [path for name in scraps if _remove_if_dead(path := Path(folder) / name)]
+    return removed
+
+
+def _remove_if_dead(path: Path) -> bool:
+    with suppress(OSError):  # another process may be faster
+        if not _in_use(path):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+            return True
+    return False
+
+
+def _in_use(path: Path) -> bool:
+    if f"@{_HOST}." in path.name:
+        handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return False
+        except BlockingIOError:
+            return True
+        except OSError:
+            pass  # a file system without locks
+        finally:
+            os.close(handle)
+    inside = [path, *path.rglob("*")] if path.is_dir() else [path]
+    return max(part.lstat().st_mtime for part in inside) > time.time() - _FORGOTTEN_S
 
 
 def _umask() -> int:
@@ -106,12 +215,47 @@ def _umask() -> int:
 def link_or_copy(source: str | Path, target: str | Path) -> None:
     """Hard-link a finished file, or copy it if the file system does not support links.
 
-    Linking is safe because all our files are replaced as a whole and never changed in place.
+    All our files are replaced as a whole and never changed in place. So that nothing else does so
+    to both at once, they can only be read from now on.
     """
     try:
         os.link(source, target)
     except OSError:
-        shutil.copy2(source, target)
+        shutil.copyfile(source, target)
+    else:
+        with suppress(OSError):  # another user's
+            os.chmod(target, os.stat(target).st_mode & ~0o222)
+
+
+def copy_file(source: str | Path, target: str | Path) -> None:
+    """Copy a file; the system may let both share their blocks until one of them changes.
+
+    Btrfs and XFS do, so that a copy costs neither time nor room.
+    """
+    try:
+        with open(source, "rb") as old, open(target, "wb") as new:
+            left = os.fstat(old.fileno()).st_size
+            while left:
+                left -= os.copy_file_range(old.fileno(), new.fileno(), left) or left
+    except (AttributeError, OSError):  # the system or the file system has no such call
+        pass
+    if Path(target).stat().st_size != Path(source).stat().st_size:
+        shutil.copyfile(source, target)
+
+
+def output_of(path: str | Path, root: str | Path) -> Path:
+    """The output of a rule that a file is, or is part of, by the marks that Snakemake leaves.
+
+    Args:
+        path: of the file.
+        root: folder of all outputs.
+    """
+    inside = [folder for folder in Path(path).parents if Path(root) in folder.parents]
+    marked = (folder for folder in reversed(inside) if (folder / _MARK).exists())
+    return next(marked, Path(path))
+
+
+_MARK = ".snakemake_timestamp"  # in folders that are outputs
 
 
 def open_arrays(
@@ -139,10 +283,10 @@ def _open_array(path: Path, form: str, declared: Declared) -> np.ndarray:
             header = read_header(stream)
             declared.check_header(form, header)
         except HeaderError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise DamagedFile(path, str(error)) from error
         size, expected = os.fstat(stream.fileno()).st_size, header.size + header.nbytes
         if size != expected:
-            raise InputError(f"{path}: {size} bytes, expected {expected} as its header says")
+            raise DamagedFile(path, f"{size} bytes, expected {expected} as its header says")
         order = "F" if header.fortran else "C"
         if not header.nbytes:
             return np.zeros(header.shape, header.dtype, order)
@@ -150,8 +294,26 @@ def _open_array(path: Path, form: str, declared: Declared) -> np.ndarray:
 
 
 def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.memmap:
-    """Create an `.npy` array to be filled piece by piece; it may be larger than memory."""
-    return np.lib.format.open_memmap(path, mode="w+", dtype=dtype, shape=shape)
+    """Create an `.npy` array of zeros to be filled piece by piece; it may be larger than memory.
+
+    Raises:
+        OSError: the disk has no room for it. It is reserved here, since a process that writes to a
+            mapped page for which there is none is killed without a word.
+    """
+    header = {
+        "descr": np.lib.format.dtype_to_descr(np.dtype(dtype)),
+        "fortran_order": False,
+        "shape": shape,
+    }
+    with open(path, "wb") as stream:
+        np.lib.format.write_array_header_1_0(stream, header)
+        stream.flush()
+        size = math.prod(shape) * np.dtype(dtype).itemsize
+        if size and hasattr(os, "posix_fallocate"):  # macOS has no such call
+            os.posix_fallocate(stream.fileno(), stream.tell(), size)
+        else:
+            stream.truncate(stream.tell() + size)
+    return np.lib.format.open_memmap(path, mode="r+")
 
 
 def save_npz(path: str | Path, **arrays: Any) -> None:
@@ -159,8 +321,11 @@ def save_npz(path: str | Path, **arrays: Any) -> None:
     for name, value in arrays.items():
         if np.asarray(value).dtype == object:
             raise TypeError(f"{path}: '{name}' is an object array, which would have to be pickled")
-    with atomic_file(path) as scratch, open(scratch, "wb") as stream:
-        np.savez_compressed(stream, **arrays)
+    # As NumPy does, which on a full disk leaves an archive that complains once more on its own.
+    with atomic_file(path) as scratch, zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as held:
+        for name, value in arrays.items():
+            with held.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                np.lib.format.write_array(stream, np.asanyarray(value), allow_pickle=False)
 
 
 class _Arrays(dict[str, np.ndarray]):
@@ -171,7 +336,7 @@ class _Arrays(dict[str, np.ndarray]):
         self._path = path
 
     def __missing__(self, key: str) -> None:
-        raise InputError(f"{self._path}: lacks {key}; it holds {', '.join(sorted(self))}")
+        raise DamagedFile(self._path, f"lacks {key}; it holds {', '.join(sorted(self))}")
 
 
 def load_npz(
@@ -222,7 +387,7 @@ def _members(
     """An open `.npz` and its members that a table names, by their keys."""
     required = [key for key in table if not key.endswith("?") and "*" not in key]
     if not path.is_file():
-        raise InputError(f"{path}: no such file, expected an .npz with {', '.join(required)}")
+        raise DamagedFile(path, f"no such file, expected an .npz with {', '.join(required)}")
     with refuse_damage(path, "an .npz of plain arrays"), zipfile.ZipFile(path) as archive:
         held = {
             info.filename[: -len(".npy")]: info
@@ -231,8 +396,8 @@ def _members(
         }
         missing = [key for key in required if key not in held]
         if missing:
-            raise InputError(
-                f"{path}: lacks {', '.join(missing)}; it holds {', '.join(sorted(held))}"
+            raise DamagedFile(
+                path, f"lacks {', '.join(missing)}; it holds {', '.join(sorted(held))}"
             )
         yield archive, {key: held[key] for key in held if _form_of(key, table) is not None}
 
@@ -250,7 +415,7 @@ def _naming(path: Path, key: str) -> Iterator[None]:
     try:
         yield
     except HeaderError as error:
-        raise InputError(f"{path}: '{key}' {error}") from error
+        raise DamagedFile(path, f"'{key}' {error}") from error
 
 
 _SMALL = 1 << 16
@@ -386,13 +551,14 @@ def read_text(path: str | Path, expected: str) -> str:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}: line {line} is not UTF-8 text (byte 0x{raw[error.start]:02x}), expected"
-            f" {expected} in UTF-8"
+        raise DamagedFile(
+            path,
+            f"line {line} is not UTF-8 text (byte 0x{raw[error.start]:02x}), expected {expected} in"
+            " UTF-8",
         ) from error
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise InputError(f"{path}: line {line} holds a zero byte, expected {expected}")
+        raise DamagedFile(path, f"line {line} holds a zero byte, expected {expected}")
     return text
 
 
@@ -404,19 +570,20 @@ def read_rows(path: str | Path, expected: str) -> tuple[list[str], list[dict[str
             fields than the heading.
     """
     if not Path(path).is_file():
-        raise InputError(f"{path}: no such file, expected {expected}")
+        raise DamagedFile(path, f"no such file, expected {expected}")
     text = read_text(path, expected)
     with refuse_damage(path, expected):
         lines = csv.reader(io.StringIO(text, newline=""), delimiter="\t")
         heading = next(lines, [])
         if len(set(heading)) < len(heading):
-            raise InputError(f"{path}: a column is there twice, expected each name once")
+            raise DamagedFile(path, "a column is there twice, expected each name once")
         rows = []
         for fields in filter(None, lines):
             if len(fields) > len(heading):
-                raise InputError(
-                    f"{path}: line {lines.line_num} has {len(fields)} fields, expected"
-                    f" {len(heading)} as in the heading"
+                raise DamagedFile(
+                    path,
+                    f"line {lines.line_num} has {len(fields)} fields, expected {len(heading)} as in"
+                    " the heading",
                 )
             rows.append(dict(zip_longest(heading, fields, fillvalue="")))
     return heading, rows

@@ -43,6 +43,7 @@ from drapeline.learning_data.occlusion import texture_pixels
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write_skinned
 from drapeline.learning_data.static import StaticData, collect_static
+from drapeline.manifest import damages, write_manifest
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_fitted_picture
 from drapeline.metrics.reconstructions import Reconstruction, load_reconstruction
 from drapeline.metrics.table import read_metrics, write_metrics
@@ -673,6 +674,11 @@ def _make_reconstruction(folder: Path) -> None:
     ).save(folder / "r.npz")
 
 
+def _make_manifest(folder: Path) -> None:
+    (folder / "a.bin").write_bytes(bytes(100))
+    write_manifest(folder)
+
+
 def _make_metrics(folder: Path) -> None:
     rows = [metric_row("ours", garment, "surface_error_mm", 3.0) for garment in ("Top", "Skirt")]
     write_metrics(folder / "metrics.tsv", rows)
@@ -783,6 +789,7 @@ def _loaders() -> Iterator[Loader]:
         lambda f: write_table(f / "t.tsv", [{"id": "1", "value": 2.5}] * 3),
         lambda f: read_table(f / "t.tsv", ["id", "value"]),
     )
+    yield Loader("manifest", _make_manifest, lambda f: list(damages(f, sums=True)), "*.tsv")
     yield Loader("metrics", _make_metrics, lambda f: read_metrics(f / "metrics.tsv"))
     yield Loader("gallery_tables", _make_gallery_tables, read_gallery_tables)
     yield Loader(

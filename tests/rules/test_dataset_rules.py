@@ -85,3 +85,12 @@ def test_export_sample_writes_the_format_it_is_asked_for(run_rule, write, tmp_pa
     assert {"Skirt.pc2", "Skirt.obj", "Tshirt.pc2", "Body.pc2"} <= {
         p.name for p in output.rglob("*")
     }
+
+
+def test_verify_compares_what_is_there(tmp_path, write, run_rule, capsys):
+    folder = write("00001").folder
+    run_rule("verify", params={"results": str(tmp_path)})
+    assert capsys.readouterr().out.startswith("drapeline: all files are as they were written (")
+    (folder / "info.mat").write_bytes(b"")
+    with pytest.raises(SystemExit, match=r"drapeline: 1 file is damaged .*info\.mat: 0 bytes"):
+        run_rule("verify", params={"results": str(tmp_path)})

@@ -12,7 +12,7 @@ from imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
-CORE = {"errors", "seeding", "npy", "pickles", "storage", "rule_log", "frames"}
+CORE = {"errors", "seeding", "npy", "pickles", "storage", "manifest", "rule_log", "frames"}
 # Each part may import itself and what stands to its right.
 MAY_IMPORT = {
     part: CORE | {part, *others}

@@ -1,20 +1,34 @@
+import ctypes
 import json
+import os
 import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
 import zipfile
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from drapeline import storage
 from drapeline.errors import InputError
 from drapeline.storage import (
     atomic_file,
     atomic_folder,
+    copy_file,
+    create_array,
+    link_or_copy,
     load_npz,
     open_arrays,
+    output_of,
     read_json,
     read_rows,
     save_npz,
+    sweep,
     write_json,
 )
 
@@ -41,6 +55,172 @@ def test_a_folder_is_replaced_only_when_it_is_whole(tmp_path):
         (scratch / "new").touch()
     assert [p.name for p in target.iterdir()] == ["new"]
     assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.fixture(params=["exchange", "aside"])
+def way(request, monkeypatch):
+    """How folders are replaced: at once, or as where two names cannot be exchanged."""
+    if request.param == "aside":
+        monkeypatch.setattr(storage, "_exchange", lambda one, other: False)
+    elif not hasattr(ctypes.CDLL(None), "renameat2"):
+        pytest.skip("the system cannot exchange two names")
+
+
+def write_parts(folder, word):
+    """Two files that belong together."""
+    with atomic_folder(folder) as scratch:
+        for name in ("a", "b"):
+            (scratch / name).write_text(word)
+
+
+@pytest.mark.usefixtures("way")
+def test_of_two_writers_each_leaves_a_whole_folder(tmp_path):
+    target, failed = tmp_path / "sample", []
+
+    def write(word):
+        try:
+            for _ in range(100):
+                write_parts(target, word)
+        except Exception as error:
+            failed.append(error)
+
+    writers = [threading.Thread(target=write, args=(word,)) for word in ("one", "two")]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert not failed
+    assert (target / "a").read_text() == (target / "b").read_text()
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_folder_is_at_its_place_at_any_moment(tmp_path):
+    target, missing, ended = tmp_path / "sample", [], threading.Event()
+    write_parts(target, "old")
+    if not storage._exchange(target, target):  # a no-op where it is possible
+        pytest.skip("the file system cannot exchange two names")
+
+    def watch():
+        while not ended.is_set():
+            missing.append(not (target / "a").parent.is_dir())
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    for _ in range(200):
+        write_parts(target, "new")
+    ended.set()
+    watcher.join()
+    assert len(missing) > 200
+    assert not any(missing)
+
+
+WRITER = """
+import sys
+import time
+from drapeline.storage import atomic_file, atomic_folder
+
+with atomic_folder(sys.argv[1] + "/sample") as folder, atomic_file(sys.argv[1] + "/a.npz") as file:
+    (folder / "half").touch()
+    print("writing", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def writer(tmp_path):
+    """Another process in the middle of a folder and of a file."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, tmp_path / "results"],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(storage.__file__).parents[1])},
+    )
+    assert process.stdout.readline() == "writing\n"
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_what_a_killed_process_wrote_is_swept_and_nothing_else(writer, tmp_path):
+    results = tmp_path / "results"
+    mine = results / "deep" / ".mine"
+    mine.parent.mkdir()
+    mine.touch()
+    scraps = sorted(path for path in results.iterdir() if path.name != "deep")
+    assert len(scraps) == 2
+    assert all(path.name.startswith(".") for path in scraps)
+    assert sweep(results) == []  # it is still at work
+    with atomic_folder(results / "deep" / "own"):
+        assert sweep(results) == []  # and so are we
+    writer.send_signal(signal.SIGKILL)
+    writer.wait()
+    assert sorted(sweep(results)) == scraps
+    assert sorted(path.name for path in results.rglob("*")) == [".mine", "deep", "own"]
+
+
+def test_what_another_machine_writes_goes_when_it_is_old(tmp_path):
+    scrap = tmp_path / ".writing-sample@elsewhere.abc"
+    scrap.mkdir()
+    part = scrap / "part"
+    part.touch()
+    os.utime(scrap, times=(0, 0))
+    assert sweep(tmp_path) == []
+    day = time.time() - 25 * 3600
+    os.utime(part, times=(day, day))
+    os.utime(scrap, times=(day, day))
+    assert sweep(tmp_path) == [scrap]
+    assert not scrap.exists()
+
+
+def test_where_files_cannot_be_locked_age_decides(tmp_path, monkeypatch):
+    def no_locks(*_):
+        raise OSError("no locks available")
+
+    monkeypatch.setattr(storage.fcntl, "flock", no_locks)
+    with atomic_file(tmp_path / "a") as scratch:
+        assert sweep(tmp_path) == []
+        os.utime(scratch, times=(0, 0))
+        assert sweep(tmp_path) == [scratch]
+        scratch.touch()
+
+
+def test_linked_files_cannot_be_written_by_accident(tmp_path):
+    first = tmp_path / "a"
+    first.write_text("whole")
+    link_or_copy(first, tmp_path / "b")
+    assert first.samefile(tmp_path / "b")
+    assert first.stat().st_mode & 0o222 == 0
+    copy_file(first, tmp_path / "c")
+    assert (tmp_path / "c").read_text() == "whole"
+    assert (tmp_path / "c").stat().st_mode & 0o200
+    assert not first.samefile(tmp_path / "c")
+
+
+@pytest.mark.parametrize("result", [0, OSError("not supported"), None])
+def test_a_file_is_copied_whatever_the_system_can_do(tmp_path, monkeypatch, result):
+    def copy_nothing(*_):
+        if result is None:
+            raise AttributeError
+        if result:
+            raise result
+        return result
+
+    (tmp_path / "a").write_bytes(b"x" * 100_000)
+    monkeypatch.setattr(os, "copy_file_range", copy_nothing)
+    copy_file(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "b").read_bytes() == (tmp_path / "a").read_bytes()
+
+
+def test_a_file_belongs_to_the_outermost_folder_that_a_rule_made(tmp_path):
+    made = tmp_path / "results" / "dataset"
+    inner = made / "train" / "00001"
+    inner.mkdir(parents=True)
+    (inner / ".snakemake_timestamp").touch()
+    (made / ".snakemake_timestamp").touch()
+    (tmp_path / ".snakemake_timestamp").touch()
+    assert output_of(inner / "info.mat", tmp_path / "results") == made
+    file = tmp_path / "results" / "motions" / "walk.npz"
+    assert output_of(file, tmp_path / "results") == file
 
 
 def test_written_files_have_the_usual_mode(tmp_path):
@@ -137,8 +317,14 @@ def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-# NumPy's half-written archive complains once more when it is collected.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_npz_files_have_the_bytes_of_numpys_own(tmp_path):
+    arrays = {"x": np.arange(12.0).reshape(3, 4).T, "s": np.array(["a", "bc"]), "n": 3, "m": "é"}
+    save_npz(tmp_path / "a.npz", **arrays)
+    np.savez_compressed(tmp_path / "b.npz", **arrays)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     path = tmp_path / "a.npz"
     save_npz(path, x=1)
@@ -150,6 +336,38 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
         save_npz(path, x=noise)
     assert load_npz(path, {"x": "int"})["x"] == 1
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_told_by_the_name_that_a_file_would_have(tmp_path):
+    with (
+        pytest.raises(InputError, match=f"^{tmp_path}/b@c/deep/a.npz: cannot be written"),
+        small_disk(),
+        atomic_folder(tmp_path / "b@c") as scratch,
+        atomic_file(scratch / "deep" / "a.npz") as file,
+    ):
+        file.write_bytes(bytes(10_000))
+
+
+def test_a_mapped_array_that_the_disk_has_no_room_for_is_refused_when_it_is_made(tmp_path):
+    with (
+        pytest.raises(InputError, match="sample: cannot be written .*free disk space"),
+        small_disk(),
+        atomic_folder(tmp_path / "sample") as scratch,
+    ):
+        create_array(scratch / "x.npy", np.float32, (1000, 3))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("shape", [(4, 3), (0, 3), ()])
+def test_a_mapped_array_begins_with_zeros_and_takes_its_room(tmp_path, shape):
+    path = tmp_path / "x.npy"
+    array = create_array(path, np.float32, shape)
+    np.testing.assert_array_equal(array, np.zeros(shape, np.float32))
+    array[...] = 1
+    array.flush()
+    np.save(tmp_path / "y.npy", np.ones(shape, np.float32))
+    assert path.read_bytes() == (tmp_path / "y.npy").read_bytes()
+    assert path.stat().st_blocks * 512 >= path.stat().st_size - 4096
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):

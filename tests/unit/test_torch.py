@@ -7,7 +7,9 @@ import torch
 
 from drapeline.dataset.info_mat import read_info, write_info
 from drapeline.dataset.reader import Cloth3D
+from drapeline.dataset.record import SAMPLE_MANIFEST
 from drapeline.errors import InputError
+from drapeline.manifest import write_manifest
 from drapeline.torch import FrameDataset, SeededOrder, SequenceDataset, collate, make_loader
 from tiny_sample import write_tiny_sample
 
@@ -23,6 +25,7 @@ def root(tmp_path_factory, toy_body):
     alone = stages / "samples" / "00002" / "info.mat"
     info = read_info(alone)
     write_info(alone, replace(info, outfit={"Skirt": info.outfit["Skirt"]}, tightness=None))
+    write_manifest(alone.parent, SAMPLE_MANIFEST)
     return stages / "samples"
 
 

@@ -5,6 +5,7 @@ fails, ask what the module needs of the new import; most often that fits a modul
 """
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,10 @@ def scripts() -> dict[str, str]:
 
 
 SCRIPTS = scripts()
+PROFILES = [
+    ROOT / "profiles/default/config.yaml",
+    *sorted((ROOT / "workflow/profiles").glob("*/config.yaml")),
+]
 NAMED = {"simulate_outfit": [cloth_solvers()["blender"][0]]}
 # What a trained garment VAE of either kind decodes garments for, and what Garment4D trains.
 USE_SVAE = {
@@ -206,6 +211,48 @@ def planned(finished):
     yield plan
     for path, text in changed:
         path.write_text(text)
+
+
+def as_without_flags(project: Path, *arguments: str) -> str:
+    """What Snakemake says in a folder where it finds its default profile by itself."""
+    flags = ["--configfile", CONFIG, "--workflow-profile", str(project / "profiles/default")]
+    run = snakemake(project, "all", *flags, *arguments)
+    assert run.returncode == 0, run.stderr[-2000:]
+    return run.stdout + run.stderr
+
+
+def test_a_project_that_was_copied_with_its_times_has_nothing_to_do(finished, tmp_path):
+    project = shutil.copytree(finished, tmp_path / "copy")
+    for folder in ("scripts", "src", "workflow/rules"):  # as another checkout of the same code
+        for path in (project / folder).rglob("*"):
+            path.touch()
+    assert "Nothing to be done" in as_without_flags(project, "--dry-run")
+
+
+def test_a_project_that_was_copied_without_its_times_is_told_that_it_is_finished(
+    finished, tmp_path
+):
+    project = shutil.copytree(finished, tmp_path / "copy", copy_function=shutil.copyfile)
+    for folder in (project / "results/tiny").rglob(".snakemake_timestamp"):
+        folder.touch()
+    assert "Nothing to be done" not in as_without_flags(project, "--dry-run")
+    as_without_flags(project, "--touch", "--cores", "1")
+    assert "Nothing to be done" in as_without_flags(project, "--dry-run")
+
+
+@pytest.mark.parametrize("profile", PROFILES, ids=lambda path: path.parent.name)
+def test_all_profiles_rerun_by_digests_of_the_code_and_not_by_times_of_scripts(profile):
+    lines = profile.read_text().splitlines()
+    assert "rerun-triggers: [input, mtime, params]" in lines
+    assert "rerun-incomplete: true" in lines
+
+
+def test_every_rule_that_makes_something_has_a_digest_of_its_code():
+    text = "\n".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    for block in re.split(r"^(?=rule \w+:$)", text, flags=re.MULTILINE)[1:]:
+        script = re.search(r'"../../scripts/(\w+)\.py"', block)
+        if script and "    output:" in block:
+            assert re.search(rf'code=source_hash\(\s*"{script[1]}"', block), block.split(":")[0]
 
 
 def rules_of(file: Path) -> set[str]:

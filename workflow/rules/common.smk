@@ -6,6 +6,7 @@ from pathlib import Path
 
 import yaml
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
 
 # Of drapeline, which may be a module of another workflow or work in another folder.
 ROOT = Path(str(workflow.current_basedir)).parents[1]
@@ -29,6 +30,7 @@ from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.own_garments import own_garments
 from drapeline.outfits.static_plan import plan_static
+from drapeline.storage import sweep
 
 try:
     config.update(
@@ -139,7 +141,14 @@ wildcard_constraints:
     shard=r"\d+",
 
 
-SOURCES = Sources(SOURCE, memory=".snakemake/drapeline_sources.json")
+SOURCES = Sources(SOURCE, memory=".snakemake/drapeline/sources.json")
+
+
+def remove_scraps():
+    """Remove what killed jobs were writing; a start of Snakemake does so before its first job."""
+    for folder in (RESULTS, "resources/body", ".snakemake/drapeline"):
+        for scrap in sweep(folder):
+            logger.info(f"Removed {scrap}, which a killed job was writing.")
 
 
 def source_hash(script, *modules):

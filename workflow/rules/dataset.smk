@@ -61,6 +61,23 @@ rule dataset:
         rules.collect_dataset.output,
 
 
+rule verify:
+    # Makes nothing, not even a benchmark, so that it runs whenever it is asked for; and nothing is
+    # made for it: it compares what is there, also what would be made anew.
+    log:
+        f"{LOGS}/verify.log",
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=240,
+    params:
+        results=RESULTS,
+    script:
+        "../../scripts/verify.py"
+
+
 rule export_sample:
     input:
         f"{RESULTS}/samples/{{sample}}",

@@ -1,7 +1,9 @@
 """Samples as files that other programs open: USD, glTF, Alembic, MDD, PC2 and OBJ sequences."""
 
+import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -65,15 +67,27 @@ def export_sample(
         return sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())
 
 
+@contextmanager
+def _copied(path: Path) -> Iterator[Path]:
+    """A path for libraries of C++ to write to, copied by Python, which says so of a full disk.
+
+    Alembic's ends the process, and USD's goes on with what it cannot read back.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        yield Path(scratch) / path.name
+        shutil.copyfile(Path(scratch) / path.name, path)
+
+
 def _export_usd(folder: Path, name: str, parts: list[ScenePart]) -> None:
-    write_usd(folder / f"{name}.usdc", parts)
+    with _copied(folder / f"{name}.usdc") as path:
+        write_usd(path, parts)
 
 
 def _export_alembic(folder: Path, name: str, parts: list[ScenePart]) -> None:
-    with tempfile.TemporaryDirectory() as scratch:
-        _scene_with_caches(parts, Path(scratch))
+    with _copied(folder / f"{name}.abc") as path:
+        _scene_with_caches(parts, path.parent)
         bpy.ops.wm.alembic_export(
-            filepath=str(folder / f"{name}.abc"),
+            filepath=str(path),
             start=0,
             end=parts[0].frame_count - 1,
             evaluation_mode="RENDER",

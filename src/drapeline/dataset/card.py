@@ -163,8 +163,9 @@ radians, Z is up.
 
 What CLOTH3D does not have is in `{split}/{id}/extras/`: `{Garment}.f32` (the same vertices in
 single precision, without a header), `Body.obj` and `Body.pc16` (the body, so that no body model is
-needed), `health.npz` (measures of every frame) and `meta.json`. Tables: `samples.tsv`,
-`status.tsv`, `statistics_*.tsv`."""
+needed), `health.npz` (measures of every frame), `meta.json` and `manifest.tsv`. Tables:
+`samples.tsv`, `status.tsv`, `statistics_*.tsv`. `manifest.tsv` lists size and SHA-256 sum of every
+file."""
 
 _LIMITS = """\
 - The body is the model named above. If that is not SMPL, `poses` and `shape` have SMPL's layout

@@ -6,18 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from drapeline.dataset.card import dataset_card
-from drapeline.dataset.record import SampleRecord, read_record
+from drapeline.dataset.record import SAMPLE_MANIFEST, SampleRecord, read_record
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.statistics import action_table, garment_table, overview_table
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
-from drapeline.storage import atomic_folder, link_or_copy
+from drapeline.manifest import FileSum, damages, read_manifest, write_manifest
+from drapeline.storage import atomic_folder, copy_file
 
 _LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # the smallest value of these is the worst
 
 
 def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[SampleRecord]:
-    """Link the accepted samples into `{output}/{split}/{id}` and write the tables and the card.
+    """Copy the accepted samples to `{output}/{split}/{id}` and write the tables and the card.
+
+    They are copies, not links, so that whatever happens to the published files leaves those alone
+    from which they can be made anew. `manifest.tsv` has the sums of all files, those of the samples
+    as they were when the samples were written.
 
     Args:
         folders: one per sample, as written by `write_sample`, including the rejected samples.
@@ -27,7 +32,8 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
         The records of all samples, sorted by id.
 
     Raises:
-        InputError: a sample's `meta.json` is unusable, or two samples have the same id.
+        InputError: a sample's `meta.json` is unusable, a file of it has another size than when it
+            was written, or two samples have the same id.
     """
     records = sorted((read_record(folder) for folder in folders), key=lambda r: r.meta["id"])
     ids = [record.meta["id"] for record in records]
@@ -40,18 +46,35 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
         "statistics_actions": action_table(accepted),
         "statistics_garments": garment_table(accepted),
     }
+    sums = {
+        f"{record.meta['split']}/{record.meta['id']}/{file}": wanted
+        for record in accepted
+        for file, wanted in _checked_manifest(record.folder).items()
+    }
     with atomic_folder(output) as scratch:
         for split in SPLITS:
             (scratch / split).mkdir()
         for record in accepted:
             target = scratch / record.meta["split"] / record.meta["id"]
-            shutil.copytree(record.folder, target, copy_function=link_or_copy)
+            shutil.copytree(
+                record.folder,
+                target,
+                copy_function=copy_file,
+                ignore=shutil.ignore_patterns(".*"),  # Snakemake's marks
+            )
         write_table(scratch / "status.tsv", [status_row(record) for record in records])
         write_table(scratch / "samples.tsv", [sample_row(record) for record in accepted])
         for name, rows in tables.items():
             write_table(scratch / f"{name}.tsv", rows)
         (scratch / "README.md").write_text(dataset_card(records, tables))
+        write_manifest(scratch, known=sums)
     return records
+
+
+def _checked_manifest(folder: Path) -> dict[str, FileSum]:
+    for damage in damages(folder, SAMPLE_MANIFEST, sums=False):
+        raise damage
+    return read_manifest(folder / SAMPLE_MANIFEST)
 
 
 def status_row(record: SampleRecord) -> dict[str, Any]:

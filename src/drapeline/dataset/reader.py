@@ -10,12 +10,20 @@ import numpy as np
 
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.record import EXTRAS, HEALTH, META, body_fingerprint, meta_path
+from drapeline.dataset.record import (
+    EXTRAS,
+    HEALTH,
+    META,
+    SAMPLE_MANIFEST,
+    body_fingerprint,
+    meta_path,
+)
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
+from drapeline.manifest import MANIFEST, damages
 from drapeline.storage import load_npz, read_json
 
 if TYPE_CHECKING:
@@ -78,6 +86,19 @@ class Cloth3D:
     def __iter__(self) -> Iterator["Sample"]:
         return (self[sample] for sample in self.ids)
 
+    def verify(self) -> None:
+        """Read all files and compare their sums with the manifests, where there are any.
+
+        Raises:
+            DamagedFile: the first file that is missing or not as it was written.
+        """
+        if (self.root / MANIFEST).is_file():
+            for damage in damages(self.root, sums=True):
+                raise damage
+        else:
+            for sample in self:
+                sample.verify()
+
 
 def _sample_folders(root: Path, split: str | None) -> dict[str, Path]:
     """Map ids to folders, for samples directly under `root` and one level below."""
@@ -99,7 +120,12 @@ def _folders_in(place: Path) -> list[Path]:
     if not place.is_dir():
         return []
     with os.scandir(place) as entries:
-        return sorted(Path(entry.path) for entry in entries if entry.is_dir())
+        # Hidden ones are what a job is writing, or wrote when it was killed.
+        return sorted(
+            Path(entry.path)
+            for entry in entries
+            if entry.is_dir() and not entry.name.startswith(".")
+        )
 
 
 class Sample:
@@ -122,10 +148,12 @@ class Sample:
         self._bodies = dict(bodies or {})
         self._rest_turned = rest_turned
         self._caches: dict[str, PointCache] = {}
+        self._sizes_checked = False
 
     @cached_property
     def info(self) -> SampleInfo:
         """Contents of `info.mat`."""
+        self._refuse_damage(sums=False)
         return read_info(self.folder / "info.mat")
 
     @cached_property
@@ -178,6 +206,7 @@ class Sample:
     @cached_property
     def health(self) -> dict[str, np.ndarray]:
         """Health measures of every frame by name; empty if none are stored."""
+        self._refuse_damage(sums=False)
         path = self._extras / "health.npz"
         return load_npz(path, HEALTH) if path.is_file() else {}
 
@@ -260,6 +289,25 @@ class Sample:
         """World position of the root joint in frames [start, stop), (stop - start, 3) float64."""
         return self.info.trans[start:stop] @ _rotation_z(self.info.zrot).T
 
+    def verify(self) -> None:
+        """Read all files and compare their sums with the sample's manifest, if it has one.
+
+        Sizes of those that are there are compared whenever a sample is read.
+
+        Raises:
+            DamagedFile: the first file that is not as it was written.
+        """
+        self._refuse_damage(sums=True)
+
+    def _refuse_damage(self, *, sums: bool) -> None:
+        if sums or not self._sizes_checked:
+            if (self.folder / SAMPLE_MANIFEST).is_file():
+                for damage in damages(self.folder, SAMPLE_MANIFEST, sums=sums):
+                    # A part of a sample may be all that its user keeps.
+                    if sums or damage.path.exists():
+                        raise damage
+            self._sizes_checked = True
+
     def close(self) -> None:
         """Close the files; this also happens when the object is garbage-collected."""
         for cache in self._caches.values():
@@ -277,6 +325,7 @@ class Sample:
         return self.folder / EXTRAS
 
     def _rest_mesh(self, path: Path) -> Mesh:
+        self._refuse_damage(sums=False)
         mesh = load_obj(path)
         turned = (
             self._rest_turned

@@ -10,6 +10,7 @@ import numpy as np
 
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
+from drapeline.manifest import MANIFEST
 from drapeline.storage import check_name, read_json
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ HEALTH = {"*": "any|nan ..."}
 # Subfolder of a sample with everything that CLOTH3D does not have. Some of its readers take every
 # OBJ or PC16 file beside `info.mat` for a garment, so only its own files may lie there.
 EXTRAS = "extras"
+SAMPLE_MANIFEST = f"{EXTRAS}/{MANIFEST}"
 
 
 @dataclass(frozen=True)

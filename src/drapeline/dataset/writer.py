@@ -12,12 +12,13 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.sequence import BodySequence, load_body_sequence
 from drapeline.dataset.info_mat import SampleInfo, sample_scene, write_info
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.record import EXTRAS, HEALTH, body_fingerprint, meta_path
+from drapeline.dataset.record import EXTRAS, HEALTH, SAMPLE_MANIFEST, body_fingerprint, meta_path
 from drapeline.errors import InputError
 from drapeline.frames import FPS, GENDERS, JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh, edges
 from drapeline.geometry.obj import save_obj
 from drapeline.geometry.point_cache import PointCache, point_cache_writer
+from drapeline.manifest import write_manifest
 from drapeline.outfits.outfit import OUTFIT_JSON, Garment, load_outfit
 from drapeline.storage import (
     atomic_folder,
@@ -58,6 +59,8 @@ def write_sample(
     split: str,
 ) -> dict[str, Any]:
     """Write `info.mat`, the OBJ and PC16 files and the `extras/` of a simulated sample.
+
+    `extras/manifest.tsv` has the sums of all its files.
 
     A sample that was not accepted gets only a `meta.json` with its status and reason. Memory use
     does not grow with the number of frames.
@@ -116,6 +119,7 @@ def write_sample(
             save_npz(scratch / EXTRAS / "health.npz", **health)
             meta["health"] = summarise_health(health)
         write_json(meta_path(scratch), meta)
+        write_manifest(scratch, SAMPLE_MANIFEST)
     return meta
 
 

@@ -24,7 +24,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.frames import FPS
 from drapeline.storage import atomic_file
 
@@ -146,9 +146,10 @@ class PointCache:
         self._frame_bytes = self.vertex_count * 3 * self._dtype.itemsize
         expected = self._start + self.frame_count * self._frame_bytes
         if size != expected:
-            raise InputError(
-                f"{self.path}: {size} bytes, expected {expected} for {self.frame_count} frames"
-                f" of {self.vertex_count} vertices"
+            raise DamagedFile(
+                self.path,
+                f"{size} bytes, expected {expected} for {self.frame_count} frames of"
+                f" {self.vertex_count} vertices",
             )
         if vertex_count not in (None, self.vertex_count):
             raise InputError(
@@ -164,8 +165,8 @@ class PointCache:
             return vertex_count, size // (12 * vertex_count), 0
         header = _MDD_HEADER if self.path.suffix == ".mdd" else _PC_HEADER
         if size < header.size:
-            raise InputError(
-                f"{self.path}: {size} bytes, expected at least {header.size} for the header"
+            raise DamagedFile(
+                self.path, f"{size} bytes, expected at least {header.size} for the header"
             )
         fields = header.unpack(os.pread(self._stream.fileno(), header.size, 0))
         if self.path.suffix == ".mdd":
@@ -175,14 +176,14 @@ class PointCache:
             magic, version, vertices, _, _, frames = fields
             start = header.size
             if magic != _PC_MAGIC or version != 1:
-                raise InputError(
-                    f"{self.path}: starts with {magic!r} version {version},"
-                    f" expected {_PC_MAGIC!r} version 1"
+                raise DamagedFile(
+                    self.path,
+                    f"starts with {magic!r} version {version}, expected {_PC_MAGIC!r} version 1",
                 )
         if vertices <= 0 or frames < 0:
-            raise InputError(
-                f"{self.path}: header names {vertices} vertices and {frames} frames,"
-                " expected positive counts"
+            raise DamagedFile(
+                self.path,
+                f"header names {vertices} vertices and {frames} frames, expected positive counts",
             )
         return vertices, frames, start
 
@@ -218,7 +219,7 @@ class PointCache:
         while done < len(buffer):
             got = os.preadv(self._stream.fileno(), [view[done:]], offset + done)
             if got == 0:
-                raise InputError(f"{self.path}: ends at byte {offset + done}, while being read")
+                raise DamagedFile(self.path, f"ends at byte {offset + done}, while being read")
             done += got
         return buffer
 

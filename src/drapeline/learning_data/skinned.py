@@ -39,7 +39,15 @@ from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, load_npz, open_arrays, read_json, save_npz, write_json
+from drapeline.storage import (
+    atomic_folder,
+    create_array,
+    load_npz,
+    open_arrays,
+    read_json,
+    save_npz,
+    write_json,
+)
 
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.
@@ -228,7 +236,7 @@ def _write(
     points, labels = create_clouds(folder, len(outfits) * settings.frames, settings.clouds.points)
     sizes = [[len(g.vertices) for g in o.outfit.garments] for o in outfits]
     rows = settings.frames * sum(map(sum, sizes))
-    cloth = np.lib.format.open_memmap(folder / "cloth.npy", "w+", np.float32, (rows, 3))
+    cloth = create_array(folder / "cloth.npy", np.float32, (rows, 3))
     chosen: list[tuple[str, np.ndarray, np.ndarray]] = []
     row = 0
     for index, static in enumerate(progress(outfits, total=len(outfits), label="outfits")):

@@ -1,5 +1,8 @@
+import errno
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -252,6 +255,20 @@ def test_a_sample_without_a_body_is_exported_without_one(tmp_path, toy_body):
     )
     with_body = export_sample(tiny.folder, tmp_path / "out", "pc2", bodies={"female": toy_body})
     assert "Body.pc2" in with_body
+
+
+@pytest.mark.parametrize("suffix", ["usdc", "abc"])
+def test_a_full_disk_is_one_sentence_where_a_library_would_die_of_it(
+    tmp_path, tiny, monkeypatch, suffix
+):
+    def no_room(source, target):
+        assert Path(source).stat().st_size
+        raise OSError(errno.ENOSPC, "No space left on device", source, None, target)
+
+    monkeypatch.setattr(shutil, "copyfile", no_room)
+    with pytest.raises(InputError, match=f"{suffix}: cannot be written .No space left on device"):
+        export_sample(tiny.folder, tmp_path / suffix, suffix)
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_unknown_format_is_refused_with_the_known_ones(tmp_path, tiny):

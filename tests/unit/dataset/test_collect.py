@@ -6,7 +6,8 @@ import pytest
 from drapeline.dataset.collect import collect_dataset
 from drapeline.dataset.reader import Cloth3D
 from drapeline.dataset.record import meta_path, read_meta
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
+from drapeline.manifest import MANIFEST, read_manifest, sum_file
 from drapeline.storage import write_json
 from tiny_sample import write_tiny_sample
 
@@ -41,10 +42,39 @@ def test_accepted_samples_are_in_their_splits_and_rejected_ones_in_none(dataset)
     assert list((dataset / "val").iterdir()) == []
 
 
-def test_files_are_linked_and_not_copied(dataset):
+def test_published_files_are_copies_that_may_be_spoilt(dataset):
     for split in ("train", "test"):
         for path in (dataset / split).rglob("*.*"):
-            assert path.samefile(dataset.parent / "samples" / path.relative_to(dataset / split))
+            made_from = dataset.parent / "samples" / path.relative_to(dataset / split)
+            assert path.read_bytes() == made_from.read_bytes()
+            assert not path.samefile(made_from)
+
+
+def test_the_manifest_lists_every_file_with_its_sum(dataset):
+    files = [path for path in dataset.rglob("*") if path.is_file()]
+    listed = read_manifest(dataset / MANIFEST)
+    assert {dataset / name for name in listed} | {dataset / MANIFEST} == set(files)
+    for name, wanted in listed.items():
+        assert sum_file(dataset / name) == wanted
+    Cloth3D(dataset).verify()
+
+
+def test_a_sample_that_was_cut_off_is_not_published(tmp_path, toy_body):
+    folder = write_tiny_sample(tmp_path, toy_body).folder
+    cut = folder / "info.mat"
+    cut.write_bytes(cut.read_bytes()[:-1])
+    with pytest.raises(DamagedFile, match=r"info\.mat: \d+ bytes, expected \d+ as in"):
+        collect_dataset([folder], tmp_path / "dataset")
+    assert not (tmp_path / "dataset").exists()
+
+
+def test_what_changed_unseen_keeps_the_sum_that_it_had_when_it_was_written(tmp_path, toy_body):
+    folder = write_tiny_sample(tmp_path, toy_body).folder
+    (obj,) = folder.glob("Skirt.obj")
+    obj.write_bytes(bytes(obj.stat().st_size))
+    collect_dataset([folder], tmp_path / "dataset")
+    with pytest.raises(DamagedFile, match=r"Skirt\.obj: its SHA-256 sum is not the one in"):
+        Cloth3D(tmp_path / "dataset").verify()
 
 
 def test_status_lists_every_sample_with_its_reason(dataset):

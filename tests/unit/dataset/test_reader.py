@@ -7,9 +7,10 @@ import pytest
 
 from drapeline.dataset.info_mat import read_info, write_info
 from drapeline.dataset.reader import Cloth3D, Sample
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.storage import atomic_folder
 from tiny_sample import GARMENTS, body_truth, write_tiny_sample
 
 
@@ -172,6 +173,50 @@ def test_a_single_frame_is_not_squeezed_away(tmp_path, toy_body):
     assert len(sample) == 1
     assert sample.vertices("Skirt").shape == (1, 80, 3)
     assert sample.body_vertices().shape == (1, len(toy_body.v_template), 3)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda sample: sample.vertices("Tshirt", 0, 1),
+        lambda sample: sample.mesh("Tshirt"),
+        lambda sample: sample.health,
+        len,
+    ],
+)
+def test_sizes_are_compared_whatever_is_read_of_a_sample(tmp_path, tiny, read):
+    folder = shutil.copytree(tiny.folder, tmp_path / "00001")
+    (folder / "Skirt.obj").write_bytes(b"v 0 0 0\n")
+    with pytest.raises(DamagedFile, match=r"Skirt\.obj: 8 bytes, expected \d+ as in .*manifest"):
+        read(Sample(folder))
+
+
+def test_parts_of_a_sample_can_be_read_without_the_others(tmp_path, tiny):
+    folder = shutil.copytree(tiny.folder, tmp_path / "00001")
+    (folder / "extras" / "Tshirt.f32").unlink()
+    assert Sample(folder).vertices("Tshirt", 0, 1).shape[0] == 1
+    with pytest.raises(DamagedFile, match=r"Tshirt\.f32: cannot be read \(No such file"):
+        Sample(folder).verify()
+
+
+def test_sums_are_compared_where_that_is_asked_for(tmp_path, tiny):
+    folder = shutil.copytree(tiny.folder, tmp_path / "train" / "00001")
+    Cloth3D(tmp_path).verify()
+    cache = bytearray((folder / "Skirt.pc16").read_bytes())
+    cache[-1] ^= 1
+    (folder / "Skirt.pc16").write_bytes(cache)
+    assert len(Sample(folder)) > 0
+    for whole in (Sample(folder), Cloth3D(tmp_path)):
+        with pytest.raises(DamagedFile, match=r"Skirt\.pc16: its SHA-256 sum"):
+            whole.verify()
+
+
+def test_what_a_job_is_writing_is_no_sample(tmp_path, tiny):
+    shutil.copytree(tiny.folder, tmp_path / "00001")
+    with atomic_folder(tmp_path / "00002") as scratch:
+        shutil.copytree(tiny.folder, scratch, dirs_exist_ok=True)
+        assert Cloth3D(tmp_path).ids == ["00001"]
+    assert Cloth3D(tmp_path).ids == ["00001", "00002"]
 
 
 @pytest.mark.parametrize("suffix", ["f32", "pc16"])

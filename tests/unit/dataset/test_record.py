@@ -2,7 +2,13 @@ from dataclasses import replace
 
 import pytest
 
-from drapeline.dataset.record import body_fingerprint, meta_path, read_meta, read_record
+from drapeline.dataset.record import (
+    SAMPLE_MANIFEST,
+    body_fingerprint,
+    meta_path,
+    read_meta,
+    read_record,
+)
 from drapeline.errors import InputError
 from drapeline.storage import write_json
 from tiny_sample import write_tiny_sample
@@ -24,7 +30,8 @@ def test_a_rejected_sample_has_a_record_without_data(tmp_path, toy_body):
     record = read_record(folder)
     assert not record.accepted
     assert record.cloth3d_bytes == 0
-    assert record.total_bytes == meta_path(folder).stat().st_size
+    files = [meta_path(folder), folder / SAMPLE_MANIFEST]
+    assert record.total_bytes == sum(path.stat().st_size for path in files)
 
 
 def test_an_incomplete_meta_is_named(tmp_path, toy_body):

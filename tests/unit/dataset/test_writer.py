@@ -41,7 +41,7 @@ def write(tiny, body, sample="00001"):
 def test_the_folder_holds_cloth3d_files_and_the_extras(tiny):
     files = {str(p.relative_to(tiny.folder)) for p in tiny.folder.rglob("*") if p.is_file()}
     cloth3d = {"info.mat", *(f"{name}.{suffix}" for name in GARMENTS for suffix in ("obj", "pc16"))}
-    extras = {"meta.json", "health.npz", "Body.obj", "Body.pc16"}
+    extras = {"meta.json", "manifest.tsv", "health.npz", "Body.obj", "Body.pc16"}
     extras |= {f"{name}.f32" for name in GARMENTS}
     assert files == cloth3d | {f"extras/{name}" for name in extras}
 
@@ -99,7 +99,7 @@ def test_meta_tells_where_the_sample_comes_from(tiny):
 
 def test_a_rejected_sample_says_why_and_holds_no_meshes(tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
-    assert list(tiny.folder.rglob("*.*")) == [tiny.folder / "extras/meta.json"]
+    assert {path.name for path in tiny.folder.rglob("*.*")} == {"meta.json", "manifest.tsv"}
     assert read_meta(tiny.folder)["reason"].startswith("1.20 %")
 
 

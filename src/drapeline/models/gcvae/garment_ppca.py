@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import torch
 
+from drapeline.manifest import write_manifest
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of
 from drapeline.models.gcvae.networks import Code
@@ -21,6 +22,7 @@ from drapeline.models.gcvae.ppca import Ppca, blur_mask, fit_ppca
 from drapeline.models.layers.mesh_graph import scaled_laplacian
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
+from drapeline.models.training.checkpoints import write_weights
 from drapeline.models.training.module import BEST, SETTINGS
 from drapeline.registration.to_body.super_body import mirror_of
 from drapeline.registration.to_body.topology import TOPOLOGIES
@@ -262,7 +264,7 @@ def save_fit(
     """
     with atomic_folder(folder) as scratch:
         checkpoint = {"state_dict": ppca.state_dict(), "drapeline": ppca.about()}
-        torch.save(checkpoint, scratch / BEST)
+        write_weights(scratch / BEST, checkpoint)
         write_json(
             scratch / SETTINGS,
             {
@@ -273,3 +275,4 @@ def save_fit(
         )
         if complete is not None:
             complete(scratch)
+        write_manifest(scratch)

@@ -7,8 +7,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.models.smplicit.decoder import Decoder
-from drapeline.models.training.checkpoints import read_weights
-from drapeline.storage import atomic_file
+from drapeline.models.training.checkpoints import read_weights, write_weights
 
 # There, the layers that see points are convolutions over them, with one more dimension.
 _STYLE_LAYERS = ("fc0_cloth", "fc1_cloth")
@@ -66,8 +65,7 @@ def export_released(path: str | Path, decoder: Decoder, unit_m: float) -> None:
         decoder: of the released sizes, if the released code is to load it.
         unit_m: metres per unit of the decoder's distances.
     """
-    with atomic_file(path) as scratch:
-        torch.save(released_weights(decoder, unit_m), scratch)
+    write_weights(path, released_weights(decoder, unit_m))
 
 
 def released_weights(decoder: Decoder, unit_m: float) -> Mapping[str, torch.Tensor]:

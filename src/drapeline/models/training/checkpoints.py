@@ -13,8 +13,9 @@ from typing import Any, NoReturn, TypeVar
 import torch
 from torch import nn
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.pickles import pickle_end
+from drapeline.storage import atomic_file
 
 Network = TypeVar("Network", bound=nn.Module)
 _EXPECTED = "a checkpoint of plain weights"
@@ -110,7 +111,7 @@ def read_weights(path: str | Path) -> Any:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a checkpoint")
+        raise DamagedFile(path, "no such file, expected a checkpoint")
     with refuse_damage(path, _EXPECTED):
         if zipfile.is_zipfile(path):
             _check_zip(path)
@@ -126,20 +127,35 @@ def read_weights(path: str | Path) -> Any:
     return found
 
 
+def write_weights(path: str | Path, values: Any) -> None:
+    """Write plain values and tensors as torch does, by way of memory.
+
+    torch's own writer calls a full disk an internal error, and leaves half a file.
+
+    Raises:
+        InputError: the folder is not writable or the disk is full.
+    """
+    stream = io.BytesIO()
+    torch.save(values, stream)
+    with atomic_file(path) as scratch:
+        scratch.write_bytes(stream.getbuffer())
+
+
 def _refuse_objects(path: Path, error: Exception) -> NoReturn:
     """In other words than torch's, which say how to run what is in the file."""
     named = re.search(r"(?:GLOBAL|global|class) [`'\"]?([A-Za-z_][\w.]*)", str(error))
     what = f"'{named[1]}'" if named else "objects"
-    raise InputError(
-        f"{path}: asks Python to run or build {what}, not readable as {_EXPECTED}; the file was not"
-        " opened further"
+    raise DamagedFile(
+        path,
+        f"asks Python to run or build {what}, not readable as {_EXPECTED}; the file was not"
+        " opened further",
     ) from None
 
 
 def _refuse_unfinite(path: Path, value: Any, name: str) -> None:
     if isinstance(value, torch.Tensor):
         if value.is_floating_point() and not torch.isfinite(value).all():
-            raise InputError(f"{path}: '{name}' holds NaN or infinity, expected finite numbers")
+            raise DamagedFile(path, f"'{name}' holds NaN or infinity, expected finite numbers")
     elif isinstance(value, Mapping):
         for key, inner in value.items():
             _refuse_unfinite(path, inner, str(key))

@@ -16,12 +16,16 @@ from typing import Any
 import torch
 from torch.utils.data import DataLoader
 
+from drapeline.errors import DamagedFile
+from drapeline.manifest import write_manifest
 from drapeline.models.training.batches import Batch, TrainingBatches
+from drapeline.models.training.checkpoints import read_weights, write_weights
 from drapeline.models.training.lightning_parts import (
     Callback,
     LightningModule,
     ModelCheckpoint,
     TensorBoardLogger,
+    TorchCheckpointIO,
     TQDMProgressBar,
     Trainer,
 )
@@ -35,7 +39,7 @@ from drapeline.models.training.module import (
     TrainableModule,
 )
 from drapeline.rule_log import LOGGER
-from drapeline.storage import atomic_file, atomic_folder, write_json
+from drapeline.storage import atomic_file, atomic_folder, report_disk_errors, write_json
 
 # Messages of Lightning (devices, tips, that it is done) belong in the rule's log, with ours.
 for _name in ("pytorch_lightning", "lightning_fabric"):
@@ -108,6 +112,19 @@ class _Means:
         for name in [name for name in self._sums if name.startswith(f"{stage}_")]:
             count = self._counts.pop(name)
             yield Logged({name: self._sums.pop(name) / count}, count)
+
+
+class _AtomicCheckpoints(TorchCheckpointIO):
+    """Lightning's own writes to a folder for temporary files, and copies from there piece by piece.
+
+    A process that is killed meanwhile, or a full disk, would leave half a checkpoint.
+    """
+
+    def save_checkpoint(
+        self, checkpoint: dict[str, Any], path: str | Path, storage_options: Any = None
+    ) -> None:
+        """Replace a checkpoint as a whole, or leave it as it is."""
+        write_weights(path, checkpoint)
 
 
 class _Loop(LightningModule):
@@ -201,7 +218,8 @@ def fit(
     Args:
         module: to train.
         data: batches to train and validate on.
-        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json` and `tensorboard`.
+        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json`, `tensorboard`, and
+            `manifest.tsv` with the sums of all of them.
         progress: folder for a training under way, which is resumed if its settings are `settings`.
         epochs: of training.
         monitor: logged value; the epoch where it is least is the best.
@@ -220,16 +238,17 @@ def fit(
     engine = _trainer(under_way, epochs, monitor, trainer)
     if engine.is_global_zero:
         begin(under_way, settings)
-    last = under_way / LAST
-    resumed = last.exists()
-    if resumed:
-        LOGGER.info("resuming from %s", last)
+    resumed = newest_readable(under_way)
+    if resumed is not None:
+        LOGGER.info("resuming from %s", resumed)
     with warnings.catch_warnings():
         # The progress folder is meant to hold files; the other warning is internal to Lightning.
         warnings.filterwarnings("ignore", "Checkpoint directory .* exists and is not empty")
         warnings.filterwarnings("ignore", ".*LeafSpec.* is deprecated")
         loop = _Loop(module, data)
-        engine.fit(loop, ckpt_path=last if resumed else None, weights_only=True)
+        # Lightning's curves are written by a thread, whose errors name no file.
+        with report_disk_errors(under_way):
+            engine.fit(loop, ckpt_path=resumed, weights_only=True)
     module.position = None
     if engine.is_global_zero:
         with atomic_folder(folder) as scratch:
@@ -238,7 +257,24 @@ def fit(
             shutil.copytree(under_way / CURVES, scratch / CURVES)
             if complete is not None:
                 complete(scratch)
+            write_manifest(scratch)
         shutil.rmtree(progress)
+
+
+def newest_readable(under_way: Path) -> Path | None:
+    """The checkpoint to resume a training from, the last or else the best; None begins it anew.
+
+    Whichever it is, the training ends with the same weights.
+    """
+    there = [path for path in (under_way / LAST, under_way / BEST) if path.exists()]
+    for number, path in enumerate(there, 1):
+        try:
+            read_weights(path)
+            return path
+        except DamagedFile as error:
+            instead = f"is resumed from {there[number]}" if there[number:] else "begins anew"
+            LOGGER.warning("%s; the training %s", error, instead)
+    return None
 
 
 def begin(under_way: Path, settings: Mapping[str, Any]) -> None:
@@ -265,6 +301,7 @@ def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, A
     return Trainer(
         max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
+        plugins=[_AtomicCheckpoints()],
         logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
         use_distributed_sampler=False,  # batches are split among devices already
         enable_progress_bar=terminal,

@@ -37,6 +37,7 @@ with _taken_for_missing(_UNUSED):
     from pytorch_lightning import Callback, LightningModule, Trainer
     from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
     from pytorch_lightning.loggers import TensorBoardLogger
+    from pytorch_lightning.plugins import TorchCheckpointIO
 
 __all__ = [
     "Callback",
@@ -44,5 +45,6 @@ __all__ = [
     "ModelCheckpoint",
     "TQDMProgressBar",
     "TensorBoardLogger",
+    "TorchCheckpointIO",
     "Trainer",
 ]

@@ -1,3 +1,4 @@
+import errno
 import os
 import subprocess
 import sys
@@ -5,8 +6,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 import torch
 
+from drapeline.errors import InputError
+from drapeline.manifest import damages
+from drapeline.models.training import lightning
+from drapeline.models.training.checkpoints import write_weights
 from drapeline.models.training.lightning import begin, fit, learning_rate
 from drapeline.models.training.module import TrainableModule, Training
 from drapeline.storage import read_json
@@ -40,24 +46,28 @@ class One:
         return torch.utils.data.DataLoader([0.0])
 
 
-def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
-    line = Line()
+def train_line(line, folder, epochs):
     fit(
         line,
         One(),
-        tmp_path / "out",
-        progress=tmp_path / "progress",
-        epochs=6,
+        folder / "out",
+        progress=folder / "progress",
+        epochs=epochs,
         monitor="val_x",
         settings={},
         trainer={"accelerator": "cpu"},
         threads=THREADS,
     )
-    assert line.position is None  # no longer in training
-    best, last = (
-        float(torch.load(tmp_path / "out" / name, weights_only=True)["state_dict"]["x"])
+    return [
+        torch.load(folder / "out" / name, weights_only=True)["state_dict"]["x"].item()
         for name in ("best.ckpt", "last.ckpt")
-    )
+    ]
+
+
+def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
+    line = Line()
+    best, last = train_line(line, tmp_path, 6)
+    assert line.position is None  # no longer in training
     path = [3 * (2 / 3) ** epoch for epoch in range(1, 7)]
     assert abs(best - min(path, key=lambda x: abs(x - 1))) < 1e-5
     assert abs(last - path[-1]) < 1e-5
@@ -65,6 +75,74 @@ def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_pa
     assert [row.split("\t")[0] for row in rows] == ["epoch", *"012345"]
     # The same curves, for TensorBoard.
     assert list((tmp_path / "out" / "tensorboard").glob("events.out.tfevents.*"))
+
+
+class Killed(BaseException):
+    """Ends a training as a signal would."""
+
+
+@pytest.mark.parametrize("damage", ["last.ckpt", "both", "none"])
+def test_a_damaged_checkpoint_does_not_stop_a_training_from_being_resumed(
+    tmp_path, monkeypatch, caplog, damage
+):
+    whole = train_line(Line(), tmp_path / "whole", 6)
+    steps = iter(range(100))
+
+    def killed_in_the_fourth_epoch(self, batch):
+        if next(steps) == 4:
+            raise Killed
+        return self.x**2
+
+    with monkeypatch.context() as patch, pytest.raises(Killed):
+        patch.setattr(Line, "training_step", killed_in_the_fourth_epoch)
+        train_line(Line(), tmp_path, 6)
+    (under_way,) = (tmp_path / "progress").iterdir()
+    for name in ("best.ckpt", "last.ckpt"):
+        if damage in (name, "both"):
+            data = (under_way / name).read_bytes()
+            (under_way / name).write_bytes(data[: len(data) // 2])
+    with caplog.at_level("INFO", "drapeline"):
+        assert train_line(Line(), tmp_path, 6) == whole
+    said = [r.getMessage() for r in caplog.records if r.levelname == "WARNING"]
+    instead = {
+        "last.ckpt": [f"the training is resumed from {under_way}/best.ckpt"],
+        "both": [f"the training is resumed from {under_way}/best.ckpt", "the training begins anew"],
+        "none": [],
+    }[damage]
+    assert [message.rpartition("; ")[2] for message in said] == instead
+    assert all(str(under_way) in message for message in said)
+
+
+def test_a_full_disk_leaves_the_checkpoint_before(tmp_path, monkeypatch):
+    def no_room(self, data):
+        self.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    saved = 0
+
+    def fills_up(path, values):
+        nonlocal saved
+        saved += 1
+        if saved == 4:  # the last one of the second epoch
+            monkeypatch.setattr(Path, "write_bytes", no_room)
+        write_weights(path, values)
+
+    monkeypatch.setattr(lightning, "write_weights", fills_up)
+    with pytest.raises(InputError, match=r"last\.ckpt: cannot be written \(No space left"):
+        train_line(Line(), tmp_path, 6)
+    (under_way,) = (tmp_path / "progress").iterdir()
+    assert torch.load(under_way / "last.ckpt", weights_only=True)["epoch"] == 0
+    assert torch.load(under_way / "best.ckpt", weights_only=True)["epoch"] == 1
+    assert not list(under_way.glob(".*"))
+
+
+def test_a_full_disk_that_names_no_file_is_that_of_the_training(tmp_path, monkeypatch):
+    def no_room(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Line, "training_step", no_room)
+    with pytest.raises(InputError, match=f"{tmp_path}/progress/.*: cannot be written .No space"):
+        train_line(Line(), tmp_path, 6)
 
 
 class Numbers(Line):
@@ -156,8 +234,9 @@ def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
         [sys.executable, script, tmp_path], capture_output=True, text=True, timeout=1800, env=toys
     )
     assert done.returncode == 0, done.stderr
-    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "tensorboard"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "manifest.tsv"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names | {"tensorboard"}
+    assert not list(damages(tmp_path / "out", sums=True))
     assert not (tmp_path / "progress").exists()
     steps = torch.load(tmp_path / "out" / "last.ckpt", weights_only=True)["global_step"]
     assert steps == 2 * 2  # 36 rows in batches of 8 on each of two
