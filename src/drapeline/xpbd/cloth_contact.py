@@ -81,18 +81,20 @@ def _find_near_triangles(
 
 
 @wp.kernel
-def _sum_relative_speeds(
+def _sum_relative_ways(
     count: wp.array(dtype=int),
     near: wp.array2d(dtype=int),
     triangles: wp.array(dtype=wp.vec3i),
-    speed: wp.array(dtype=wp.vec3),
-    sums: wp.array(dtype=float),  # number of pairs, and squares of their relative speeds
+    last: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    sums: wp.array(dtype=float),  # number of pairs, and squares of their ways past each other
 ):
     i = wp.tid()
     square = float(0.0)  # noqa: UP018
+    way = place[i] - last[i]
     for k in range(count[i]):
         corner = triangles[wp.abs(near[i, k]) - 1][0]
-        square += wp.length_sq(speed[i] - speed[corner])
+        square += wp.length_sq(way - place[corner] + last[corner])
     if count[i] > 0:
         wp.atomic_add(sums, 0, float(count[i]))
         wp.atomic_add(sums, 1, square)
@@ -209,13 +211,13 @@ class NearTriangles:
             device=_DEVICE,
         )
 
-    def relative_speed(self, speed: wp.array) -> float:
-        """Root mean square, in m/s, of the speeds of vertices past triangles that are near."""
+    def relative_way_m(self, last: wp.array, place: wp.array) -> float:
+        """How far vertices went past triangles that they are near to, as a root mean square."""
         self._sums.zero_()
         wp.launch(
-            _sum_relative_speeds,
-            dim=len(speed),
-            inputs=[self.count, self.near, self._triangles, speed],
+            _sum_relative_ways,
+            dim=len(place),
+            inputs=[self.count, self.near, self._triangles, last, place],
             outputs=[self._sums],
             device=_DEVICE,
         )

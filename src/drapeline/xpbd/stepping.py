@@ -87,6 +87,7 @@ class MovingCloth:
             _vectors(np.zeros((len(constraints.lengths_m), 3)))
             for constraints in (system.springs, system.hinges)
         )
+        self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
         self._surface = BodySurface(body, [g.vertices for g in garments])
@@ -106,12 +107,9 @@ class MovingCloth:
         system, numbers, surface = self._system, self._numbers, self._surface
         mass = _numbers(system.inverse_masses)
         ends = wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE)
+        pulls = _numbers(np.zeros(len(ends)))
         springs = [ends, self._spring_numbers]
-        all_springs, along_edges = len(ends), len(pairs)
-        pulls = _numbers(np.zeros(all_springs))
-        self._measure = _launch(
-            measure_strain, all_springs, [*springs, self._place], [self._strain]
-        )
+        self._measure = _launch(measure_strain, len(ends), [*springs, self._place], [self._strain])
         state = [self._before, self._place]
         self._turn_hinges = _launch(
             turn_hinges,
@@ -141,7 +139,7 @@ class MovingCloth:
             ),
             *(
                 _launch(pull_springs, count, [*springs, mass, sweep], [pulls, *state])
-                for sweep, count in enumerate((all_springs, along_edges))
+                for sweep, count in enumerate((len(ends), len(pairs)))
             ),
             self._turn_hinges,
             _launch(
@@ -196,9 +194,10 @@ class MovingCloth:
         return self._system.split(self._place.numpy().copy())
 
     def _search_every(self) -> int:
-        """Small steps between searches, in which cloth goes past cloth by `way_m`."""
+        """Small steps in which cloth goes past cloth by `way_m`, as fast as in the frame before."""
         numbers = self._numbers
-        way_m = self._near.relative_speed(self._speed) / FPS
+        way_m = self._near.relative_way_m(self._last, self._place)
+        wp.copy(self._last, self._place)
         searches = np.clip(
             np.ceil(way_m / numbers.way_m), numbers.searches_min, numbers.searches_max
         )
