@@ -3,6 +3,8 @@
 import numpy as np
 import trimesh
 
+from drapeline.geometry.layers import MovingSheet
+from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.point_cache import PointCache, write_point_cache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.simulation.attachments import Pins
@@ -46,6 +48,11 @@ def sheet(
         "pins": Held(np.zeros(len(points)) if pin is None else pin, points, path),
     }
     return ClothGarment(name, points, faces.reshape(-1, 4), **fields | changes)
+
+
+def beneath_share(outer, inner, faces):
+    """Share of a sheet's vertices that are beneath another one and within 3 cm of it."""
+    return MovingSheet(inner, triangulate(faces)).beneath(outer, 0.03).mean()
 
 
 def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8):

@@ -17,20 +17,28 @@ class Carrier:
 
     def __init__(self, points: np.ndarray, body: np.ndarray) -> None:
         """Tie points (P, 3) to the nearest vertices of a body (V, 3)."""
-        _, self._near = KDTree(body).query(points, k=min(_PATCH, len(body)))
-        patch = body[self._near].astype(np.float64)
-        self._centre = patch.mean(axis=1, keepdims=True)
-        self._patch = patch - self._centre
-        self._arm = points[:, None] - self._centre
+        _, near = KDTree(body).query(points, k=min(_PATCH, len(body)))
+        patch = body[near].astype(np.float64)
+        centre = patch.mean(axis=1, keepdims=True)
+        self._arm = points[:, None] - centre
+        # What sums over a body give of each patch: its shape now against its shape at first, in
+        # three rows, and its mean.
+        size = near.shape[1]
+        shape = (patch - centre).transpose(0, 2, 1)
+        rows = np.concatenate([shape, np.full((len(near), 1, size), 1 / size)], axis=1)
+        columns = np.repeat(near, 4, axis=0)
+        starts = np.arange(0, rows.size + 1, size)
+        self._sums = sp.csr_matrix(
+            (rows.ravel(), columns.ravel(), starts), shape=(4 * len(near), len(body))
+        )
 
     def __call__(self, body: np.ndarray) -> np.ndarray:
         """Where the points (P, 3) are when the body is at `body` (V, 3)."""
-        now = body[self._near].astype(np.float64)
-        centre = now.mean(axis=1, keepdims=True)
-        u, _, vt = np.linalg.svd(self._patch.transpose(0, 2, 1) @ (now - centre))
+        sums = (self._sums @ body.astype(np.float64)).reshape(-1, 4, 3)
+        u, _, vt = np.linalg.svd(sums[:, :3])
         flip = np.ones((len(u), 1, 3))
         flip[:, 0, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-        return (self._arm @ ((u * flip) @ vt) + centre)[:, 0]
+        return (self._arm @ ((u * flip) @ vt))[:, 0] + sums[:, 3]
 
 
 class Pins:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
 from drapeline.geometry.crossings import crossing_edge_share
-from drapeline.geometry.mesh import edges, triangulate, vertex_normals
+from drapeline.geometry.layers import MovingSheet
+from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.moving_surface import MovingSurface
 from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
@@ -76,6 +76,7 @@ class HealthMonitor:
         self._garments = garments
         self._faces = body_faces
         self._surface: MovingSurface | None = None
+        self._sheets: list[MovingSheet] = []
         self._triangles = [triangulate(g.faces) for g in garments]
         self._edges = [edges(g.faces) for g in garments]
         self._rows: list[dict[str, list[float]]] = []
@@ -101,6 +102,7 @@ class HealthMonitor:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
         index = len(self._rows)
         row: dict[str, list[float]] = {}
+        sheets = self._inner_layers(cloths)
         distance, inside = self._surface_at(body).locate(np.concatenate(cloths))
         ends = np.cumsum([len(cloth) for cloth in cloths])
         for g, cloth in enumerate(cloths):
@@ -111,7 +113,7 @@ class HealthMonitor:
             way = np.linalg.norm(cloth[chosen] - carrier(body), axis=1)
             values["slip_m"] = float(np.median(way)) if len(way) else 0.0
             values["layer_share"] = max(
-                (beneath_share(cloth, cloths[inner], self._triangles[inner]) for inner in range(g)),
+                (float(sheet.beneath(cloth, _LAYER_REACH_M).mean()) for sheet in sheets[:g]),
                 default=0.0,
             )
             values["self_share"] = (
@@ -138,6 +140,14 @@ class HealthMonitor:
             self._surface = MovingSurface(body, self._faces)
         self._surface.move(body)
         return self._surface
+
+    def _inner_layers(self, cloths: Sequence[np.ndarray]) -> list[MovingSheet]:
+        """Garments under another one, indexed in the first frame."""
+        if len(self._sheets) < len(cloths) - 1:
+            self._sheets = list(map(MovingSheet, cloths[:-1], self._triangles[:-1]))
+        for sheet, cloth in zip(self._sheets, cloths, strict=False):
+            sheet.move(cloth)
+        return self._sheets
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Measure -> (frames, garments) float32; unmeasured entries are NaN."""
@@ -172,32 +182,15 @@ def contact_measures(distance: np.ndarray, inside: np.ndarray) -> dict[str, floa
 
 def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) -> dict[str, float]:
     """1st, 50th and 99th percentile of edge lengths over rest lengths that are not NaN."""
-    lengths = np.linalg.norm(cloth[pairs[:, 0]] - cloth[pairs[:, 1]], axis=1)
-    low, middle, high = np.nanpercentile(lengths / rest_lengths_m, [1, 50, 99])
+    watched = np.isfinite(rest_lengths_m)
+    start, end = pairs[watched].T
+    ratio = np.linalg.norm(cloth[start] - cloth[end], axis=1) / rest_lengths_m[watched]
+    low, middle, high = np.percentile(ratio, [1, 50, 99]) if len(ratio) else 3 * [np.nan]
     return {
         "stretch_p01": float(low),
         "stretch_p50": float(middle),
         "stretch_p99": float(high),
     }
-
-
-def beneath_share(outer: np.ndarray, inner: np.ndarray, triangles: np.ndarray) -> float:
-    """Share of outer vertices (V, 3) that lie beneath the inner garment's outward faces."""
-    reach, _ = KDTree(inner).query(outer, distance_upper_bound=_LAYER_REACH_M)
-    near = outer[np.isfinite(reach)].astype(np.float64)
-    if not len(near):
-        return 0.0
-    vertices = inner.astype(np.float64)
-    _, face, closest = igl.point_mesh_squared_distance(
-        near, vertices, np.ascontiguousarray(triangles, dtype=np.int64)
-    )
-    normals = vertex_normals(vertices, triangles)
-    away = near - closest
-    # A vertex that is nearest to the inner garment's open edge is past it, not beneath it.
-    normal = normals[triangles[face]].mean(axis=1)
-    side = np.einsum("vi,vi->v", away, normal)
-    straight = np.abs(side) > 0.5 * np.linalg.norm(away, axis=1)
-    return float(((side < 0) & straight).sum() / len(outer))
 
 
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -112,6 +112,9 @@ def _find_anchors(
         part = homes[i]
         last = len(meshes) - 1
         far = home_reach
+        if old >= 0 and last_strange == 0:
+            # The nearest point is no farther than the last one, which is on the same limb.
+            far = wp.min(far, 1.01 * wp.length(p - _blend(points, faces[old], weights[i])) + 1.0e-6)
         while part >= 0:
             hit = wp.mesh_query_point_no_sign(meshes[part], p, far)
             if hit.result:
@@ -215,10 +218,11 @@ class BodySurface:
         )
         self._start_normals, self._end_normals = (wp.zeros_like(self._end) for _ in range(2))
         self._find_normals(self._end, self._end_normals)
-        parts = split_limbs(vertices, body.faces, body.segments)
+        homes = home_limbs(vertices, body.segments, np.concatenate(garments))
+        *limbs, whole = split_limbs(vertices, body.faces, body.segments)
+        parts = [*(p if (homes == k).any() else p[:0] for k, p in enumerate(limbs)), whole]
         self._meshes = [self._index(flat[part]) for part in parts]
         ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64)
-        homes = home_limbs(vertices, body.segments, np.concatenate(garments))
         self._parts = [
             wp.array(ids, dtype=wp.uint64, device=_DEVICE),
             *(

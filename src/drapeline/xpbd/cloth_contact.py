@@ -1,5 +1,6 @@
 """Cloth against cloth: vertices keep to the side of the triangles that they are on."""
 
+import numpy as np
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
@@ -80,6 +81,26 @@ def _find_near_triangles(
 
 
 @wp.kernel
+def _sum_relative_ways(
+    count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),
+    triangles: wp.array(dtype=wp.vec3i),
+    last: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    sums: wp.array(dtype=float),  # number of pairs, and squares of their ways past each other
+):
+    i = wp.tid()
+    square = float(0.0)  # noqa: UP018
+    way = place[i] - last[i]
+    for k in range(count[i]):
+        corner = triangles[wp.abs(near[i, k]) - 1][0]
+        square += wp.length_sq(way - place[corner] + last[corner])
+    if count[i] > 0:
+        wp.atomic_add(sums, 0, float(count[i]))
+        wp.atomic_add(sums, 1, square)
+
+
+@wp.kernel
 def touch_cloth(
     count: wp.array(dtype=int),
     near: wp.array2d(dtype=int),
@@ -105,22 +126,23 @@ def touch_cloth(
         ab = place[c[1]] - a
         ac = place[c[2]] - a
         normal = wp.cross(ab, ac)
-        size = wp.length(normal)
+        square = wp.length_sq(normal)
         height = wp.dot(p - a, normal) * side
         gap = own_gap
         if layers[i] != layers[c[0]]:
             gap = layer_gap
-        if height < gap * size and size > 1.0e-9:
+        if (height < 0.0 or height * height < gap * gap * square) and square > 1.0e-18:
             bb = wp.dot(ab, ab)
             cc = wp.dot(ac, ac)
             bc = wp.dot(ab, ac)
             pb = wp.dot(p - a, ab)
             pc = wp.dot(p - a, ac)
-            scale = 1.0 / (size * size)
+            scale = 1.0 / square
             u = (cc * pb - bc * pc) * scale
             v = (bb * pc - bc * pb) * scale
             if u > -0.02 and v > -0.02 and u + v < 1.02:
                 t = 1.0 - u - v
+                size = wp.sqrt(square)
                 up = normal * (side / size)
                 depth = gap - height / size
                 old_p = before[i]
@@ -172,6 +194,7 @@ class NearTriangles:
         self._tree = wp.Bvh(self._lower, self._upper)
         centres = (self._lower.numpy() + self._upper.numpy()) / 2
         self._centres = wp.array(centres, dtype=wp.vec3, device=_DEVICE)
+        self._sums = wp.zeros(2, dtype=float, device=_DEVICE)
         self.count = wp.zeros(len(rest), dtype=int, device=_DEVICE)
         self.near = wp.zeros((len(rest), _SLOTS), dtype=int, device=_DEVICE)
 
@@ -187,6 +210,19 @@ class NearTriangles:
             outputs=[self.count, self.near],
             device=_DEVICE,
         )
+
+    def relative_way_m(self, last: wp.array, place: wp.array) -> float:
+        """How far vertices went past triangles that they are near to, as a root mean square."""
+        self._sums.zero_()
+        wp.launch(
+            _sum_relative_ways,
+            dim=len(place),
+            inputs=[self.count, self.near, self._triangles, last, place],
+            outputs=[self._sums],
+            device=_DEVICE,
+        )
+        pairs, squares = self._sums.numpy()
+        return float(np.sqrt(squares / max(pairs, 1)))
 
     def _box(self, place: wp.array) -> None:
         wp.launch(

@@ -114,16 +114,20 @@ def touch_edges(
         d = place[j] - p
         q = place[a]
         e = place[b] - q
-        at = _nearest_on_lines(p, d, q, e)
-        s = at[0]
-        t = at[1]
-        if s > 0.0 and s < 1.0 and t > 0.0 and t < 1.0:
-            up = wp.normalize(wp.cross(d, e)) * side
-            gap = own_gap
-            if layers[i] != layers[a]:
-                gap = layer_gap
-            depth = gap - wp.dot(p + d * s - q - e * t, up)
-            if depth > 0.0:
+        gap = own_gap
+        if layers[i] != layers[a]:
+            gap = layer_gap
+        normal = wp.cross(d, e)
+        square = wp.length_sq(normal)
+        height = wp.dot(p - q, normal) * side
+        # Most pairs are too far apart to touch, which their lines tell without a division.
+        if height < 0.0 or height * height < gap * gap * square:
+            at = _nearest_on_lines(p, d, q, e)
+            s = at[0]
+            t = at[1]
+            if s > 0.0 and s < 1.0 and t > 0.0 and t < 1.0:
+                up = normal * (side / wp.sqrt(square))
+                depth = gap - height / wp.sqrt(square)
                 old_p = before[i] * (1.0 - s) + before[j] * s
                 old_q = before[a] * (1.0 - t) + before[b] * t
                 old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)

