@@ -18,6 +18,7 @@ STAGES = {
     "dataset": "Dataset and exports",
     "renders": "Pictures",
     "registration": "Registration to the body",
+    "learning_samples": "Learning group",
     "learning_data": "Data for learning",
     "scans": "Segmented scans",
     "gcvae": "Garment VAEs",

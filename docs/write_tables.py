@@ -93,6 +93,7 @@ SCANS = {
 STAGES = {
     "bodies, motion, outfits": ("bodies", "outfits"),
     "cloth simulation": ("simulation",),
+    "learning group": ("learning_samples",),
     "dataset, pictures, report": ("dataset", "renders", "report", "evaluation"),
     "registration and data for learning": ("registration", "learning_data"),
     "garment VAEs": ("gcvae", "gcvae_figures"),

@@ -62,15 +62,20 @@ DISTRIBUTIONS = {
 }
 
 
+# Their environment is that of the solver, which the config names.
+SIMULATIONS = ("simulate_outfit", "simulate_learning")
+
+
 def script_environments():
     """Script and environment of every rule, and a module that the script is told of."""
     for module, path in cloth_solvers().values():
-        yield "simulate_outfit", Path(path).stem, module
+        for script in SIMULATIONS:
+            yield script, Path(path).stem, module
     for file in sorted((ROOT / "workflow/rules").glob("*.smk")):
         for rule in re.split(r"^(?:checkpoint|rule) ", file.read_text(), flags=re.MULTILINE)[1:]:
             script = re.search(r'"../../scripts/(\w+)\.py"', rule)
             environment = re.search(r'"../../envs/(\w+)\.yaml"', rule)
-            if script and script.group(1) != "simulate_outfit":
+            if script and script.group(1) not in SIMULATIONS:
                 yield script.group(1), environment and environment.group(1), None
 
 

@@ -35,7 +35,10 @@ PROFILES = [
     ROOT / "profiles/default/config.yaml",
     *sorted((ROOT / "workflow/profiles").glob("*/config.yaml")),
 ]
-NAMED = {"simulate_outfit": [cloth_solvers()["blender"][0]]}
+NAMED = {
+    "simulate_outfit": [cloth_solvers()["blender"][0]],
+    "simulate_learning": [cloth_solvers()["xpbd"][0]],
+}
 # What a trained garment VAE of either kind decodes garments for, and what Garment4D trains.
 USE_SVAE = {
     *("compare_gcvae", "evaluate_static", "plot_gcvae_errors", "plot_gcvae_walks"),
@@ -50,36 +53,51 @@ USE_DISPLACEMENT = {"evaluate_displacement", "pose_smplicit_garment"}
 USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment", "evaluate_scans_garment4d"}
 FIT_SCANS = {"evaluate_scans_smplicit", "fit_own_scans"}
 USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY | FIT_IMAGES | FIT_SCANS
-MAKE_GARMENTS = {"make_garment_template", "make_outfit", "make_static_outfits"}
-REGISTER_TO_BODY = {"register_sample", "register_static", "plot_registration"}
-FIT_TEMPLATES = {"fit_sample_templates", "fit_static_templates"}
+SIMULATE = {"simulate_outfit", "simulate_learning"}
+MAKE_GARMENTS = {
+    *("make_garment_template", "make_outfit", "make_static_outfits", "simulate_learning"),
+}
+REGISTER_SAMPLES = {"register_sample", "register_learning"}
+REGISTER_TO_BODY = REGISTER_SAMPLES | {"register_static", "plot_registration"}
+FIT_TEMPLATES = {"fit_sample_templates", "fit_static_templates", "fit_learning_templates"}
+IMPORT_MOTIONS = {"import_motion", "import_learning_motions"}
+ANIMATE = {"animate_body", "simulate_learning"}
 # File -> the rules whose code it is part of. Rules that read their results follow.
 RERUN = {
-    "motions/retarget.py": {"import_motion"},
-    "motions/motion.py": {"import_motion", "animate_body"},
+    "motions/retarget.py": IMPORT_MOTIONS,
+    "motions/motion.py": IMPORT_MOTIONS | ANIMATE,
+    "motions/variation.py": {"simulate_learning"},
+    "generation/sample.py": {"simulate_learning"},
     "bodies/bake.py": {"bake_body"},
-    "bodies/self_collision.py": {"animate_body"},
-    "bodies/sampling.py": {"animate_body", "make_static_outfits"},
+    "bodies/self_collision.py": ANIMATE,
+    "bodies/sampling.py": ANIMATE | {"make_static_outfits"},
     "bodies/weight_transfer.py": {
         *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
-        *("register_sample", "skin_static", "train_garment4d_posed", "evaluate_scans_garment4d"),
+        *(
+            "register_learning",
+            "register_sample",
+            "skin_static",
+            "train_garment4d_posed",
+            "evaluate_scans_garment4d",
+        ),
     }
     | {"pose_smplicit_garment", "collect_displacements"}
     | TRAIN_DISPLACEMENT,
     "outfits/patterns/upper.py": {"build_templates"} | MAKE_GARMENTS,
     "outfits/generate.py": MAKE_GARMENTS,
-    "outfits/fabrics.py": MAKE_GARMENTS | {"simulate_outfit"},
+    "outfits/fabrics.py": MAKE_GARMENTS | SIMULATE,
     "outfits/generate_static.py": {"make_static_outfits"},
-    "simulation/simulate.py": {"simulate_outfit"},
+    "simulation/simulate.py": SIMULATE,
     "blender/cloth.py": {"simulate_outfit"},
-    "dataset/writer.py": {"write_sample", "reconstruct_garment"},
+    "xpbd/stepping.py": {"simulate_learning"},
+    "dataset/writer.py": {"write_sample", "simulate_learning", "reconstruct_garment"},
     "dataset/card.py": {"collect_dataset"},
     "dataset/gltf.py": {
         *("export_sample", "export_reconstructed", "sample_garments", "plot_gcvae_samples"),
         *GALLERY,
     },
     "registration/to_body/nicp.py": REGISTER_TO_BODY,
-    "registration/to_body/samples.py": {"register_sample"},
+    "registration/to_body/samples.py": REGISTER_SAMPLES,
     "registration/to_template/make_template.py": {"make_garment_template"},
     "registration/to_template/template_fit.py": FIT_TEMPLATES,
     "learning_data/skinned.py": {"skin_static", "collect_garment4d"},

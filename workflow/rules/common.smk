@@ -70,7 +70,7 @@ try:
     if config["learning"]["count"]:
         LEARNING_MOTIONS = motion_table(
             CLIPS,
-            config["learning"]["sequences"],
+            config["learning"]["sequences"] or config["motions"]["sequences"],
             loop_frames=config["learning"]["loop_frames"],
         )
         LEARNING = plan_learning(

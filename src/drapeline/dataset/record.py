@@ -95,7 +95,7 @@ def read_meta(folder: str | Path) -> dict[str, Any]:
 
 
 def solver_name(meta: Mapping[str, Any]) -> str:
-    """The cloth solver that made a sample, such as "blender"; empty if its record does not say."""
+    """The cloth solver that made a sample; empty if its record does not say."""
     return meta.get("simulation", {}).get("solver", {}).get("name", "")
 
 

@@ -41,7 +41,17 @@ def test_parts_divide_the_vertices(parts, toy_body):
 
 def test_normals_are_those_of_the_mesh(parts, toy_body):
     expected = vertex_normals(toy_body.v_template.astype(np.float64), toy_body.faces)
-    np.testing.assert_allclose(parts.normals(toy_body.v_template), expected, atol=1e-5)
+    ids = np.array([7, 3, 200, 41, 3])
+    np.testing.assert_allclose(parts.normals(toy_body.v_template, ids), expected[ids], atol=1e-5)
+    every = np.arange(len(expected))
+    np.testing.assert_allclose(parts.normals(toy_body.v_template, every), expected, atol=1e-5)
+
+
+def test_what_is_around_vertices_shares_an_edge_with_one_of_them(parts):
+    ids = np.array([12, 100])
+    expected = np.flatnonzero(parts.neighbours[ids].toarray().any(axis=0))
+    np.testing.assert_array_equal(parts.around(ids), expected)
+    assert len(expected) > 8
 
 
 def test_seams_reach_two_rings_into_the_neighbours(parts, toy_body):

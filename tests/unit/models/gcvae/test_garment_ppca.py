@@ -85,6 +85,7 @@ def test_a_saved_fit_is_loaded_again_and_needs_no_training(tmp_path, cls):
     save_fit(tmp_path / "fit", model)
     assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == [
         "best.ckpt",
+        "manifest.tsv",
         "settings.json",
     ]
     again = load_codec(tmp_path / "fit" / "best.ckpt")

@@ -75,6 +75,7 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path):
         "best.ckpt",
         "history.tsv",
         "last.ckpt",
+        "manifest.tsv",
         "settings.json",
         "tensorboard",
     ]
