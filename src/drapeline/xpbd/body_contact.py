@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.limbs import arm_numbers, home_limbs, split_limbs
+from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
 
@@ -70,7 +70,7 @@ def _find_anchors(
     first_face: wp.array(dtype=int),
     face_numbers: wp.array(dtype=int),
     homes: wp.array(dtype=int),
-    arms: wp.array(dtype=int),
+    hands: wp.array(dtype=int),
     strain: wp.array(dtype=float),
     faces: wp.array(dtype=wp.vec3i),
     points: wp.array(dtype=wp.vec3),
@@ -87,7 +87,7 @@ def _find_anchors(
     anchor: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
     away: wp.array(dtype=wp.vec3),
-    strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on arms
+    strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on hands
     # Its place and normal at both ends of the frame.
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
@@ -129,8 +129,8 @@ def _find_anchors(
                 foreign = int(0)  # noqa: RUF046, UP018
                 if part == last and homes[i] != last:
                     foreign = 1
-                if part == last and arms[number] > 0:
-                    foreign = 1 + arms[number]
+                if part == last and hands[number] > 0:
+                    foreign = 1 + hands[number]
                 free = foreign > 0 and torn
                 if foreign > 1 and last_strange != foreign and wp.dot(p - here, normal) < 0.0:
                     free = True
@@ -231,7 +231,7 @@ class BodySurface:
                     np.cumsum([0, *map(len, parts)])[:-1],
                     np.concatenate(parts),
                     homes,
-                    arm_numbers(body.faces, body.segments),
+                    hand_numbers(body.faces, body.segments),
                 )
             ),
         ]

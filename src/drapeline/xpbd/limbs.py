@@ -7,7 +7,7 @@ from drapeline.frames import JOINT_NAMES
 
 _OVERLAP_M = 0.05  # how far a limb reaches into what it grows from
 _AT_HOME_M = 0.08  # cloth that is farther from the body at rest lies on no limb
-_ARM = ("shoulder", "elbow", "wrist", "hand")
+_HAND = ("wrist", "hand")
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
 _LIMBS = {
     "trunk": (*_TRUNK, "left_hip", "right_hip"),
@@ -42,10 +42,13 @@ def split_limbs(vertices: np.ndarray, faces: np.ndarray, segments: np.ndarray) -
     return [*parts, np.arange(len(faces))]
 
 
-def arm_numbers(faces: np.ndarray, segments: np.ndarray) -> np.ndarray:
-    """Which arm (F,) a face belongs to: 1 for the left, 2 for the right, 0 for neither."""
+def hand_numbers(faces: np.ndarray, segments: np.ndarray) -> np.ndarray:
+    """Which hand (F,) a face belongs to: 1 for the left, 2 for the right, 0 for none."""
     number = np.array(
-        [1 + name.startswith("right") if name.split("_")[-1] in _ARM else 0 for name in JOINT_NAMES]
+        [
+            1 + name.startswith("right") if name.split("_")[-1] in _HAND else 0
+            for name in JOINT_NAMES
+        ]
     )
     return number[segments[faces]].max(axis=1)
 

@@ -50,7 +50,7 @@ class Numbers:
     way_m: float = 0.004
     searches_min: int = 2
     searches_max: int = 6
-    reach_m: float = 0.025
+    reach_m: float = 0.03
     home_reach_m: float = 0.012
     slack_m: float = 0.006
     margin_m: float = 0.012

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drapeline.frames import JOINT_NAMES
-from drapeline.xpbd.limbs import home_limbs, split_limbs
+from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 
 def test_each_limb_holds_its_own_joints_and_little_else(toy_body):
@@ -31,3 +31,12 @@ def test_cloth_lies_on_the_limb_next_to_it_or_on_none(toy_body):
     cloth = np.concatenate([toy_body.v_template[numbers], [[0, 3.0, 0]]])
     homes = home_limbs(toy_body.v_template, toy_body.segmentation, cloth)
     assert homes.tolist() == [*wanted.values(), 5]
+
+
+def test_hands_are_told_from_arms_and_by_side(toy_body):
+    numbers = hand_numbers(toy_body.faces, toy_body.segmentation)
+    wanted = {"left_shoulder": 0, "right_elbow": 0, "left_hand": 1, "right_hand": 2, "spine2": 0}
+    for joint, number in wanted.items():
+        whole = (toy_body.segmentation[toy_body.faces] == JOINT_NAMES.index(joint)).all(axis=1)
+        assert whole.any()
+        assert (numbers[whole] == number).all()
