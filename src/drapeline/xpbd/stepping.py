@@ -27,7 +27,6 @@ class Numbers:
 
     Attributes:
         steps_per_step: small steps for each of `Attempt.steps`.
-        lead_share: share of these that the transition takes, which is not measured.
         way_m: how far cloth goes past other cloth, as a root mean square, between two searches for
             what is near.
         searches_min, searches_max: such searches in a frame.
@@ -46,7 +45,6 @@ class Numbers:
     """
 
     steps_per_step: float = 2.5
-    lead_share: float = 0.6
     way_m: float = 0.004
     searches_min: int = 2
     searches_max: int = 6
@@ -76,7 +74,7 @@ class MovingCloth:
     ) -> None:
         self._garments, self._body, self._numbers = garments, body, numbers
         self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
-        self._most_steps = round(attempt.steps * numbers.steps_per_step)
+        self._steps = round(attempt.steps * numbers.steps_per_step)
         system = self._system = join_garments(garments)
         count = len(system.vertices)
         self._place = _vectors(system.vertices)
@@ -100,7 +98,11 @@ class MovingCloth:
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
         self._crossings = Crossings(pairs, triangles)
         self._commands = self._record(triangles, layers, pairs)
-        self._take_steps(round(numbers.lead_share * self._most_steps))
+        step_s = 1 / FPS / self._steps
+        self._step_s.fill_(step_s)
+        self._keep.assign(np.exp(-system.drag_1_s * step_s).astype(np.float32))
+        self._spring_numbers.assign(_compliances(system.springs, step_s, 1))
+        self._hinge_numbers.assign(_compliances(system.hinges, step_s, numbers.hinge_every))
 
     def _record(self, triangles: wp.array, layers: wp.array, pairs: wp.array) -> list[wp.Launch]:
         """What a small step launches, in order; nothing where there is nothing to do."""
@@ -167,15 +169,6 @@ class MovingCloth:
         ]
         return [launch for launch in launches if launch is not None]
 
-    def _take_steps(self, count: int) -> None:
-        """Divide the frames to come into so many small steps."""
-        system, step_s = self._system, 1 / FPS / count
-        self._steps = count
-        self._step_s.fill_(step_s)
-        self._keep.assign(np.exp(-system.drag_1_s * step_s).astype(np.float32))
-        self._spring_numbers.assign(_compliances(system.springs, step_s, 1))
-        self._hinge_numbers.assign(_compliances(system.hinges, step_s, self._numbers.hinge_every))
-
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
 
@@ -232,7 +225,6 @@ class MovingCloth:
         way = (now.astype(np.float64) - self._body.frame(frame - 1)).mean(axis=0)
         leading = frame <= self._lead
         if frame == self._lead + 1:
-            self._take_steps(self._most_steps)
             wp.launch(
                 add_speed,
                 dim=len(self._speed),

@@ -69,14 +69,14 @@ def test_the_number_of_threads_changes_no_byte(tmp_path):
 
 
 def test_the_order_of_constraints_hardly_matters(run, monkeypatch):
-    """Colours against lexical order: after two thirds of a second sheets agree to a centimetre."""
+    """Colours against lexical order: after two thirds of a second the sheets are close."""
     (coloured,) = run([sheet(0.115)], 20, steps=14)
     monkeypatch.setattr(
         system, "colour_constraints", lambda rows, count: np.zeros(len(rows), dtype=int)
     )
     (lexical,) = run([sheet(0.115)], 20, steps=14)
     away = np.linalg.norm(coloured[-1] - lexical[-1], axis=1)
-    assert 0 < away.mean() < 0.01
+    assert 0 < away.mean() < 0.003
 
 
 def test_a_mirrored_sheet_falls_as_the_mirror_image(run):
