@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.experiment.samples import SamplePlan
+from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
-from drapeline.generation.sample import BodySettings, OutfitSettings, Wearer, make_sample
+from drapeline.generation.body import BodySettings
+from drapeline.generation.outfit import OutfitSettings, Wearer
+from drapeline.generation.sample import make_sample
 from drapeline.motions.motion import load_motion
 from drapeline.outfits.own_garments import OwnGarment
 from drapeline.outfits.templates import load_templates

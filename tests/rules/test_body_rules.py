@@ -1,11 +1,15 @@
 """The rules that make bodies move."""
 
+from dataclasses import asdict, replace
+
 import numpy as np
 import pytest
 
+from drapeline.bodies.kinematics import mirror_poses
 from drapeline.bodies.model import save_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import read_body_arrays
+from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import REST_POSE
 from drapeline.motions.motion import Motion, load_motion, save_motion
 
@@ -68,27 +72,20 @@ def test_import_motion_refuses_nan_in_one_sentence_and_writes_nothing(
     assert not output.exists()
 
 
-def animate(run_rule, toy_body, motion_file, tmp_path, **changes):
+def animate(run_rule, toy_body, motion_file, tmp_path, seed=3, **changes):
     body = tmp_path / "body.npz"
     save_body(body, toy_body)
     output = tmp_path / "animation.npz"
-    params = {
-        "seed": 3,
-        "gender": "male",
-        "sub_sequence": "swing_s1",
-        "start": 6,
-        "stop": 18,
-        "shape_range": 1.0,
-        "shape_draws": 2,
-        "segment_gap_m": 0.004,
-        "removable": "hands",
-    }
+    plan = SamplePlan("00001", "swing", 1, 6, 18, "male", "Tshirt+Trousers")
     run_rule(
         "animate_body",
         input={"body": body, "motion": motion_file},
         output=[output],
-        params={**params, **changes},
-        wildcards={"sample": "00001"},
+        params={
+            "seed": seed,
+            "plan": asdict(replace(plan, **changes)),
+            "settings": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
+        },
     )
     return load_body_sequence(output)
 
@@ -101,6 +98,17 @@ def test_animate_body_cuts_the_clip_and_draws_a_shape(run_rule, toy_body, motion
     assert record.labels.start_frame == 6
     assert np.abs(record.shape).max() <= 1
     assert np.ptp(record.shape) > 0.3
+
+
+def test_animate_body_makes_a_piece_slower_and_mirrors_it(
+    run_rule, toy_body, motion_file, tmp_path
+):
+    plain = animate(run_rule, toy_body, motion_file, tmp_path)
+    record = animate(run_rule, toy_body, motion_file, tmp_path, speed=0.5, mirrored=True)
+    assert len(record.poses) == 23
+    np.testing.assert_allclose(record.poses[::2], mirror_poses(plain.poses), atol=1e-9)
+    assert (record.labels.speed, record.labels.mirrored) == (0.5, True)
+    np.testing.assert_array_equal(record.shape, plain.shape)
 
 
 def test_animate_body_gives_each_seed_its_own_shape(run_rule, toy_body, motion_file, tmp_path):

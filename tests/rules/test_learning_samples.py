@@ -9,7 +9,7 @@ import pytest
 from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_meta, solver_name
-from drapeline.experiment.samples import SamplePlan
+from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.outfits.templates import build_templates
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds

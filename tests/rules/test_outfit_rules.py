@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +12,21 @@ from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import save_body
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.sequence import save_body_sequence
+from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.outfits.outfit import load_outfit
 
+PLAN = SamplePlan("00001", "walk", 0, 0, 3, "female", "Top+Skirt")
 PARAMS = {
     "seed": 5,
-    "gender": "female",
-    "outfit_type": "Top+Skirt",
-    "edge_length_m": 0.05,
-    "vertices_min": 0,
-    "tightness_range": [-0.5, 0.5],
-    "elastic_probability": 1.0,
+    "plan": asdict(PLAN),
+    "settings": {
+        "edge_length_m": 0.05,
+        "vertices_min": 0,
+        "tightness_range": [-0.5, 0.5],
+        "elastic_probability": 1.0,
+    },
     "own_garments": {},
 }
 

@@ -19,6 +19,8 @@ MODULES = sorted(
 # Modules that the tests of another one, or of a rule, cover.
 COVERED_BY = {
     "dataset/scan_bodies": "rules/test_smplicit_scans.py",
+    "generation/body": "rules/test_body_rules.py",
+    "generation/outfit": "rules/test_outfit_rules.py",
     "generation/sample": "rules/test_learning_samples.py",
     "metrics/predictions": "unit/report/models/gcvae/test_views.py",
     "models/garment4d/scans": "rules/test_garment4d.py",
@@ -28,6 +30,7 @@ COVERED_BY = {
     "models/smplicit/figure_cases": "rules/test_smplicit.py",
     "models/smplicit/own_scans": "rules/test_smplicit_scans.py",
     "models/smplicit/scan_fitter": "rules/test_smplicit_scans.py",
+    "motions/pieces": "unit/motions/test_variation.py",
     "registration/to_body/samples": "rules/test_register_sample.py",
     "registration/worn_garments": "unit/registration/test_to_points.py",
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",

@@ -66,7 +66,7 @@ ANIMATE = {"animate_body", "simulate_learning"}
 RERUN = {
     "motions/retarget.py": IMPORT_MOTIONS,
     "motions/motion.py": IMPORT_MOTIONS | ANIMATE,
-    "motions/variation.py": {"simulate_learning"},
+    "motions/variation.py": ANIMATE,
     "generation/sample.py": {"simulate_learning"},
     "bodies/bake.py": {"bake_body"},
     "bodies/self_collision.py": ANIMATE,

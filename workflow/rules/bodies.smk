@@ -85,14 +85,8 @@ rule animate_body:
         runtime=20,
     params:
         seed=config["seed"],
-        gender=plan("gender"),
-        sub_sequence=plan("sub_sequence"),
-        start=plan("start"),
-        stop=plan("stop"),
-        shape_range=lookup(dpath="body/shape_range", within=config),
-        removable=plan("removable"),
-        shape_draws=lookup(dpath="body/shape_draws", within=config),
-        segment_gap_m=lookup(dpath="body/segment_gap_m", within=config),
+        plan=unsplit_plan,
+        settings=BODY_SETTINGS,
         code=source_hash("animate_body"),
     script:
         "../../scripts/animate_body.py"

@@ -129,6 +129,16 @@ SCANNED_SAMPLES = [
     for sample, planned in SAMPLES.items()
     if planned.split == EVALUATED_SPLITS[0]
 ]
+BODY_SETTINGS = {
+    key: config["body"][key] for key in ("shape_range", "shape_draws", "segment_gap_m")
+}
+OUTFIT_SETTINGS = {
+    key: config["outfits"][key]
+    for key in (
+        *("edge_length_m", "vertices_min"),
+        *("tightness_range", "elastic_probability"),
+    )
+}
 # Garment types that every model learns, on which they are compared.
 COMPARED_GARMENTS = config["garment4d"]["garments"]
 
@@ -159,6 +169,12 @@ def source_hash(script, *modules):
 def plan(key):
     """Input or params function: one field of the sample's plan."""
     return lambda wildcards: getattr(SAMPLES[wildcards.sample], key)
+
+
+def unsplit_plan(wildcards):
+    """Params function: a sample's plan but for its split, which only its record holds."""
+    values = asdict(SAMPLES[wildcards.sample])
+    return {name: value for name, value in values.items() if name != "split"}
 
 
 def per_sample(pattern):

@@ -46,15 +46,11 @@ rule simulate_learning:
         seed=config["seed"],
         plans=learning_plans,
         solver=LEARNING_SOLVER,
-        bodies={
-            key: config["body"][key]
-            for key in ("shape_range", "shape_draws", "segment_gap_m")
-        },
+        bodies=BODY_SETTINGS,
         outfits={
+            **OUTFIT_SETTINGS,
             "edge_length_m": config["learning"]["edge_length_m"],
             "vertices_min": 0,
-            "tightness_range": config["outfits"]["tightness_range"],
-            "elastic_probability": config["outfits"]["elastic_probability"],
         },
         own_garments=OWN_GARMENTS,
         settings=lookup(dpath="simulation/settings", within=config),

@@ -72,12 +72,8 @@ rule make_outfit:
         runtime=10,
     params:
         seed=config["seed"],
-        gender=plan("gender"),
-        outfit_type=plan("outfit_type"),
-        edge_length_m=lookup(dpath="outfits/edge_length_m", within=config),
-        vertices_min=lookup(dpath="outfits/vertices_min", within=config),
-        tightness_range=lookup(dpath="outfits/tightness_range", within=config),
-        elastic_probability=lookup(dpath="outfits/elastic_probability", within=config),
+        plan=unsplit_plan,
+        settings=OUTFIT_SETTINGS,
         own_garments=sample_own_garments,
         code=source_hash("make_outfit"),
     script:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from drapeline.errors import InputError
-from drapeline.experiment.samples import SamplePlan
+from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 from drapeline.outfits.static_plan import StaticPlan
 

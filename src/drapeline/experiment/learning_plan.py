@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from drapeline.dataset.splits import SplitItem, split_samples
 from drapeline.errors import InputError
-from drapeline.experiment.samples import SamplePlan, even_genders, even_outfits
-from drapeline.motions.variation import piece_span
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.experiment.samples import even_genders, even_outfits
+from drapeline.motions.pieces import piece_span
 from drapeline.seeding import rng_for
 
 

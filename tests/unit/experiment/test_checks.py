@@ -15,7 +15,7 @@ from drapeline.experiment.checks import (
     require_splits,
 )
 from drapeline.experiment.config import fill_settings
-from drapeline.experiment.samples import SamplePlan
+from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.outfits.static_plan import StaticPlan
 
 ROOT = Path(__file__).parents[3]

@@ -1,0 +1,50 @@
+"""What a sample is going to be."""
+
+from dataclasses import dataclass
+
+from drapeline.motions.pieces import piece_frames
+from drapeline.outfits.garment_types import GARMENT_TYPES
+
+
+@dataclass(frozen=True)
+class SamplePlan:
+    """Plan of a sample.
+
+    Attributes:
+        sample: five-digit id.
+        sequence: motion clip it is cut from.
+        part: number k of the sub-sequence ``{sequence}_s{k}``.
+        start, stop: its frames in the clip at 30 fps.
+        gender: "female" or "male".
+        outfit_type: garments from inner to outer, joined by "+".
+        split: "train", "val" or "test"; empty where it does not matter.
+        speed: seconds of the clip per second of the sample.
+        mirrored: whether left and right are exchanged.
+    """
+
+    sample: str
+    sequence: str
+    part: int
+    start: int
+    stop: int
+    gender: str
+    outfit_type: str
+    split: str = ""
+    speed: float = 1.0
+    mirrored: bool = False
+
+    @property
+    def frames(self) -> int:
+        """Frames of the sample."""
+        return piece_frames(self.stop - self.start, self.speed)
+
+    @property
+    def sub_sequence(self) -> str:
+        """CLOTH3D's name of the piece, such as ``walk_s0``."""
+        return f"{self.sequence}_s{self.part}"
+
+    @property
+    def removable(self) -> str:
+        """Limbs that the outfit certainly leaves bare, a key of `bodies.animation.REMOVABLE`."""
+        worn = (GARMENT_TYPES[name] for name in self.outfit_type.split("+"))
+        return "hands" if any(garment_type.sleeve_chance for garment_type in worn) else "forearms"

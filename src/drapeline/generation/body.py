@@ -1,0 +1,64 @@
+"""A random body in its piece of a clip (CLOTH3D 3.1)."""
+
+from dataclasses import dataclass
+
+from drapeline.bodies.animation import first_free_sequence
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.sampling import sample_shape
+from drapeline.bodies.sequence import BodySequence, ClipLabels
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.frames import GENDERS
+from drapeline.motions.motion import Motion
+from drapeline.motions.variation import cut_piece
+from drapeline.seeding import rng_for
+
+
+@dataclass(frozen=True)
+class BodySettings:
+    """How bodies are drawn and freed of self-collisions.
+
+    Attributes:
+        shape_range: shape coefficients lie within plus or minus this.
+        shape_draws: shapes to try before a sample is rejected.
+        segment_gap_m: between parts that were pressed apart.
+    """
+
+    shape_range: float
+    shape_draws: int
+    segment_gap_m: float
+
+
+def animate(
+    plan: SamplePlan, motion: Motion, body: BodyModel, settings: BodySettings, seed: int
+) -> BodySequence:
+    """A random body of the planned gender in the planned piece of a clip, free of self-collisions.
+
+    Args:
+        plan: of the sample.
+        motion: the clip, at 30 fps.
+        body: of the plan's gender.
+        settings: see there.
+        seed: the experiment's.
+    """
+    piece = cut_piece(motion, plan.start, plan.stop, speed=plan.speed, mirrored=plan.mirrored)
+    shapes = rng_for(seed, "shape", plan.sample)
+    return first_free_sequence(
+        body,
+        (sample_shape(shapes, settings.shape_range) for _ in range(settings.shape_draws)),
+        piece.poses,
+        piece.trans,
+        gender=GENDERS.index(plan.gender),
+        reference_leg_length_m=motion.reference_leg_length_m,
+        removable=plan.removable,
+        shape_range=settings.shape_range,
+        gap_m=settings.segment_gap_m,
+        labels=ClipLabels(
+            plan.sub_sequence,
+            motion.action,
+            motion.subject,
+            motion.source,
+            plan.start,
+            plan.speed,
+            plan.mirrored,
+        ),
+    )

@@ -1,0 +1,74 @@
+"""A unique outfit for a body that moves (CLOTH3D 3.2)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.sequence import BodySequence
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.generate import sample_outfit
+from drapeline.outfits.outfit import Outfit
+from drapeline.outfits.own_garments import OwnGarment
+from drapeline.outfits.templates import Templates
+from drapeline.seeding import rng_for
+
+
+@dataclass(frozen=True)
+class Wearer:
+    """What samples of one gender are made from.
+
+    Attributes:
+        body: the body model.
+        templates: panels that garments are cut from.
+        own: garment type -> the user's garment in its place.
+    """
+
+    body: BodyModel
+    templates: Templates
+    own: Mapping[str, OwnGarment]
+
+
+@dataclass(frozen=True)
+class OutfitSettings:
+    """How outfits are made; see `sample_outfit`.
+
+    Attributes:
+        edge_length_m: mean length of edges.
+        vertices_min: of a garment; its edges are shortened until it has so many.
+        tightness_range: lower and upper end.
+        elastic_probability: that an end is gathered.
+    """
+
+    edge_length_m: float
+    vertices_min: int
+    tightness_range: tuple[float, float]
+    elastic_probability: float
+
+
+def dress(
+    plan: SamplePlan, motion: BodySequence, wearer: Wearer, settings: OutfitSettings, seed: int
+) -> Outfit:
+    """A unique outfit of the planned type, for the body that moves.
+
+    Args:
+        plan: of the sample.
+        motion: the wearer's shape is taken.
+        wearer: of the plan's gender.
+        settings: see there.
+        seed: the experiment's.
+    """
+    return sample_outfit(
+        rng_for(seed, "outfit", plan.sample),
+        wearer.templates,
+        wearer.body,
+        gender=plan.gender,
+        shape=motion.shape,
+        outfit_type=plan.outfit_type,
+        edge_length_m=settings.edge_length_m,
+        vertices_min=settings.vertices_min,
+        ranges=OutfitRanges(
+            tightness=tuple(settings.tightness_range), elastic_chance=settings.elastic_probability
+        ),
+        own=wearer.own,
+    )
