@@ -33,6 +33,10 @@ def metrics(tmp_path):
             for metric, value in (("surface_error_mm", 20.0), ("normal_error_deg", 30.0))
         ),
         row("dvae_unposed_4", "all", "surface_error_mm", 21.5, n=900),
+        row("dvae_unposed_4", "all", "surface_error_mm", 31.7, n=100, source="blender"),
+        row("dvae_unposed_4", "Dress", "surface_error_mm", 33.3, n=100, source="blender"),
+        row("dvae_unposed_4", "Dress", "normal_error_deg", 44.4, n=100, source="blender"),
+        row("dvae_unposed_4", "all", "surface_error_mm", 20.2, n=800, source="xpbd"),
     ]
     write_metrics(tmp_path / "metrics.tsv", rows)
     return tmp_path / "metrics.tsv"
@@ -53,6 +57,18 @@ def test_table_4_ends_in_the_mean_of_types(metrics, tmp_path):
     text = (tmp_path / "page.html").read_text()
     assert "22.5 / 32.5" in text
     assert "20.0 / 30.0" in text
+
+
+def test_samples_of_each_solver_have_a_table_and_do_not_change_the_others(metrics, tmp_path):
+    write_gcvae_page(tmp_path / "page.html", metrics)
+    text = (tmp_path / "page.html").read_text()
+    common, _, rest = text.partition("<h3>On the samples of blender alone</h3>")
+    blender, _, xpbd = rest.partition("<h3>On the samples of xpbd alone</h3>")
+    assert "21.5" in common
+    assert "31.7" not in common + xpbd
+    assert "31.7" in blender
+    assert "33.3 / 44.4" in blender
+    assert "20.2" in xpbd
 
 
 def test_the_papers_numbers_stand_apart(metrics, tmp_path):
