@@ -220,7 +220,7 @@ rule train_garment4d_canonical:
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
-        runtime=1440,
+        runtime=240,
     params:
         settings=stage_settings("canonical"),
         body_points=lookup(dpath="garment4d/body_points", within=config),
@@ -248,7 +248,7 @@ rule train_garment4d_posed:
     threads: NETWORK_THREADS
     resources:
         mem_mb=3000,
-        runtime=1440,
+        runtime=240,
     params:
         settings=posed_settings,
         body_points=lookup(dpath="garment4d/body_points", within=config),

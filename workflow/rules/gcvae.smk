@@ -44,7 +44,7 @@ rule train_svae:
     threads: NETWORK_THREADS
     resources:
         mem_mb=12000,
-        runtime=1440,
+        runtime=240,
     params:
         settings=svae_settings,
         trainer=lookup(dpath="gcvae/trainer", within=config),
@@ -126,7 +126,7 @@ rule train_dvae:
     threads: NETWORK_THREADS
     resources:
         mem_mb=12000,
-        runtime=1440,
+        runtime=240,
     params:
         settings=dvae_settings,
         frames=dvae_poses,

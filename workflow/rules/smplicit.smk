@@ -69,7 +69,7 @@ rule train_smplicit:
     threads: NETWORK_THREADS
     resources:
         mem_mb=4000,
-        runtime=1440,
+        runtime=240,
     params:
         settings=field_settings,
         trainer=lookup(dpath="smplicit/trainer", within=config),

@@ -39,7 +39,7 @@ rule train_displacement:
     threads: NETWORK_THREADS
     resources:
         mem_mb=2000,
-        runtime=1440,
+        runtime=240,
     params:
         settings=displacement_settings,
         trainer=lookup(dpath="smplicit/trainer", within=config),

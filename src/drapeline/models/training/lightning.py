@@ -22,6 +22,7 @@ from drapeline.models.training.batches import Batch, TrainingBatches
 from drapeline.models.training.checkpoints import read_weights, write_weights
 from drapeline.models.training.lightning_parts import (
     Callback,
+    LightningEnvironment,
     LightningModule,
     ModelCheckpoint,
     TensorBoardLogger,
@@ -301,7 +302,8 @@ def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, A
     return Trainer(
         max_epochs=epochs,
         callbacks=[History(under_way / HISTORY), *keepers, *[TQDMProgressBar()] * terminal],
-        plugins=[_AtomicCheckpoints()],
+        # Slurm's job steps have one task each, and Lightning would take that for all processes.
+        plugins=[_AtomicCheckpoints(), LightningEnvironment()],
         logger=TensorBoardLogger(under_way, name="", version=CURVES, default_hp_metric=False),
         use_distributed_sampler=False,  # batches are split among devices already
         enable_progress_bar=terminal,

@@ -38,9 +38,11 @@ with _taken_for_missing(_UNUSED):
     from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
     from pytorch_lightning.loggers import TensorBoardLogger
     from pytorch_lightning.plugins import TorchCheckpointIO
+    from pytorch_lightning.plugins.environments import LightningEnvironment
 
 __all__ = [
     "Callback",
+    "LightningEnvironment",
     "LightningModule",
     "ModelCheckpoint",
     "TQDMProgressBar",

@@ -1,3 +1,4 @@
+import csv
 import errno
 import os
 import subprocess
@@ -209,42 +210,72 @@ from gcvae_toys import ToyGarments
 
 if __name__ == "__main__":
     folder, garments = Path(sys.argv[1]), ToyGarments()
+    devices = int(sys.argv[2])
     moments = cvar_statistics(garments.cvar(garments.rows("train")))
     with rule_log(str(folder / "log")):
         fit(
             ConditioningTraining(ConditioningSettings(condition=4), *moments),
-            TrainingBatches(ConditionRows(garments), batch=8, seed=0),
+            TrainingBatches(ConditionRows(garments), batch=16 // devices, seed=0),
             folder / "out",
             progress=folder / "progress",
             epochs=2,
             monitor="val_loss",
             settings={},
-            trainer={"accelerator": "cpu", "devices": 2, "strategy": "ddp"},
+            trainer={"accelerator": "cpu", "devices": devices, "strategy": "ddp"},
             threads=1,
         )
 """
 
 
-def test_two_processes_train_one_network_and_write_one_folder(tmp_path):
-    script = tmp_path / "several.py"
+# What Slurm sets in a step of a job that Snakemake submitted.
+STEP = {
+    "SLURM_JOB_ID": "7",
+    "SLURM_JOB_NAME": "train_svae",
+    "SLURM_NTASKS": "1",
+    "SLURM_PROCID": "0",
+    "SLURM_LOCALID": "0",
+    "SLURM_NODEID": "0",
+    "SLURM_NODELIST": "localhost",
+}
+
+
+def train_on(folder, devices, **environment):
+    """Run the script above; gives its output and the losses of both epochs."""
+    folder.mkdir()
+    script = folder / "several.py"
     script.write_text(SEVERAL)
     tests = Path(__file__).parents[3]
-    toys = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tests, tests.parent / "src")))}
+    path = os.pathsep.join(map(str, (tests, tests.parent / "src")))
     done = subprocess.run(
-        [sys.executable, script, tmp_path], capture_output=True, text=True, timeout=1800, env=toys
+        [sys.executable, script, folder, str(devices)],
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        env={**os.environ, "PYTHONPATH": path, **environment},
     )
     assert done.returncode == 0, done.stderr
+    with open(folder / "out" / "history.tsv") as stream:
+        losses = [float(row["train_loss"]) for row in csv.DictReader(stream, delimiter="\t")]
+    return done.stdout + done.stderr, losses
+
+
+@pytest.mark.parametrize("environment", [{}, STEP], ids=["at home", "in a job of Slurm"])
+def test_two_processes_train_one_network_and_write_one_folder(tmp_path, environment):
+    printed, losses = train_on(tmp_path / "two", 2, **environment)
+    folder = tmp_path / "two"
     names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "manifest.tsv"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names | {"tensorboard"}
-    assert not list(damages(tmp_path / "out", sums=True))
-    assert not (tmp_path / "progress").exists()
-    steps = torch.load(tmp_path / "out" / "last.ckpt", weights_only=True)["global_step"]
+    assert {path.name for path in (folder / "out").iterdir()} == names | {"tensorboard"}
+    assert not list(damages(folder / "out", sums=True))
+    assert not (folder / "progress").exists()
+    steps = torch.load(folder / "out" / "last.ckpt", weights_only=True)["global_step"]
     assert steps == 2 * 2  # 36 rows in batches of 8 on each of two
-    log = (tmp_path / "log").read_text()
+    log = (folder / "log").read_text()
     assert log.count("epoch 1 of 2") == log.count("epoch 2 of 2") == 1
     assert "Traceback" not in log
     assert "GPU available" in log  # Lightning's chatter, which is not for the terminal
-    assert "GPU available" not in done.stdout + done.stderr
+    assert "GPU available" not in printed
+    # One process with as many rows in a step sees the same, in history as in gradients.
+    assert train_on(tmp_path / "one", 1, **environment)[1] == pytest.approx(losses, rel=0.01)
 
 
 def test_one_cycle_rises_and_falls_to_nothing():
