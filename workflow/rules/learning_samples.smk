@@ -81,3 +81,31 @@ rule register_learning:
         code=source_hash("register_learning"),
     script:
         "../../scripts/register_learning.py"
+
+
+rule plot_learning:
+    input:
+        LEARNING_SAMPLES,
+    output:
+        report(
+            f"{RESULTS}/report/learning.png",
+            caption="../report/learning.rst",
+            category="Dataset",
+            labels={"shows": "samples to learn from"},
+        ),
+    log:
+        f"{LOGS}/plot_learning.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_learning.tsv"
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=20,
+    params:
+        most=24,
+        rays=lookup(dpath="renders/rays", within=config),
+        code=source_hash("plot_learning"),
+    script:
+        "../../scripts/plot_learning.py"

@@ -3,6 +3,8 @@ LEARNED = f"{RESULTS}/learning"
 LEARNING_PLANS = [plan for plans in LEARNING.values() for plan in plans]
 LEARNING_SAMPLES = expand(f"{LEARNED}/samples/{{shard}}", shard=LEARNING)
 LEARNING_REGISTRATIONS = expand(f"{LEARNED}/registration/{{shard}}", shard=LEARNING)
+if LEARNING_SAMPLES:
+    DEFAULT_TARGETS += [f"{RESULTS}/report/learning.png"]
 LEARNING_CLIPS = {
     name: {
         **clip.files,

@@ -63,9 +63,7 @@ def render_gallery(
         return
     with Sample(folder) as sample:
         parts = scene_parts(sample)
-        middle = len(sample) // 2
-        (camera,) = _cameras(sample, parts, [middle], still_size)
-        _save_still(still, _shot(sample, parts, middle, camera))
+        _save_still(still, _middle_shot(sample, parts, still_size))
         frames = range(0, len(sample), frame_step)
         cameras = _cameras(sample, parts, frames, moving_size)
         pictures = [
@@ -75,6 +73,26 @@ def render_gallery(
             )
         ]
         save_animation(moving, pictures, 1000 * frame_step / sample.fps)
+
+
+def render_still(folder: str | Path, size: tuple[int, int]) -> np.ndarray:
+    """A sample's middle frame (height, width, 3) uint8, filled by the figure.
+
+    Args:
+        folder: an accepted sample.
+        size: width and height in pixels.
+
+    Raises:
+        InputError: the sample's files are missing or damaged.
+    """
+    with Sample(folder) as sample:
+        return _middle_shot(sample, scene_parts(sample), size)
+
+
+def _middle_shot(sample: Sample, parts: Sequence[ScenePart], size: tuple[int, int]) -> np.ndarray:
+    middle = len(sample) // 2
+    (camera,) = _cameras(sample, parts, [middle], size)
+    return _shot(sample, parts, middle, camera)
 
 
 def _shot(
