@@ -19,7 +19,10 @@ import trimesh
 import yaml
 from PIL import Image
 
+from displacement_toys import collect_skirts, write_moving_skirts
+from displacement_trainings import toy_displacement
 from drapeline.bodies.model import BodyModel, load_body, save_body
+from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
 from drapeline.dataset.info_mat import read_info
@@ -27,6 +30,7 @@ from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clo
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import outfit_text, read_record
 from drapeline.dataset.scans import read_body_parameters, read_frames
+from drapeline.dataset.segmented_scans import SegmentedScan, load_scans, save_scans
 from drapeline.dataset.tables import read_table, write_table
 from drapeline.dataset.writer import write_sample
 from drapeline.experiment.checks import refuse_contradictions
@@ -40,11 +44,13 @@ from drapeline.learning_data.dynamic import DynamicData, collect_dynamic
 from drapeline.learning_data.garment_fields import FieldData, collect_fields
 from drapeline.learning_data.moving import load_moving
 from drapeline.learning_data.occlusion import texture_pixels
+from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write_skinned
 from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.manifest import damages, write_manifest
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_fitted_picture
+from drapeline.metrics.fitted_scans import load_fitted_scans, save_fitted_scans
 from drapeline.metrics.reconstructions import Reconstruction, load_reconstruction
 from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
@@ -65,6 +71,7 @@ from drapeline.models.smplicit.files import save_model_files
 from drapeline.models.smplicit.gallery_files import CODES, load_gallery, posed_prototype
 from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
 from drapeline.models.smplicit.load import load_field, new_field
+from drapeline.models.smplicit.load_displacement import load_displacement
 from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.models.smplicit.released import load_released
@@ -695,6 +702,41 @@ def _digest(folder: Path) -> Any:
     return sources.digest(ROOT / "scripts" / "collect_metrics.py")
 
 
+def _make_scans(folder: Path) -> None:
+    standing = BodyState(np.tile(np.eye(3), (24, 1, 1)), np.zeros(3), np.zeros(10))
+    one = SegmentedScan(
+        "00001_003",
+        3,
+        np.zeros((40, 3)),
+        np.zeros(40, dtype=int),
+        ("Skirt",),
+        "female",
+        standing,
+        None,
+    )
+    save_scans(folder / "scans.npz", [one], [standing])
+
+
+def _make_fits(folder: Path) -> None:
+    triangle = Mesh(np.eye(3), np.array([[0, 1, 2]]))
+    save_fitted_scans(folder / "fits.npz", {"00001_003": {"svae_scan": {"Skirt": triangle}}})
+
+
+def _make_displacements(folder: Path) -> None:
+    data = collect_skirts(folder / "data", write_moving_skirts(folder, body()), body())
+    network = toy_displacement(data, body())
+    (folder / "model").mkdir()
+    torch.save(
+        {"state_dict": network.state_dict(), "drapeline": network.about()}, folder / "model" / BEST
+    )
+
+
+def _use_displacements(folder: Path) -> None:
+    data = DisplacementData(folder / "data")
+    for split in ("train", "val", "test"):
+        data.rows(split)
+
+
 def _loaders() -> Iterator[Loader]:
     yield Loader("motion", _make_motion, _import)
     yield Loader("motion_length", _make_motion, _count)
@@ -872,6 +914,12 @@ def _loaders() -> Iterator[Loader]:
         _make_field_model,
         lambda f: load_field_codes(f / "skirt"),
         "skirt/training_codes.npz",
+    )
+    yield Loader("scans", _make_scans, lambda f: load_scans(f / "scans.npz"))
+    yield Loader("fitted_scans", _make_fits, lambda f: load_fitted_scans(f / "fits.npz"))
+    yield Loader("displacement_data", _make_displacements, _use_displacements, "data/*")
+    yield Loader(
+        "displacement", _make_displacements, lambda f: load_displacement(f / "model"), "model/*"
     )
     yield Loader("released_decoder", _make_released, lambda f: load_released(f / "decoder.pth"))
     yield Loader(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.storage import load_npz, save_npz
 
@@ -50,11 +51,13 @@ def load_fitted_scans(path: str | Path) -> dict[str, dict[str, dict[str, Mesh]]]
     """What `save_fitted_scans` wrote.
 
     Raises:
-        InputError: the file is missing or lacks an array.
+        InputError: the file is missing, lacks an array or names none of a fit.
     """
     arrays = load_npz(path, _ARRAYS)
     found: dict[str, dict[str, dict[str, Mesh]]] = {}
     for key in map(str, arrays["keys"]):
+        if key.count("/") != 2:
+            raise InputError(f"{path}: names a fit '{key:.80}', expected scan/variant/garment")
         scan, variant, name = key.split("/")
         mesh = Mesh(arrays[f"{key}/vertices"], arrays[f"{key}/faces"])
         found.setdefault(scan, {}).setdefault(variant, {})[name] = mesh

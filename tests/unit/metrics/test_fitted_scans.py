@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.fitted_scans import (
     CLASSES,
@@ -36,3 +37,9 @@ def test_files_keep_fits(tmp_path):
     }
     np.testing.assert_array_equal(again["00001_015"]["ours"]["Skirt"].vertices, mesh.vertices)
     assert len(again["00001_015"]["ours"]["Top"].faces) == 0
+
+
+def test_a_name_that_is_none_of_a_fit_is_refused(tmp_path):
+    np.savez(tmp_path / "fits.npz", keys=np.array(["00001_015"]))
+    with pytest.raises(InputError, match=r"fits\.npz: names a fit '00001_015', expected scan/"):
+        load_fitted_scans(tmp_path / "fits.npz")
