@@ -28,10 +28,17 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
             f"simulation.settings.steps_min is {solver['steps_min']}, expected at most"
             f" steps_max, which is {solver['steps_max']}"
         )
-    low, high = settings["outfits"]["tightness_range"]
-    if low > high:
+    learning = settings["learning"]
+    for key, (low, high) in {
+        "outfits.tightness_range": settings["outfits"]["tightness_range"],
+        "learning.speeds": learning["speeds"],
+    }.items():
+        if low > high:
+            raise InputError(f"{key} is [{low}, {high}], expected the lower end first")
+    if learning["frames_min"] > learning["frames"]:
         raise InputError(
-            f"outfits.tightness_range is [{low}, {high}], expected the lower end first"
+            f"learning.frames_min is {learning['frames_min']}, expected at most learning.frames,"
+            f" which is {learning['frames']}"
         )
     for name, own in settings["outfits"]["own_garments"].items():
         if not isinstance(own, str) and not {"file", *GENDERS} & own.keys():

@@ -31,6 +31,14 @@ def settings(**given):
     ("given", "message"),
     [
         (
+            {"learning": {"speeds": [1.2, 0.8]}},
+            r"learning.speeds is \[1.2, 0.8\], expected the lower",
+        ),
+        (
+            {"learning": {"frames": 30}},
+            "learning.frames_min is 40, expected at most learning.frames",
+        ),
+        (
             {"simulation": {"settings": {"steps_min": 30}}},
             r"simulation.settings.steps_min is 30, expected at most steps_max, which is 14$",
         ),
