@@ -33,7 +33,7 @@ from drapeline.outfits.templates import build_templates
 from drapeline.rendering.camera import look_at
 from drapeline.rendering.modalities import cast_rays
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
-from drapeline.report.style import garment_colour
+from drapeline.report.colours import garment_colour
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from motion_files import write_bvh
