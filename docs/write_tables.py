@@ -3,7 +3,7 @@
     .venv/bin/python docs/write_tables.py RESULTS
 
 Replaces what stands between `<!-- table: NAME -->` and `<!-- end of table -->` there.
-RESULTS is the folder of results of this project, made by its current commit.
+RESULTS is the folder of results within the checkout that made them.
 """
 
 import argparse
@@ -241,7 +241,7 @@ def origin(results: Results) -> str:
     """Which experiment the tables are of."""
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
+        cwd=results.folder, capture_output=True, text=True, check=True,
     ).stdout.strip()  # fmt: skip
     seeds = sorted({row.seed for row in results.metrics})
     held_out = max((row.n for row in results.metrics if row.variant == "static_ppca"), default=0)
