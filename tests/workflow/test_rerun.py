@@ -157,7 +157,7 @@ RERUN = {
     | TRAIN_GARMENT4D,
     "rendering/modalities.py": {"render_modalities", "evaluate_images"}
     | {"plot_fit_images", "plot_fitted_picture"},
-    "report/dataset/gallery.py": {"render_gallery"},
+    "report/dataset/gallery.py": {"render_gallery", "plot_learning"},
     "report/dataset/viewer.py": {"view_sample", "view_example"},
     "report/registration/registration_sheet.py": {"plot_registration"},
     "report/models/gcvae/codes.py": {"plot_gcvae_codes"},
