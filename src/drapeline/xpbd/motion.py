@@ -12,7 +12,7 @@ def predict(
     speed: wp.array(dtype=wp.vec3),
     keep: wp.array(dtype=float),  # share of the speed that the air leaves
     carry: wp.array(dtype=wp.vec3),
-    step_s: wp.array(dtype=float),
+    step_s: float,
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -20,7 +20,7 @@ def predict(
     i = wp.tid()
     start = place[i] + carry[0]
     before[i] = start
-    place[i] = start + (speed[i] + _GRAVITY * step_s[0]) * (keep[i] * step_s[0])
+    place[i] = start + (speed[i] + _GRAVITY * step_s) * (keep[i] * step_s)
 
 
 @wp.kernel
@@ -43,12 +43,12 @@ def hold(
 def take_speed(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
-    step_s: wp.array(dtype=float),
+    step_s: float,
     speed: wp.array(dtype=wp.vec3),
 ):
     """Speed over a step, from where it began and ended."""
     i = wp.tid()
-    speed[i] = (place[i] - before[i]) / step_s[0]
+    speed[i] = (place[i] - before[i]) / step_s
 
 
 @wp.kernel

@@ -75,16 +75,12 @@ class MovingCloth:
         self._garments, self._body, self._numbers = garments, body, numbers
         self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
         self._steps = round(attempt.steps * numbers.steps_per_step)
+        self._step_s = 1 / FPS / self._steps
         system = self._system = join_garments(garments)
-        count = len(system.vertices)
         self._place = _vectors(system.vertices)
         self._before, self._speed = wp.zeros_like(self._place), wp.zeros_like(self._place)
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
-        self._step_s, self._keep, self._strain = (_numbers(np.zeros(n)) for n in (1, count, count))
-        self._spring_numbers, self._hinge_numbers = (
-            _vectors(np.zeros((len(constraints.lengths_m), 3)))
-            for constraints in (system.springs, system.hinges)
-        )
+        self._strain = _numbers(np.zeros(len(system.vertices)))
         self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
@@ -98,11 +94,6 @@ class MovingCloth:
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
         self._crossings = Crossings(pairs, triangles)
         self._commands = self._record(triangles, layers, pairs)
-        step_s = 1 / FPS / self._steps
-        self._step_s.fill_(step_s)
-        self._keep.assign(np.exp(-system.drag_1_s * step_s).astype(np.float32))
-        self._spring_numbers.assign(_compliances(system.springs, step_s, 1))
-        self._hinge_numbers.assign(_compliances(system.hinges, step_s, numbers.hinge_every))
 
     def _record(self, triangles: wp.array, layers: wp.array, pairs: wp.array) -> list[wp.Launch]:
         """What a small step launches, in order; nothing where there is nothing to do."""
@@ -110,7 +101,7 @@ class MovingCloth:
         mass = _numbers(system.inverse_masses)
         ends = wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE)
         pulls = _numbers(np.zeros(len(ends)))
-        springs = [ends, self._spring_numbers]
+        springs = [ends, self._compliances(system.springs, 1)]
         self._measure = _launch(measure_strain, len(ends), [*springs, self._place], [self._strain])
         state = [self._before, self._place]
         self._turn_hinges = _launch(
@@ -119,7 +110,7 @@ class MovingCloth:
             [
                 wp.array(system.hinges.vertices, dtype=wp.vec4i, device=_DEVICE),
                 wp.array(system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE),
-                self._hinge_numbers,
+                self._compliances(system.hinges, numbers.hinge_every),
             ],
             [mass, *state],
         )
@@ -127,8 +118,8 @@ class MovingCloth:
             _launch(
                 predict,
                 len(self._place),
-                [self._speed, self._keep, self._carry, self._step_s],
-                state,
+                [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
+                [self._step_s, *state],
             ),
             _launch(
                 hold,
@@ -165,9 +156,19 @@ class MovingCloth:
                 ],
                 [self._clock, self._carry, self._gap_m, self._friction, *state],
             ),
-            _launch(take_speed, len(self._place), [*state, self._step_s], [self._speed]),
+            _launch(take_speed, len(self._place), state, [self._step_s, self._speed]),
         ]
         return [launch for launch in launches if launch is not None]
+
+    def _compliances(self, constraints: Springs | Hinges, every: int) -> wp.array:
+        """What the kernels of springs and hinges take, solved every so many small steps."""
+        compliance = 1 / constraints.stiffness_n_m
+        rows = [
+            constraints.lengths_m,
+            compliance / (every * self._step_s**2),
+            compliance * constraints.damping_kg_s / self._step_s,
+        ]
+        return _vectors(np.stack(rows, axis=1))
 
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
@@ -234,17 +235,6 @@ class MovingCloth:
             )
         self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
         self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
-
-
-def _compliances(constraints: Springs | Hinges, step_s: float, every: int) -> np.ndarray:
-    """What the kernels of springs and hinges take (C, 3), solved every so many steps."""
-    compliance = 1 / constraints.stiffness_n_m
-    rows = [
-        constraints.lengths_m,
-        compliance / (every * step_s**2),
-        compliance * constraints.damping_kg_s / step_s,
-    ]
-    return np.stack(rows, axis=1).astype(np.float32)
 
 
 def _launch(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:

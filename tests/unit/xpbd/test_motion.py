@@ -25,10 +25,10 @@ def launch(kernel, count, *arrays):
 
 def test_a_particle_goes_by_its_speed_and_gravity_and_is_carried_without_gaining_speed():
     place, before, speed = vectors([1, 2, 3]), vectors([0, 0, 0]), vectors([1, 0, 0])
-    launch(predict, 1, speed, numbers(0.5), vectors([0, 0.2, 0]), numbers(0.1), before, place)
+    launch(predict, 1, speed, numbers(0.5), vectors([0, 0.2, 0]), 0.1, before, place)
     np.testing.assert_allclose(before.numpy(), [[1, 2.2, 3]])
     np.testing.assert_allclose(place.numpy(), [[1.05, 2.2, 3 - 0.5 * 0.0981]], rtol=1e-6)
-    launch(take_speed, 1, before, place, numbers(0.1), speed)
+    launch(take_speed, 1, before, place, 0.1, speed)
     np.testing.assert_allclose(speed.numpy(), [[0.5, 0, -0.5 * 0.981]], atol=1e-5)
     launch(add_speed, 1, wp.vec3(0.0, 1.0, 0.0), speed)
     np.testing.assert_allclose(speed.numpy()[0, 1], 1, atol=1e-5)
