@@ -157,21 +157,6 @@ def killer(rng: random.Random, longest_s: float) -> Disturb:
     return kill
 
 
-def kills(
-    folder: Path, target: str, times: int, rng: random.Random, longest_s: float
-) -> Iterator[Counts]:
-    """Kill projects, one after the other, so many times altogether."""
-    number, left = 0, times
-    while left > 0:
-        number += 1
-        project = fresh(folder, f"killed_{number}")
-        done = disturb_until_done(project, target, killer(rng, longest_s), left)
-        left -= done
-        yield examine(folder, project, target, done)
-        if not done:
-            break
-
-
 # ---- full disk -------------------------------------------------------------------------------
 
 
@@ -203,30 +188,51 @@ def filler(rng: random.Random, longest_s: float) -> Disturb:
     return fill
 
 
-def full_disk(
-    folder: Path, target: str, times: int, rng: random.Random, longest_s: float
+@contextlib.contextmanager
+def small_disk(project: Path) -> Iterator[None]:
+    """A disk of its own for the results of a project."""
+    results = project / "results"
+    results.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1g", "tmpfs", results], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", results], check=True)
+
+
+@contextlib.contextmanager
+def own_disk(project: Path) -> Iterator[None]:
+    """The project's own disk, as it is."""
+    yield
+
+
+# Way -> what disturbs, the disk that results are on, the name of projects, and how many times.
+WAYS = {
+    "kills": (killer, own_disk, "killed", 100),
+    "full-disk": (filler, small_disk, "filled", 10),
+}
+
+
+def disturbed_projects(
+    folder: Path, way: str, target: str, times: int, rng: random.Random, longest_s: float
 ) -> Iterator[Counts]:
-    """Fill the disks of projects, one after the other, so many times altogether."""
+    """Disturb projects, one after the other, so many times altogether."""
+    disturb, disk, name, _ = WAYS[way]
     number, left = 0, times
     while left > 0:
         number += 1
-        project = fresh(folder, f"filled_{number}")
-        results = project / "results"
-        results.mkdir()
-        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1g", "tmpfs", results], check=True)
-        try:
-            done = disturb_until_done(project, target, filler(rng, longest_s), left)
+        project = fresh(folder, f"{name}_{number}")
+        with disk(project):
+            done = disturb_until_done(project, target, disturb(rng, longest_s), left)
             left -= done
             yield examine(folder, project, target, done)
-        finally:
-            subprocess.run(["umount", results], check=True)
         if not done:
             break
 
 
 def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("way", choices=["kills", "full-disk"])
+    parser.add_argument("way", choices=WAYS)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--target", default="all")
     parser.add_argument("--times", type=int)
@@ -236,8 +242,8 @@ def main(arguments: Sequence[str]) -> int:
     folder = given.folder.resolve()
     say(f"undisturbed run: {(reference(folder) / 'done').read_text().strip()}")
     rng = random.Random(given.seed)
-    run, times = (kills, 100) if given.way == "kills" else (full_disk, 10)
-    rounds = list(run(folder, given.target, given.times or times, rng, given.longest))
+    times = given.times or WAYS[given.way][3]
+    rounds = list(disturbed_projects(folder, given.way, given.target, times, rng, given.longest))
     total = Counts(*(sum(column) for column in zip(*rounds, strict=True)))
     say(f"{len(rounds)} runs of the experiment: {total}")
     return 1 if total.different or total.leftovers else 0
