@@ -21,6 +21,9 @@ from drapeline.xpbd.system import join_garments
 _DEVICE = "cpu"
 
 
+_SWEEPS = 2  # of the springs in a small step
+
+
 @dataclass(frozen=True)
 class Numbers:
     """Numbers of the method.
@@ -131,8 +134,8 @@ class MovingCloth:
                 [self._pin_start, self._pin_end, self._clock, self._place],
             ),
             *(
-                _launch(pull_springs, count, [*springs, mass, sweep], [pulls, *state])
-                for sweep, count in enumerate((len(ends), len(pairs)))
+                _launch(pull_springs, len(ends), [*springs, mass, sweep], [pulls, *state])
+                for sweep in range(_SWEEPS)
             ),
             self._turn_hinges,
             _launch(

@@ -69,14 +69,17 @@ def test_the_number_of_threads_changes_no_byte(tmp_path):
 
 
 def test_the_order_of_constraints_hardly_matters(run, monkeypatch):
-    """Colours against lexical order: after two thirds of a second the sheets are close."""
+    """Colours against lexical order: until folds form, which the least difference decides."""
     (coloured,) = run([sheet(0.115)], 20, steps=14)
     monkeypatch.setattr(
         system, "colour_constraints", lambda rows, count: np.zeros(len(rows), dtype=int)
     )
     (lexical,) = run([sheet(0.115)], 20, steps=14)
-    away = np.linalg.norm(coloured[-1] - lexical[-1], axis=1)
-    assert 0 < away.mean() < 0.003
+    way = np.linalg.norm(coloured[3] - coloured[0], axis=1).mean()
+    away = np.linalg.norm(coloured[3] - lexical[3], axis=1).mean()
+    assert 0 < away < 0.03 * way
+    # Folds differ afterwards, and the sheet as a whole does not.
+    np.testing.assert_allclose(coloured[-1].mean(axis=0), lexical[-1].mean(axis=0), atol=0.005)
 
 
 def test_a_mirrored_sheet_falls_as_the_mirror_image(run):
