@@ -17,6 +17,8 @@ _ENTRY = re.compile(
 )
 # Kinds of numbers by the word that a table of arrays declares them with.
 KINDS = {"float": "f", "int": "iu", "number": "fiu", "bool": "b", "str": "U", "any": "fiubU"}
+# No length, angle or weight of any file is larger; squares of what is overflow single precision.
+LARGEST = 1e18
 _MOST_DIMENSIONS = 8
 
 
@@ -129,8 +131,9 @@ class Declared:
     """Arrays as a table declares them; names of axes stand for the same size in all of them.
 
     A declaration is a kind of `KINDS` and the sizes of the axes, such as "float n 72": a number, a
-    name, `*` for any size, or `...` for any further axes. "float|nan n 72" may hold NaN and
-    infinity; "int<n f 3" holds indices from 0 to below n.
+    name, `*` for any size, or `...` for any further axes. Floats are finite and at most `LARGEST`
+    in size; "float|nan n 72" may hold any, NaN and infinity too. "int<n f 3" holds indices from 0
+    to below n.
 
     Attributes:
         sizes: axis -> its size, where known.
@@ -189,6 +192,9 @@ class Declared:
         ends = [] if may_be_nan or array.dtype.kind != "f" else [array.min(), array.max()]
         if not np.isfinite(ends).all():
             raise HeaderError("holds NaN or infinity, expected finite numbers")
+        largest = max(map(abs, ends), default=0.0)
+        if largest > LARGEST:
+            raise HeaderError(f"holds {largest:.3g}, expected numbers up to {LARGEST:g}")
         if limit is not None:
             most = int(limit) if limit.isdigit() else self.sizes[limit]
             least, last = int(array.min()), int(array.max())

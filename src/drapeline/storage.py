@@ -483,9 +483,9 @@ def read_json(path: str | Path, form: Any = object) -> Any:
     """Read JSON.
 
     Args:
-        form: what it should be: a type (float stands for any number, object for anything), a list
-            of one form for lists of such values, or a dict of forms for the keys it must have;
-            keys that end in "?" may be missing.
+        form: what it should be: a type (float stands for any number, object for anything), a tuple
+            of the words that are allowed, a list of one form for lists of such values, or a dict of
+            forms for the keys it must have; keys that end in "?" may be missing.
 
     Raises:
         InputError: the file is missing, is not JSON, or is not of this form.
@@ -528,6 +528,9 @@ def _check_form(path: Path, value: Any, form: Any, where: str) -> None:
         _check_type(path, value, list, where)
         for item in value:
             _check_form(path, item, form[0], f"an entry of {where}")
+    elif isinstance(form, tuple):
+        if value not in form:
+            raise InputError(f"{path}: {where} is {value!r:.100}, expected {' or '.join(form)}")
     else:
         _check_type(path, value, form, where)
 

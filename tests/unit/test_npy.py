@@ -123,6 +123,7 @@ def test_a_name_stands_for_the_same_size_in_all_arrays():
     ("form", "array", "message"),
     [
         ("float n", np.array([1, np.nan]), "NaN or infinity"),
+        ("float n", np.array([1, -1e19]), "holds 1e.19, expected numbers up to 1e.18"),
         ("float n", np.array([1, -np.inf], np.float16), "NaN or infinity"),
         ("int<5 n", np.array([0, 5]), "names number 5, expected 0 to 4"),
         ("int<n n", np.array([0, -1]), "names number -1, expected 0 to 1"),

@@ -493,13 +493,15 @@ def test_mapped_arrays_are_declared_too(tmp_path):
         ('{"a": 1, "c": [{"name": 3}]}', "'name' is 3, expected text"),
         ('{"a": 1, "c": {}}', r"'c' is \{\}, expected a list"),
         ("[]", r"the file is \[\], expected entries by name"),
+        ('{"a": 1, "d": "z"}', "'d' is 'z', expected x or y"),
+        ('{"a": 1, "d": ["x"]}', r"'d' is \['x'\], expected x or y"),
     ],
 )
 def test_json_that_is_not_of_its_form_is_refused(tmp_path, text, message):
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(InputError, match=rf"a\.json: .*{message}") as caught:
-        read_json(path, {"a": float, "c?": [{"name": str}]})
+        read_json(path, {"a": float, "c?": [{"name": str}], "d?": ("x", "y")})
     assert "\n" not in str(caught.value)
 
 

@@ -30,7 +30,7 @@ META = {
 }
 STATUS = {"id": str, "status": str, "split": str}
 # Measures of every frame, and perhaps of every garment; those that make no sense there are NaN.
-HEALTH = {"*": "any|nan ..."}
+HEALTH = {"*": "any|nan frames ..."}
 # Subfolder of a sample with everything that CLOTH3D does not have. Some of its readers take every
 # OBJ or PC16 file beside `info.mat` for a garment, so only its own files may lie there.
 EXTRAS = "extras"

@@ -115,7 +115,7 @@ def write_sample(
                 for garment in garments
             }
             _write_body(scratch, body, record.shape, record.poses)
-            health = load_npz(simulation / "health.npz", HEALTH)
+            health = load_npz(simulation / "health.npz", HEALTH, frames=len(record.poses))
             save_npz(scratch / EXTRAS / "health.npz", **health)
             meta["health"] = summarise_health(health)
         write_json(meta_path(scratch), meta)
@@ -136,7 +136,7 @@ def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, fl
             values = values[np.isfinite(values)]
             if values.size:
                 summary[name] = {
-                    "mean": float(values.mean()),
+                    "mean": float((values / values.size).sum()),  # a sum may be too large
                     "min": float(values.min()),
                     "max": float(values.max()),
                 }

@@ -20,6 +20,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.body_relative_points import body_relative_points
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_template.garment_space import fit_space, load_space
 from drapeline.rule_log import progress
 from drapeline.storage import (
@@ -232,7 +233,7 @@ class SequenceData:
 
     def __init__(self, folder: str | Path) -> None:
         folder = Path(folder)
-        self.garment_type = read_json(folder / "about.json", {"garment": str})["garment"]
+        self.garment_type = read_json(folder / "about.json", {"garment": GARMENTS})["garment"]
         self.label = LABELS.index(self.garment_type)
         self.space = load_space(folder / "space.npz")
         arrays = open_arrays(folder, _ARRAYS, n=len(self.space.mean))

@@ -182,8 +182,7 @@ def _parse_bone_line(bone: _Bone, words: list[str], in_degrees: bool) -> None:
         bone.length = float(words[1])
     elif key == "axis":
         bone.order = _order(words[4])
-        angles = np.array(words[1:4], dtype=np.float64)
-        bone.axis = Rotation.from_euler(bone.order, angles, degrees=in_degrees)
+        bone.axis = Rotation.from_euler(bone.order, _angles(words[1:4]), degrees=in_degrees)
     elif key == "dof":
         bone.degrees_of_freedom = tuple(word.lower() for word in words[1:])
 
@@ -194,6 +193,13 @@ def _order(word: str) -> str:
     return word.lower()
 
 
+def _angles(words: list[str]) -> np.ndarray:
+    angles = np.array(words, dtype=np.float64)
+    if not (np.abs(angles) < _HUGE).all():
+        raise ValueError(f"angles '{' '.join(words):.60}', expected finite numbers")
+    return angles
+
+
 def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:
     key = words[0].lower()
     if key == "order":
@@ -201,8 +207,7 @@ def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:
     elif key == "axis":
         root.order = _order(words[1])
     elif key == "orientation":
-        angles = np.array(words[1:4], dtype=np.float64)
-        root.axis = Rotation.from_euler(root.order, angles, degrees=in_degrees)
+        root.axis = Rotation.from_euler(root.order, _angles(words[1:4]), degrees=in_degrees)
 
 
 def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[str, np.ndarray]:

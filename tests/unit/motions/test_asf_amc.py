@@ -134,6 +134,7 @@ def test_no_frames_and_no_file(files, tmp_path):
         ("root lowerback", "root lowerback\nhead root", "disagree on root"),
         ("root lowerback", "toes lowerback", "disagree on toes"),
         ("axis 0 0 0 XYZ", "axis 0 0 0 XYW", "not readable as ASF"),
+        ("axis 0 0 0 XYZ", "axis 0 1e300 0 XYZ", "angles '0 1e300 0', expected finite numbers"),
         ("dof rx ry rz", "dof rx ry rq", "moves in rx ry rq, expected some of"),
         ("length 2", "length nan", "has no direction and length"),
         ("direction 0 1 0", "direction 0 1", "has no direction and length"),

@@ -7,10 +7,12 @@ from typing import Any
 import torch
 
 from drapeline.bodies.model import BodyModel
+from drapeline.errors import InputError
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldSettings
+from drapeline.models.smplicit.variants import FIELD_MODELS
 from drapeline.models.training.checkpoints import load_network
 from drapeline.models.training.module import BEST
 
@@ -26,6 +28,10 @@ def load_field(folder: str | Path) -> GarmentField:
     """
 
     def build(about: Mapping[str, Any]) -> GarmentField:
+        if about["name"] not in list(FIELD_MODELS):
+            raise InputError(
+                f"the model is named {about['name']!r:.100}, expected {' or '.join(FIELD_MODELS)}"
+            )
         settings = GarmentField.parse(about["settings"])
         basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
         return GarmentField(about["name"], settings, basis, about["rows"], start=False)

@@ -33,3 +33,12 @@ def test_other_networks_are_refused(tmp_path, trained):
         load_field(tmp_path)
     with pytest.raises(InputError, match=r"best\.ckpt: no such file"):
         load_field(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("name", ["../evil", ["skirt"], None])
+def test_a_model_of_no_known_name_is_refused(tmp_path, trained, name):
+    checkpoint = read_checkpoint(trained / "best.ckpt")
+    checkpoint["drapeline"]["name"] = name
+    torch.save(checkpoint, tmp_path / "best.ckpt")
+    with pytest.raises(InputError, match=r"best\.ckpt: the model is named .*, expected upper or"):
+        load_field(tmp_path)
