@@ -15,8 +15,10 @@ from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
-_TORN = wp.constant(1.2)  # stretch from which cloth lets go of what it is not worn on
+_TORN = wp.constant(1.4)  # stretch from which cloth lets go of what it is not worn on
 _STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
+_FAR = wp.constant(1.0e3)  # metres, where nothing is near
+_SKIN = wp.constant(1.0e-5)  # metres above a surface, where a ray from it starts
 _RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
 
 
@@ -157,12 +159,49 @@ def _find_anchors(
 
 
 @wp.kernel
+def _find_room(
+    whole: wp.uint64,
+    faces: wp.array(dtype=wp.vec3i),
+    points: wp.array(dtype=wp.vec3),
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    anchor: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+    from_place: wp.array(dtype=wp.vec3),
+    to_place: wp.array(dtype=wp.vec3),
+    from_normal: wp.array(dtype=wp.vec3),
+    to_normal: wp.array(dtype=wp.vec3),
+    reach: float,
+    room: wp.array(dtype=wp.vec2),  # at both ends of the frame
+):
+    """How far above each anchor the body faces itself, along the anchor's normal."""
+    i = wp.tid()
+    room[i] = wp.vec2(_FAR, _FAR)
+    if anchor[i] < 0:
+        return
+    face = faces[anchor[i]]
+    normal = wp.normalize(_face_normal(points, face))
+    here = _blend(points, face, weights[i])
+    facing = wp.mesh_query_ray(whole, here + normal * _SKIN, normal, reach)
+    if facing.result and wp.dot(facing.normal, normal) < 0.0:
+        other = faces[facing.face]
+        found = wp.vec3(facing.u, facing.v, 1.0 - facing.u - facing.v)
+        first = _blend(start, other, found) - from_place[i]
+        last = _blend(end, other, found) - to_place[i]
+        room[i] = wp.vec2(
+            wp.max(wp.dot(first, wp.normalize(from_normal[i])), 0.0),
+            wp.max(wp.dot(last, wp.normalize(to_normal[i])), 0.0),
+        )
+
+
+@wp.kernel
 def touch_body(
     anchor: wp.array(dtype=int),
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
     from_normal: wp.array(dtype=wp.vec3),
     to_normal: wp.array(dtype=wp.vec3),
+    room: wp.array(dtype=wp.vec2),
     clock: wp.array(dtype=float),
     carry: wp.array(dtype=wp.vec3),
     gap: float,
@@ -178,12 +217,23 @@ def touch_body(
     here = from_place[i] + way * clock[1]
     normal = wp.normalize(from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1])
     p = place[i]
-    depth = gap - wp.dot(p - here, normal)
+    o = before[i]
+    there = from_place[i] + way * clock[0] + carry[0]
+    height = wp.dot(p - here, normal)
+    # Between two parts of the body that nearly touch, cloth keeps to the middle.
+    free = room[i][0] + (room[i][1] - room[i][0]) * clock[1]
+    least = wp.min(gap, 0.5 * free)
+    most = wp.max(free - gap, 0.5 * free)
+    depth = least - height
+    over = height - most
+    if over > 0.0:
+        old = wp.clamp(wp.dot(o - there, normal) - most, 0.0, over)
+        released = wp.min(old, _RELEASED)
+        place[i] = p - normal * (over - old + released)
+        before[i] = o - normal * released
     if depth > 0.0:
-        there = from_place[i] + way * clock[0] + carry[0]
-        o = before[i]
         # What was deep before the step comes out slowly, and must not become speed.
-        old = wp.clamp(gap - wp.dot(o - there, normal), 0.0, depth)
+        old = wp.clamp(least - wp.dot(o - there, normal), 0.0, depth)
         released = wp.min(old, _RELEASED)
         push = depth - old + released
         p = p + normal * push
@@ -202,7 +252,8 @@ class BodySurface:
     """The body's surface between two frames, and where each vertex of the cloth is nearest to it.
 
     Each vertex keeps to the limb that it lies on at rest, and touches others only where it is away
-    from that one: what is caught between an arm and the chest stays on its own side of both.
+    from that one. Where the body faces itself closely, as between an arm and the chest, there is
+    less room than the gap asks for on both sides; cloth keeps to the middle there.
 
     Args:
         body: what the cloth collides with.
@@ -241,6 +292,7 @@ class BodySurface:
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
         )
+        self.room = wp.zeros(count, dtype=wp.vec2, device=_DEVICE)
 
     def _index(self, faces: np.ndarray) -> wp.Mesh:
         """Some of the faces (F', 3) for queries; one far away if there are none."""
@@ -277,8 +329,12 @@ class BodySurface:
         reach_m: float,
         gap_m: float,
         slack_m: float,
+        room_m: float,
     ) -> None:
-        """Find the anchors of cloth at `place` again where it has slid by more than `slack_m`."""
+        """Find the anchors of cloth at `place` again where it has slid by more than `slack_m`.
+
+        Find as well where the body faces itself within `room_m` of them.
+        """
         wp.launch(
             _move_surface,
             dim=len(self._points),
@@ -301,6 +357,17 @@ class BodySurface:
                 *(self.anchor, self._weights, self._away, self.strange),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
+            device=_DEVICE,
+        )
+        wp.launch(
+            _find_room,
+            dim=len(place),
+            inputs=[
+                *(self._meshes[-1].id, self._faces, self._points, self._start, self._end),
+                *(self.anchor, self._weights, self.from_place, self.to_place),
+                *(self.from_normal, self.to_normal, room_m),
+            ],
+            outputs=[self.room],
             device=_DEVICE,
         )
 

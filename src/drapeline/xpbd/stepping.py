@@ -21,7 +21,7 @@ from drapeline.xpbd.system import join_garments
 _DEVICE = "cpu"
 
 
-_SWEEPS = 2  # of the springs in a small step
+_SWEEPS = 3  # of the springs in a small step
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Numbers:
         searches_min, searches_max: such searches in a frame.
         reach_m: how far from the body its nearest point is looked for.
         home_reach_m: how far from the limb that cloth lies on it touches no other.
+        room_m: how far from itself the body may be where cloth keeps to the middle.
         slack_m: how far cloth slides over the body before that point is looked for again.
         margin_m: how far from cloth other cloth is looked for.
         self_gap_m: distance between parts of a garment.
@@ -53,13 +54,14 @@ class Numbers:
     searches_max: int = 6
     reach_m: float = 0.03
     home_reach_m: float = 0.012
+    room_m: float = 0.04
     slack_m: float = 0.006
     margin_m: float = 0.012
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
     hinge_every: int = 2
-    friction: float = 0.5
+    friction: float = 0.4
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
     pin_pull: float = 0.3
@@ -155,7 +157,7 @@ class MovingCloth:
                 len(self._place),
                 [
                     *(surface.anchor, surface.from_place, surface.to_place),
-                    *(surface.from_normal, surface.to_normal),
+                    *(surface.from_normal, surface.to_normal, surface.room),
                 ],
                 [self._clock, self._carry, self._gap_m, self._friction, *state],
             ),
@@ -213,6 +215,7 @@ class MovingCloth:
             reach_m=numbers.reach_m,
             gap_m=self._gap_m,
             slack_m=numbers.slack_m,
+            room_m=numbers.room_m,
         )
         near.find(self._place, margin_m=numbers.margin_m, free_m=numbers.free_m)
         crossings.find(self._place, near.count, near.near)
