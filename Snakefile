@@ -34,6 +34,7 @@ SOURCES.remember()
 
 
 onstart:
+    check_cluster()
     remove_scraps()
 
 

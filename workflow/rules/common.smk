@@ -30,6 +30,7 @@ from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.own_garments import own_garments
 from drapeline.outfits.static_plan import plan_static
+from drapeline.preflight import find_slurm_problem, slurm_config
 from drapeline.storage import sweep
 
 try:
@@ -159,6 +160,14 @@ def remove_scraps():
     for folder in (RESULTS, "resources/body", ".snakemake/drapeline"):
         for scrap in sweep(folder):
             logger.info(f"Removed {scrap}, which a killed job was writing.")
+
+
+def check_cluster():
+    """Stop where Snakemake would submit jobs and never learn that they ended."""
+    asking = getattr(workflow.executor_settings, "status_command", None)
+    problem = asking and find_slurm_problem(asking, slurm_config())
+    if problem:
+        raise WorkflowError(problem)
 
 
 def source_hash(script, *modules):
