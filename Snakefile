@@ -26,6 +26,7 @@ include: "workflow/rules/scans.smk"
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/garment4d.smk"
 include: "workflow/rules/smplicit.smk"
+include: "workflow/rules/shards.smk"
 include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/report.smk"
 

@@ -61,6 +61,8 @@ rule fit_sample_templates:
         f"{LOGS}/fit_sample_templates/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/fit_sample_templates/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
@@ -134,6 +136,8 @@ rule sample_clouds:
         f"{LOGS}/sample_clouds_{{protocol}}/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{sample}}.tsv"
+    wildcard_constraints:
+        protocol=SINGLE_PROTOCOLS,
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"

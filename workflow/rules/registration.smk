@@ -2,6 +2,11 @@ SUPER_BODIES = {
     gender: f"{RESULTS}/registration/body/{gender}.npz" for gender in GENDERS
 }
 TOPOLOGY = f"{RESULTS}/registration/topology.npz"
+SAMPLE_STEPS += [
+    SampleStep(
+        "register_sample", f"{RESULTS}/registration/samples/{{sample}}", set(SAMPLES)
+    )
+]
 DEFAULT_TARGETS += expand(
     f"{RESULTS}/report/{{name}}",
     name=["registration.html", "registration.png", "topologies.png", "hierarchy.png"],
@@ -127,6 +132,8 @@ rule register_sample:
         f"{LOGS}/register_sample/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/register_sample/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     conda:
         "../../envs/geometry.yaml"
     threads: 1
