@@ -32,6 +32,7 @@ include: "workflow/rules/report.smk"
 
 
 SOURCES.remember()
+FRAME_COUNTS.remember()
 
 
 onstart:

@@ -29,6 +29,7 @@ from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.shards import shard_samples
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
+from drapeline.motions.frame_counts import FrameCounts
 from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.own_garments import own_garments
@@ -52,10 +53,12 @@ try:
     CLIPS = config["motions"]["table"] or os.path.relpath(
         ROOT / "workflow/resources/motions/clips.tsv"
     )
+    FRAME_COUNTS = FrameCounts(".snakemake/drapeline/frames.json")
     MOTIONS = motion_table(
         CLIPS,
         config["motions"]["sequences"],
         loop_frames=config["motions"]["loop_frames"],
+        counts=FRAME_COUNTS,
     )
     OWN_GARMENTS = own_garments(config["outfits"]["own_garments"])
     SAMPLES = plan_samples(
@@ -76,6 +79,7 @@ try:
             CLIPS,
             config["learning"]["sequences"] or config["motions"]["sequences"],
             loop_frames=config["learning"]["loop_frames"],
+            counts=FRAME_COUNTS,
         )
         LEARNING = plan_learning(
             config["seed"],
