@@ -13,6 +13,7 @@ if not workflow.overwrite_configfiles:
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/resources_common.smk"
 include: "workflow/rules/bodies.smk"
 include: "workflow/rules/outfits.smk"
 include: "workflow/rules/simulation.smk"

@@ -1,4 +1,4 @@
-"""Rule `make_samples`: samples of a shard from their bodies to their pictures, each step a job here."""
+"""Rule `make_samples`: samples of a shard from their bodies to their pictures."""
 
 import subprocess
 import sys

@@ -95,15 +95,15 @@ def find_slurm_problem(status_command, settings):
         return None
     if status_command != "squeue":
         return (
-            "this Slurm cluster keeps no accounts, so that sacct knows of no job and Snakemake would"
-            " wait for ever; add --slurm-status-command squeue."
+            "this Slurm cluster keeps no accounts, so that sacct knows of no job and Snakemake"
+            " would wait for ever; add --slurm-status-command squeue."
         )
     remembered = settings.get("MinJobAge", "").split(" ")[0]
     if remembered.isdigit() and int(remembered) < REMEMBERED_S:
         return (
-            "this Slurm cluster keeps no accounts and forgets jobs {} s after their end (MinJobAge),"
-            " before Snakemake may have asked for them; ask your administrator for {} s or"
-            " more.".format(remembered, REMEMBERED_S)
+            f"this Slurm cluster keeps no accounts and forgets jobs {remembered} s after their end"
+            " (MinJobAge), before Snakemake may have asked for them; ask your administrator for"
+            f" {REMEMBERED_S} s or more."
         )
     return None
 

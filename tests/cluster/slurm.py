@@ -9,8 +9,8 @@ disturbed, then counts: arrays that differ from those of a local run (which is m
 in FOLDER for later calls), files of killed jobs that are left over, tracebacks on the terminal.
 Exits with 1 if there is any of the first two.
 
-Needs root and Debian's packages `slurm-wlm` and `munge`. All files of the cluster are in FOLDER, and
-its processes are ended with the script. Takes half an hour or more; CI does not run it.
+Needs root and Debian's packages `slurm-wlm` and `munge`. All files of the cluster are in FOLDER,
+and its processes are ended with the script. Takes half an hour or so; CI does not run it.
 """
 
 import argparse
@@ -89,7 +89,8 @@ def write_settings(folder: Path) -> None:
     host, ports = socket.gethostname().split(".")[0], free_ports(1 + len(NODES))
     # Slurm believes in this memory, and limits nobody to it.
     nodes = "\n".join(
-        f"NodeName={name} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=1 RealMemory=16000"
+        f"NodeName={name} NodeHostname={host} NodeAddr=127.0.0.1 Port={port}"
+        " CPUs=1 RealMemory=16000"
         for name, port in zip(NODES, ports[1:], strict=True)
     )
     text = SETTINGS.format(host=host, ports=ports, folder=folder, nodes=nodes)

@@ -25,6 +25,7 @@ from drapeline.errors import InputError
 from drapeline.experiment.checks import refuse_contradictions, require_splits
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.learning_plan import plan_learning
+from drapeline.experiment.resources import asked_mb, asked_minutes, cloth_factor
 from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.shards import shard_samples
 from drapeline.experiment.source_digest import Sources

@@ -113,8 +113,8 @@ rule register_static:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=60,
+        mem_mb=memory(360 + 300 * STATIC_SHARD),
+        runtime=minutes(36 * STATIC_SHARD),
     params:
         code=source_hash("register_static"),
     script:
@@ -139,7 +139,7 @@ rule register_sample:
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=10,
+        runtime=minutes(2 * CLOTH),
     params:
         code=source_hash("register_sample"),
     script:

@@ -21,8 +21,8 @@ for SHARD, MEMBERS in SAMPLE_SHARDS.items():
             SOLVER_ENVIRONMENT
         threads: 1
         resources:
-            mem_mb=3000,
-            runtime=240,
+            mem_mb=memory(550 * CLOTH_MEMORY),
+            runtime=minutes(len(MEMBERS) * SAMPLE_S),
         params:
             folder=shard_folder(SHARD),
             plans=[asdict(SAMPLES[sample]) for sample in MEMBERS],

@@ -103,9 +103,7 @@ def motion_table(
     return {row["name"]: _entry(path, row, loop_frames, counts) for row in chosen}
 
 
-def _entry(
-    table: Path, row: dict[str, str], loop_frames: int, counts: FrameCounts
-) -> MotionEntry:
+def _entry(table: Path, row: dict[str, str], loop_frames: int, counts: FrameCounts) -> MotionEntry:
     loop = row.get("loop") or "no"
     if loop not in ("yes", "no"):
         raise InputError(f"{table}: '{row['name']}' has loop '{loop}', expected yes or no")
