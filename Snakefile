@@ -13,6 +13,7 @@ if not workflow.overwrite_configfiles:
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/resources_common.smk"
 include: "workflow/rules/bodies.smk"
 include: "workflow/rules/outfits.smk"
 include: "workflow/rules/simulation.smk"
@@ -26,14 +27,17 @@ include: "workflow/rules/scans.smk"
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/garment4d.smk"
 include: "workflow/rules/smplicit.smk"
+include: "workflow/rules/shards.smk"
 include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/report.smk"
 
 
 SOURCES.remember()
+FRAME_COUNTS.remember()
 
 
 onstart:
+    check_cluster()
     remove_scraps()
 
 

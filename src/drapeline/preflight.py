@@ -6,6 +6,7 @@ Needs nothing but Python 3: `python src/drapeline/preflight.py`.
 import ctypes
 import platform
 import shutil
+import subprocess
 import sys
 
 # Shared libraries that Blender's wheel links to, and the Debian packages that provide them.
@@ -22,6 +23,8 @@ SYSTEM_LIBRARIES = {
     "libEGL.so.1": "libegl1",
 }
 DISK_GB = 8
+# Snakemake asks for the state of jobs every three minutes at least.
+REMEMBERED_S = 200
 
 
 def missing_libraries(names):
@@ -67,6 +70,42 @@ def find_problems(folder, version=None, system=None, libraries=None, free_gb=Non
             f" but the environment and a default run need {DISK_GB} GB."
         )
     return problems
+
+
+def slurm_config():
+    """What `scontrol show config` says, by name; empty where there is no Slurm."""
+    try:
+        said = subprocess.run(["scontrol", "show", "config"], capture_output=True, text=True)
+    except OSError:
+        return {}
+    pairs = (line.split("=", 1) for line in said.stdout.splitlines() if "=" in line)
+    return {name.strip(): value.strip() for name, value in pairs}
+
+
+def find_slurm_problem(status_command, settings):
+    """Why Snakemake would never learn that a job has ended on this cluster, or None.
+
+    Args:
+        status_command: that it asks with, "sacct" or "squeue".
+        settings: of the cluster, from `slurm_config`.
+    """
+    if not settings:
+        return "Slurm's scontrol does not answer here; start Snakemake where sbatch works."
+    if settings.get("AccountingStorageType") == "accounting_storage/slurmdbd":
+        return None
+    if status_command != "squeue":
+        return (
+            "this Slurm cluster keeps no accounts, so that sacct knows of no job and Snakemake"
+            " would wait for ever; add --slurm-status-command squeue."
+        )
+    remembered = settings.get("MinJobAge", "").split(" ")[0]
+    if remembered.isdigit() and int(remembered) < REMEMBERED_S:
+        return (
+            f"this Slurm cluster keeps no accounts and forgets jobs {remembered} s after their end"
+            " (MinJobAge), before Snakemake may have asked for them; ask your administrator for"
+            f" {REMEMBERED_S} s or more."
+        )
+    return None
 
 
 if __name__ == "__main__":

@@ -82,7 +82,7 @@ rule animate_body:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=20,
+        runtime=minutes(4 * FRAMES),
     params:
         seed=config["seed"],
         plan=unsplit_plan,

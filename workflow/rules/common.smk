@@ -4,6 +4,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
+from typing import NamedTuple
+
 import yaml
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
@@ -23,13 +25,17 @@ from drapeline.errors import InputError
 from drapeline.experiment.checks import refuse_contradictions, require_splits
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.learning_plan import plan_learning
+from drapeline.experiment.resources import asked_mb, asked_minutes, cloth_factor
 from drapeline.experiment.samples import plan_samples
+from drapeline.experiment.shards import shard_samples
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
+from drapeline.motions.frame_counts import FrameCounts
 from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 from drapeline.outfits.own_garments import own_garments
 from drapeline.outfits.static_plan import plan_static
+from drapeline.preflight import find_slurm_problem, slurm_config
 from drapeline.storage import sweep
 
 try:
@@ -48,10 +54,12 @@ try:
     CLIPS = config["motions"]["table"] or os.path.relpath(
         ROOT / "workflow/resources/motions/clips.tsv"
     )
+    FRAME_COUNTS = FrameCounts(".snakemake/drapeline/frames.json")
     MOTIONS = motion_table(
         CLIPS,
         config["motions"]["sequences"],
         loop_frames=config["motions"]["loop_frames"],
+        counts=FRAME_COUNTS,
     )
     OWN_GARMENTS = own_garments(config["outfits"]["own_garments"])
     SAMPLES = plan_samples(
@@ -72,6 +80,7 @@ try:
             CLIPS,
             config["learning"]["sequences"] or config["motions"]["sequences"],
             loop_frames=config["learning"]["loop_frames"],
+            counts=FRAME_COUNTS,
         )
         LEARNING = plan_learning(
             config["seed"],
@@ -122,6 +131,28 @@ EVALUATED_SPLITS = ["test"]
 # Rules files add to these two: what `all` makes, and which files of metrics each table holds, in
 # this order.
 DEFAULT_TARGETS = []
+# Samples that one job makes, by shard; empty where each step of a sample is a job of its own.
+SAMPLE_SHARDS = shard_samples(SAMPLES, config["samples"]["shard_size"])
+
+
+class SampleStep(NamedTuple):
+    """What a rule for single samples makes, which shards make where there are some.
+
+    Attributes:
+        script: of the rule.
+        output: a path with `{sample}`.
+        samples: of which it is wanted.
+        is_folder: whether the output is a folder.
+    """
+
+    script: str
+    output: str
+    samples: set
+    is_folder: bool = True
+
+
+# Rules files add to this.
+SAMPLE_STEPS = []
 METRIC_TABLES = {"metrics": [], "representations": [], "scans": []}
 # Held-out samples whose scans all models are fitted to.
 SCANNED_SAMPLES = [
@@ -141,13 +172,16 @@ OUTFIT_SETTINGS = {
 }
 # Garment types that every model learns, on which they are compared.
 COMPARED_GARMENTS = config["garment4d"]["garments"]
+# A long alternation would make the matching of n samples quadratic.
+ANY_SAMPLE = "|".join(SAMPLES) if len(SAMPLES) <= 500 else r"\d{5}"
+# Those of which rules for single samples make what shards make where there are some.
+SINGLE_SAMPLE = "(?!)" if SAMPLE_SHARDS else ANY_SAMPLE
 
 
 wildcard_constraints:
     gender="|".join(GENDERS),
     sequence="|".join(map(re.escape, MOTIONS)),
-    # A long alternation would make the matching of n samples quadratic.
-    sample="|".join(SAMPLES) if len(SAMPLES) <= 500 else r"\d{5}",
+    sample=ANY_SAMPLE,
     shard=r"\d+",
 
 
@@ -159,6 +193,14 @@ def remove_scraps():
     for folder in (RESULTS, "resources/body", ".snakemake/drapeline"):
         for scrap in sweep(folder):
             logger.info(f"Removed {scrap}, which a killed job was writing.")
+
+
+def check_cluster():
+    """Stop where Snakemake would submit jobs and never learn that they ended."""
+    asking = getattr(workflow.executor_settings, "status_command", None)
+    problem = asking and find_slurm_problem(asking, slurm_config())
+    if problem:
+        raise WorkflowError(problem)
 
 
 def source_hash(script, *modules):
@@ -175,6 +217,15 @@ def unsplit_plan(wildcards):
     """Params function: a sample's plan but for its split, which only its record holds."""
     values = asdict(SAMPLES[wildcards.sample])
     return {name: value for name, value in values.items() if name != "split"}
+
+
+def shard_folder(shard):
+    """Where the samples of a shard are made; what the steps leave behind stays there."""
+    return f"{RESULTS}/shards/{shard}"
+
+
+def shard_benchmarks(shard):
+    return f"{shard_folder(shard)}/benchmarks"
 
 
 def per_sample(pattern):

@@ -1,5 +1,8 @@
 EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
 DEFAULT_TARGETS += [f"{RESULTS}/dataset"]
+SAMPLE_STEPS += [
+    SampleStep("write_sample", f"{RESULTS}/samples/{{sample}}", set(SAMPLES))
+]
 
 
 wildcard_constraints:
@@ -19,6 +22,8 @@ rule write_sample:
         f"{LOGS}/write_sample/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/write_sample/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"

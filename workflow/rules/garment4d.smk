@@ -42,7 +42,7 @@ rule fit_static_templates:
     threads: 1
     resources:
         mem_mb=1000,
-        runtime=60,
+        runtime=minutes(24 * STATIC_SHARD),
     params:
         garments=G4D_GARMENTS,
         settings=lookup(dpath="garment4d/registration", within=config),
@@ -61,13 +61,15 @@ rule fit_sample_templates:
         f"{LOGS}/fit_sample_templates/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/fit_sample_templates/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1000,
-        runtime=10,
+        runtime=minutes(3 * CLOTH),
     params:
         garments=G4D_GARMENTS,
         settings=lookup(dpath="garment4d/registration", within=config),
@@ -92,7 +94,7 @@ rule fit_learning_templates:
     threads: 1
     resources:
         mem_mb=1000,
-        runtime=60,
+        runtime=minutes(7 * LEARNING_SHARD),
     params:
         garments=G4D_GARMENTS,
         settings=lookup(dpath="garment4d/registration", within=config),
@@ -116,7 +118,7 @@ rule sample_learning_clouds:
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=60,
+        runtime=minutes(15 * LEARNING_SHARD),
     params:
         garments=G4D_GARMENTS,
         settings=cloud_settings,
@@ -134,13 +136,15 @@ rule sample_clouds:
         f"{LOGS}/sample_clouds_{{protocol}}/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{sample}}.tsv"
+    wildcard_constraints:
+        protocol=SINGLE_PROTOCOLS,
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=60,
+        runtime=minutes(3 * FRAMES),
     params:
         settings=cloud_settings,
         code=source_hash("sample_clouds"),
@@ -166,7 +170,7 @@ rule skin_static:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=60,
+        runtime=minutes(20 * STATIC_SHARD),
     params:
         garments=G4D_GARMENTS,
         frames=lookup(dpath="garment4d/skinned/frames", within=config),
@@ -194,8 +198,8 @@ rule collect_garment4d:
         "../../envs/train.yaml"
     threads: 1
     resources:
-        mem_mb=4000,
-        runtime=240,
+        mem_mb=memory(400 + 20 * MOVING_SIZE),
+        runtime=minutes(25 * MOVING_SIZE),
     params:
         components=lookup(dpath="garment4d/components", within=config),
         body_relative_points=BODY_RELATIVE_POINTS,
@@ -219,8 +223,9 @@ rule train_garment4d_canonical:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=3000,
-        runtime=240,
+        gpu=gpus("garment4d"),
+        mem_mb=memory(batch_mb("garment4d", "canonical")),
+        runtime=minutes(garment4d_seconds("canonical")),
     params:
         settings=stage_settings("canonical"),
         body_points=lookup(dpath="garment4d/body_points", within=config),
@@ -247,8 +252,9 @@ rule train_garment4d_posed:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=3000,
-        runtime=240,
+        gpu=gpus("garment4d"),
+        mem_mb=memory(batch_mb("garment4d", "posed")),
+        runtime=minutes(garment4d_seconds("posed")),
     params:
         settings=posed_settings,
         body_points=lookup(dpath="garment4d/body_points", within=config),
@@ -279,8 +285,8 @@ rule evaluate_garment4d:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=3000,
-        runtime=240,
+        mem_mb=memory(1200 + 20 * MOVING_SIZE),
+        runtime=minutes(400 * MOVING_SIZE),
     params:
         posed=posed_variants_of,
         splits=EVALUATED_SPLITS,

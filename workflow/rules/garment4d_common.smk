@@ -24,6 +24,18 @@ TEMPLATE_FITS = [
     *expand(f"{G4D}/fits/learning/{{shard}}", shard=LEARNING),
 ]
 PROTOCOL = config["garment4d"]["protocol"]
+SAMPLE_STEPS += [
+    SampleStep(
+        "fit_sample_templates", f"{G4D}/fits/samples/{{sample}}", set(TEMPLATE_WEARERS)
+    ),
+    SampleStep(
+        "sample_clouds", f"{G4D}/clouds_{PROTOCOL}/{{sample}}", set(TEMPLATE_WEARERS)
+    ),
+]
+# Clouds of single samples: those that shards do not make.
+SINGLE_PROTOCOLS = "|".join(
+    name for name in ("surface", "vertices") if not (SAMPLE_SHARDS and name == PROTOCOL)
+)
 # Sequences of each type, sampled as the config says.
 SEQUENCES = {garment: f"{G4D}/{garment}/data_{PROTOCOL}" for garment in G4D_GARMENTS}
 # Whether networks ask where on the known body points are.

@@ -15,7 +15,7 @@ rule train_svae_conditioning:
     threads: 1
     resources:
         mem_mb=3000,
-        runtime=30,
+        runtime=minutes(6 * STATIC_SIZE),
     params:
         settings=conditioning_settings("svae"),
         progress=in_progress("conditioning"),
@@ -43,8 +43,9 @@ rule train_svae:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=12000,
-        runtime=240,
+        gpu=gpus("gcvae"),
+        mem_mb=memory(batch_mb("gcvae", "svae")),
+        runtime=minutes(vae_seconds("svae")),
     params:
         settings=svae_settings,
         trainer=lookup(dpath="gcvae/trainer", within=config),
@@ -70,8 +71,8 @@ rule fit_static_ppca:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=12000,
-        runtime=120,
+        mem_mb=memory(2000 + 300 * STATIC_SIZE),
+        runtime=minutes(40 * STATIC_SIZE),
     params:
         settings=ppca_settings("svae"),
         code=source_hash("fit_static_ppca"),
@@ -96,7 +97,7 @@ rule train_dvae_conditioning:
     threads: 1
     resources:
         mem_mb=3000,
-        runtime=30,
+        runtime=minutes(10 * MOVING_SIZE),
     params:
         settings=conditioning_settings("dvae"),
         progress=in_progress("conditioning"),
@@ -125,8 +126,9 @@ rule train_dvae:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=12000,
-        runtime=240,
+        gpu=gpus("gcvae"),
+        mem_mb=memory(batch_mb("gcvae", "dvae")),
+        runtime=minutes(vae_seconds("dvae")),
     params:
         settings=dvae_settings,
         frames=dvae_poses,
@@ -154,8 +156,8 @@ rule fit_dynamic_ppca:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=12000,
-        runtime=120,
+        mem_mb=memory(3000 + 100 * MOVING_SIZE),
+        runtime=minutes(90 * MOVING_SIZE),
     params:
         settings=ppca_settings("dvae"),
         frames=dynamic_conditions(DYNAMIC_PPCA)[1],
@@ -179,8 +181,8 @@ rule evaluate_baselines:
         "../../envs/geometry.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=4000,
-        runtime=60,
+        mem_mb=memory(500 + 100 * STATIC_SIZE),
+        runtime=minutes(35 * STATIC_SIZE),
     params:
         splits=EVALUATED_SPLITS,
         components=lookup(dpath="gcvae/evaluation/pca_components", within=config),
@@ -205,8 +207,8 @@ rule evaluate_static:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=4000,
-        runtime=60,
+        mem_mb=memory(700 + 100 * STATIC_SIZE),
+        runtime=minutes(22 * STATIC_SIZE),
     params:
         splits=EVALUATED_SPLITS,
         code=source_hash("evaluate_static"),
@@ -228,8 +230,8 @@ rule evaluate_dynamic_baselines:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=4000,
-        runtime=60,
+        mem_mb=memory(700 + 50 * MOVING_SIZE),
+        runtime=minutes(32 * MOVING_SIZE),
     params:
         splits=EVALUATED_SPLITS,
         step=lookup(dpath="gcvae/dvae/frame_step", within=config),
@@ -256,8 +258,8 @@ rule evaluate_dynamic:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=4000,
-        runtime=60,
+        mem_mb=memory(800 + 50 * MOVING_SIZE),
+        runtime=minutes(50 * MOVING_SIZE),
     params:
         splits=EVALUATED_SPLITS,
         frames=dynamic_poses,

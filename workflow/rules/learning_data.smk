@@ -16,8 +16,8 @@ rule collect_static:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=4000,
-        runtime=60,
+        mem_mb=memory(300 * STATIC_SIZE),
+        runtime=minutes(2 * STATIC_SIZE),
     params:
         code=source_hash("collect_static"),
     script:
@@ -41,8 +41,8 @@ rule collect_dynamic:
         "../../envs/train.yaml"
     threads: 1
     resources:
-        mem_mb=4000,
-        runtime=240,
+        mem_mb=memory(600 + 50 * MOVING_SIZE),
+        runtime=minutes(6 * MOVING_SIZE),
     params:
         frame_step=lookup(dpath="gcvae/dvae/frame_step", within=config),
         code=source_hash("collect_dynamic"),

@@ -41,7 +41,7 @@ rule simulate_learning:
     threads: 1
     resources:
         mem_mb=3000,
-        runtime=240,
+        runtime=minutes(LEARNING_S),
     params:
         seed=config["seed"],
         plans=learning_plans,
@@ -76,7 +76,7 @@ rule register_learning:
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=60,
+        runtime=minutes(12 * LEARNING_SHARD),
     params:
         code=source_hash("register_learning"),
     script:

@@ -69,7 +69,7 @@ rule make_outfit:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=10,
+        runtime=minutes(2 * CLOTH),
     params:
         seed=config["seed"],
         plan=unsplit_plan,
@@ -96,7 +96,7 @@ rule make_static_outfits:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=60,
+        runtime=minutes(40 * STATIC_SHARD),
     params:
         seed=config["seed"],
         plans=shard_plans,

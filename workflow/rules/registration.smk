@@ -2,6 +2,11 @@ SUPER_BODIES = {
     gender: f"{RESULTS}/registration/body/{gender}.npz" for gender in GENDERS
 }
 TOPOLOGY = f"{RESULTS}/registration/topology.npz"
+SAMPLE_STEPS += [
+    SampleStep(
+        "register_sample", f"{RESULTS}/registration/samples/{{sample}}", set(SAMPLES)
+    )
+]
 DEFAULT_TARGETS += expand(
     f"{RESULTS}/report/{{name}}",
     name=["registration.html", "registration.png", "topologies.png", "hierarchy.png"],
@@ -108,8 +113,8 @@ rule register_static:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=60,
+        mem_mb=memory(360 + 300 * STATIC_SHARD),
+        runtime=minutes(36 * STATIC_SHARD),
     params:
         code=source_hash("register_static"),
     script:
@@ -127,12 +132,14 @@ rule register_sample:
         f"{LOGS}/register_sample/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/register_sample/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=10,
+        runtime=minutes(2 * CLOTH),
     params:
         code=source_hash("register_sample"),
     script:

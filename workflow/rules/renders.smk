@@ -1,5 +1,11 @@
 DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}.png")
 DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}_moving.png")
+SAMPLE_STEPS += [
+    SampleStep(
+        "render_gallery", f"{RESULTS}/gallery/{{sample}}{part}.png", set(SAMPLES), False
+    )
+    for part in ("", "_moving")
+]
 
 
 rule render_gallery:
@@ -23,6 +29,8 @@ rule render_gallery:
         f"{LOGS}/render_gallery/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/render_gallery/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     conda:
         "../../envs/report.yaml"
     threads: 1

@@ -270,7 +270,7 @@ rule plot_time:
         runtime=10,
     params:
         # The bodies' own benchmark is not this experiment's: all experiments share the bodies.
-        folders=[BENCHMARKS, "benchmarks"],
+        folders=[BENCHMARKS, *map(shard_benchmarks, SAMPLE_SHARDS), "benchmarks"],
         code=source_hash("plot_time"),
     script:
         "../../scripts/plot_time.py"

@@ -1,3 +1,10 @@
+SAMPLE_STEPS += [
+    SampleStep(
+        "scan_sample", f"{RESULTS}/scans/{{sample}}.npz", set(SCANNED_SAMPLES), False
+    )
+]
+
+
 rule scan_sample:
     # Segmented scans of some frames, and the bodies that fit them, for all models alike.
     input:
@@ -9,6 +16,8 @@ rule scan_sample:
         f"{LOGS}/scan_sample/{{sample}}.log",
     benchmark:
         f"{BENCHMARKS}/scan_sample/{{sample}}.tsv"
+    wildcard_constraints:
+        sample=SINGLE_SAMPLE,
     conda:
         "../../envs/geometry.yaml"
     threads: 1

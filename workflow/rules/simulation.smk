@@ -24,8 +24,8 @@ rule simulate_outfit:
         SOLVER_ENVIRONMENT
     threads: 1
     resources:
-        mem_mb=3000,
-        runtime=240,
+        mem_mb=memory(550 * CLOTH_MEMORY),
+        runtime=minutes(SIMULATION_S),
     params:
         solver=SOLVER_MODULE,
         settings=lookup(dpath="simulation/settings", within=config),

@@ -15,8 +15,8 @@ rule sample_fields:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=60,
+        mem_mb=memory(420 + 100 * STATIC_SHARD),
+        runtime=minutes(8 * STATIC_SHARD),
     params:
         seed=config["seed"],
         near=lookup(dpath="smplicit/data/near", within=config),
@@ -42,8 +42,8 @@ rule collect_fields:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=60,
+        mem_mb=memory(200 * STATIC_SIZE),
+        runtime=minutes(2 * STATIC_SIZE),
     params:
         garments=field_garments,
         resolution=lookup(dpath="smplicit/data/resolution", within=config),
@@ -68,8 +68,9 @@ rule train_smplicit:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
-        mem_mb=4000,
-        runtime=240,
+        gpu=gpus("smplicit"),
+        mem_mb=memory(700 + 20 * STATIC_SIZE),
+        runtime=minutes(smplicit_seconds()),
     params:
         settings=field_settings,
         trainer=lookup(dpath="smplicit/trainer", within=config),
@@ -96,7 +97,7 @@ rule evaluate_smplicit:
     threads: NETWORK_THREADS
     resources:
         mem_mb=4000,
-        runtime=240,
+        runtime=minutes(120 * STATIC_SIZE),
     params:
         split=EVALUATED_SPLITS[0],
         meshing=lookup(dpath="smplicit/meshing", within=config),

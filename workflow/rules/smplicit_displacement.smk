@@ -38,6 +38,7 @@ rule train_displacement:
         "../../envs/train.yaml"
     threads: NETWORK_THREADS
     resources:
+        gpu=gpus("smplicit"),
         mem_mb=2000,
         runtime=240,
     params:

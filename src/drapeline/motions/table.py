@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drapeline.errors import InputError
-from drapeline.motions.importing import frame_count
+from drapeline.motions.frame_counts import FrameCounts
 from drapeline.storage import check_name, read_rows
 
 REQUIRED = ("name", "file")
@@ -58,7 +58,11 @@ class MotionEntry:
 
 
 def motion_table(
-    path: str | Path, names: Sequence[str] = (), *, loop_frames: int
+    path: str | Path,
+    names: Sequence[str] = (),
+    *,
+    loop_frames: int,
+    counts: FrameCounts | None = None,
 ) -> dict[str, MotionEntry]:
     """Read the motions named, or all of them, from a tab-separated table.
 
@@ -69,6 +73,7 @@ def motion_table(
             anything.
         names: which rows, in this order; all rows if empty.
         loop_frames: length in frames that cyclic clips are repeated to.
+        counts: frame counts that are known already.
 
     Raises:
         InputError: names the table, the row or name, and what was expected.
@@ -94,10 +99,11 @@ def motion_table(
         if name not in by_name:
             raise InputError(f"{path}: lists no '{name}', expected one of {', '.join(by_name)}")
     chosen = [by_name[name] for name in names] if names else rows
-    return {row["name"]: _entry(path, row, loop_frames) for row in chosen}
+    counts = counts or FrameCounts()
+    return {row["name"]: _entry(path, row, loop_frames, counts) for row in chosen}
 
 
-def _entry(table: Path, row: dict[str, str], loop_frames: int) -> MotionEntry:
+def _entry(table: Path, row: dict[str, str], loop_frames: int, counts: FrameCounts) -> MotionEntry:
     loop = row.get("loop") or "no"
     if loop not in ("yes", "no"):
         raise InputError(f"{table}: '{row['name']}' has loop '{loop}', expected yes or no")
@@ -114,7 +120,7 @@ def _entry(table: Path, row: dict[str, str], loop_frames: int) -> MotionEntry:
     return MotionEntry(
         row["name"],
         file,
-        frame_count(file, frames=length, **rate),
+        counts.count(file, length, **rate),
         length,
         row.get("action") or "",
         row.get("subject") or "",
