@@ -40,6 +40,7 @@ class GeometricConv(nn.Module):
                 layer.weight.copy_(weight.T)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(B * N, inputs) -> (B * N, outputs)."""
         return self.conv(x, self.edges, lambda_max=self.lambda_max)
 
 
@@ -52,6 +53,7 @@ class GeometricBlock(nn.Module):
         self.places, self.table = ours.places, places
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(B * N, F) -> (B * N, width)."""
         shift = self.places(self.table).repeat(BATCH, 1)
         x = torch.relu(self.first(x) + shift)
         return torch.relu(self.second(x) + x)
