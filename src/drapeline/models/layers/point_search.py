@@ -12,30 +12,68 @@ import warp as wp
 from drapeline.geometry.warp_mesh import start_warp
 
 wp.set_module_options({"enable_backward": False})
+_BUCKET = wp.constant(32)
 
 
 @wp.kernel
 def _farthest(
     points: wp.array2d(dtype=wp.vec3),
+    index: wp.array2d(dtype=wp.int64),
     distance: wp.array2d(dtype=float),
+    low: wp.array2d(dtype=wp.vec3),
+    high: wp.array2d(dtype=wp.vec3),
+    most: wp.array2d(dtype=float),
+    top: wp.array2d(dtype=int),
     chosen: wp.array2d(dtype=wp.int64),
 ):
-    """One thread per cloud; `distance` comes in as infinity, or -1 for points not to choose.
+    """One thread per cloud, whose points come in buckets of neighbours (Han et al., QuickFPS).
 
-    The first point is chosen already.
+    A bucket is skipped if its box is farther away than any of its points is from those chosen.
+
+    Args:
+        points: in the order of buckets.
+        index: of each point in the cloud.
+        distance: comes in as infinity, or -1 for points not to choose.
+        low, high: corners of each bucket's box.
+        most, top: the largest distance in each bucket, which comes in as infinity, and its point.
+        chosen: index of each choice; the first one is made already.
     """
     cloud = wp.tid()
+    row = points[cloud]
+    number = index[cloud]
+    away = distance[cloud]
+    last = int(0)  # noqa: RUF046, UP018  (a plain number would be a constant)
+    for i in range(row.shape[0]):
+        if number[i] == chosen[cloud, 0]:
+            last = i
     for step in range(1, chosen.shape[1]):
-        last = int(chosen[cloud, step - 1])
-        place = points[cloud, last]
-        best = float(-1.0)  # noqa: UP018  (a plain number would be a constant)
-        for i in range(points.shape[1]):
-            away = wp.min(distance[cloud, i], wp.length_sq(points[cloud, i] - place))
-            distance[cloud, i] = away
-            if away > best:
-                best = away
-                last = i
-        chosen[cloud, step] = wp.int64(last)
+        place = row[last]
+        best = float(-1.0)  # noqa: UP018
+        lowest = chosen[cloud, step - 1]
+        for bucket in range(most.shape[1]):
+            reach = most[cloud, bucket]
+            outside = wp.max(
+                wp.max(low[cloud, bucket] - place, place - high[cloud, bucket]), wp.vec3()
+            )
+            # By a little less than that, since distances are rounded.
+            if not wp.length_sq(outside) * 0.9999 > reach:
+                reach = float(-1.0)  # noqa: UP018
+                least = wp.int64(0)
+                for i in range(bucket * _BUCKET, wp.min((bucket + 1) * _BUCKET, row.shape[0])):
+                    near = wp.min(away[i], wp.length_sq(row[i] - place))
+                    away[i] = near
+                    if near > reach or (near == reach and number[i] < least):
+                        reach = near
+                        least = number[i]
+                        top[cloud, bucket] = i
+                most[cloud, bucket] = reach
+            if reach >= best and reach >= 0.0:
+                i = top[cloud, bucket]
+                if reach > best or number[i] < lowest:
+                    best = reach
+                    lowest = number[i]
+                    last = i
+        chosen[cloud, step] = lowest
 
 
 @wp.kernel
@@ -126,9 +164,35 @@ def farthest_points(
     valid = _valid(points, valid)
     chosen = points.new_zeros((len(points), count), dtype=torch.int64)
     chosen[:, 0] = valid.to(torch.uint8).argmax(1)
-    distance = points.new_full(valid.shape, torch.inf, dtype=torch.float32)
-    _launch(_farthest, _vectors(points), distance.masked_fill_(~valid, -1), chosen)
+    order = _order_in_space(points, valid)
+    near = gather_rows(points.detach().to(torch.float32), order)
+    distance = near.new_full(valid.shape, torch.inf).masked_fill_(~valid.gather(1, order), -1)
+    spare = -near.shape[1] % _BUCKET
+    padded = torch.cat([near, near[:, -1:].expand(-1, spare, -1)], 1)
+    boxes = padded.unflatten(1, (-1, int(_BUCKET)))
+    low, high = (_vectors(side) for side in (boxes.amin(2), boxes.amax(2)))
+    most = near.new_full(boxes.shape[:2], torch.inf)
+    top = torch.zeros_like(most, dtype=torch.int32)
+    _launch(_farthest, _vectors(near), order, distance, low, high, most, top, chosen)
     return chosen
+
+
+def _order_in_space(points: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+    """(B, P) indices by which neighbours come close to one another, along a Z-order curve.
+
+    Those that are not valid come last.
+    """
+    inside = points.detach().masked_fill(~valid[..., None], torch.nan)
+    low, high = inside.nan_to_num(torch.inf).amin(1), inside.nan_to_num(-torch.inf).amax(1)
+    side = (high - low).amax(1).clamp_min(1e-30)
+    cell = (inside - low[:, None]) * (31 / side)[:, None, None]
+    spread = torch.tensor(_SPREAD, device=points.device)[cell.nan_to_num(0).to(torch.int64)]
+    key = spread[..., 0] + 2 * spread[..., 1] + 4 * spread[..., 2]
+    return key.masked_fill_(~valid, 1 << 15).argsort(1)
+
+
+# Bits of 0 to 31, two places apart.
+_SPREAD = [sum((k >> bit & 1) << 3 * bit for bit in range(5)) for k in range(32)]
 
 
 @torch.no_grad()

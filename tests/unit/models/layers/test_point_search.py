@@ -61,6 +61,15 @@ def test_farthest_points_are_those_of_a_plain_search(share):
     assert valid.gather(1, chosen).all()
 
 
+def test_farthest_points_of_many_buckets_are_those_of_a_plain_search():
+    points = torch.rand(1, 1500, 3, generator=torch.Generator().manual_seed(0))
+    valid = flags(1, 1500)
+    points[~valid] = torch.nan
+    np.testing.assert_array_equal(
+        farthest_points(points, 300, valid).numpy(), plain_farthest(points, 300, valid)
+    )
+
+
 def test_farthest_points_of_a_part_are_the_first_of_all():
     # Without ties: equal distances go to the lowest index, which a part may number differently.
     points = torch.rand(3, 300, 3, generator=torch.Generator().manual_seed(0))
