@@ -102,6 +102,18 @@ def test_balls_are_those_of_a_plain_search(radius, count, share):
     assert torch.equal(ours, plain_ball(points, centres, radius, count, valid))
 
 
+@pytest.mark.parametrize("radius", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("spread", [1, 8, 40])
+def test_empty_balls_have_the_nearest_point_however_far_it_is(radius, spread):
+    points, centres = clouds(2, 900), clouds(2, 60, seed=2) * spread
+    points[:, :600] /= 8  # crowded in the middle, lonely around it
+    points[0, 3] = torch.nan
+    valid = flags(2, 900)
+    ours = ball_neighbours(points, centres, radius, 6, valid)
+    points[0, 3] = 1e4
+    assert torch.equal(ours, plain_ball(points, centres, radius, 6, valid))
+
+
 def test_a_point_on_the_sphere_is_in_the_ball():
     points = torch.tensor([[[1.0, 0, 0], [0.5, 0, 0], [0, 0.5, 0]]])
     index = ball_neighbours(points, torch.zeros(1, 1, 3), 0.5, 4)
