@@ -25,6 +25,7 @@ _DEEPEST, _LONGEST_SHAPE = 12, 32  # nested structs; bytes of a shape
 _LONGEST_HEAD = 256  # bytes of an array's flags, shape and name
 _FIRST_READ = 1 << 14  # bytes; enough for all of a sample but its poses
 _PAIRS = {order: struct.Struct(f"{order}II") for order in "<>"}
+_HEADS = {order: struct.Struct(f"{order}6I") for order in "<>"}
 # Types of data elements.
 _NUMBERS = {
     1: "i1",
@@ -152,28 +153,25 @@ def _variables(
             kind, start, end = _Reader(data, reader.order, 0, len(data)).element(padded=False)
         if kind != _MATRIX:
             raise ValueError(f"an element of type {kind}, expected an array")
-        if names is not None:
-            if (
-                _name(_Reader(data, reader.order, start, min(end, start + _LONGEST_HEAD)))
-                not in names
-            ):
-                continue
-            if data is reader.data:
-                reader.reach(end)
-                data = reader.data
+        if names is not None and _name(data, reader.order, start, end) not in names:
+            continue
+        if data is reader.data:
+            reader.reach(end)
+            data = reader.data
         array = _Reader(data, reader.order, start, end)
         name, value = _array(array, 0, outlines)
         found[name] = value
     return found
 
 
-def _name(reader: _Reader) -> str:
-    """Of the array whose element a reader stands in, past its flags and shape in one step."""
-    head = struct.unpack_from(f"{reader.order}6I", reader.data, reader.place)
+def _name(data: bytes, order: str, start: int, end: int) -> str:
+    """Of the array whose element is there; its flags and shape are passed over in one step."""
+    head = _HEADS[order].unpack_from(data, start)
     if (head[0], head[1], head[4]) != (_UINT32, 8, _INT32):
         raise ValueError(f"flags and shape of types {head[0]} and {head[4]}")
-    reader.place += 24 + head[5] + -head[5] % 8
-    return reader.text().rstrip(b"\0").decode("latin-1")
+    place = start + 24 + head[5] + -head[5] % 8
+    text = _Reader(data, order, place, min(end, start + _LONGEST_HEAD)).text()
+    return text.rstrip(b"\0").decode("latin-1")
 
 
 def _array(reader: _Reader, depth: int, outlines: Collection[str] = ()) -> tuple[str, Any]:

@@ -406,7 +406,7 @@ def _shift(points: np.ndarray, trans: np.ndarray) -> None:
     """
     whole = points.shape[1] - points.shape[1] % _BLOCK
     blocks = points[:, :whole].reshape(len(points), whole // _BLOCK, 3 * _BLOCK)
-    blocks += np.tile(trans, _BLOCK)[:, None]
+    blocks += np.concatenate([trans] * _BLOCK, axis=1)[:, None]
     points[:, whole:] += trans[:, None]
 
 
