@@ -94,7 +94,9 @@ def test_more_farthest_points_than_points_repeat_the_first():
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-@pytest.mark.parametrize(("radius", "count"), [(0.05, 4), (0.25, 8), (0.5, 16), (4.0, 300)])
+@pytest.mark.parametrize(
+    ("radius", "count"), [(0.05, 4), (0.25, 8), (0.5, 16), (1.0, 4), (4.0, 300)]
+)
 def test_balls_are_those_of_a_plain_search(radius, count, share):
     points, centres = clouds(3, 250), clouds(3, 60, seed=2)
     valid = flags(3, 250, share=share)
@@ -118,6 +120,8 @@ def test_a_point_on_the_sphere_is_in_the_ball():
     points = torch.tensor([[[1.0, 0, 0], [0.5, 0, 0], [0, 0.5, 0]]])
     index = ball_neighbours(points, torch.zeros(1, 1, 3), 0.5, 4)
     assert index.tolist() == [[[1, 2, 1, 1]]]
+    many = points[:, 1:2].repeat(1, 100, 1)  # so many that cells are not looked into
+    assert ball_neighbours(many, torch.zeros(1, 1, 3), 0.5, 2).tolist() == [[[0, 1]]]
 
 
 @pytest.mark.parametrize("k", [1, 3, 20])
