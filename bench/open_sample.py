@@ -50,7 +50,14 @@ def rows(results: Path) -> Iterator[Comparison]:
             shift = sample.info.trans[FRAME].astype(np.float32)
             np.testing.assert_array_equal(anew()[0], packed() + shift)
             size = f"a frame of {FRAMES} of {VERTICES:,} vertices"
-            yield compare(f"{size}, the sample opened for it", "`.npz`", packed, anew, goal=50)
+            yield compare(
+                f"{size}, the sample opened for it",
+                "`.npz`",
+                packed,
+                anew,
+                goal=50,
+                note="four files to open, and the sizes of three to check",
+            )
             yield compare(
                 f"{size}, the sample open",
                 "`.npz`",

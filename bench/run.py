@@ -2,7 +2,7 @@
 
 make bench RESULTS=results
 
-RESULTS is the folder of results of an experiment that is finished. It takes about ten minutes.
+RESULTS is the folder of results of an experiment that is finished. It takes five minutes.
 """
 
 import os

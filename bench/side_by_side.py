@@ -34,12 +34,17 @@ class Comparison(NamedTuple):
         return [
             self.what,
             self.peer,
-            f"{self.peer_ms:.3g}",
-            f"{self.ours_ms:.3g}",
+            _digits(self.peer_ms),
+            _digits(self.ours_ms),
             f"{ratio:.3g} ({low:.3g}-{high:.3g})",
             "" if self.goal is None else f"{self.goal:g}",
             self.note,
         ]
+
+
+def _digits(number: float) -> str:
+    """Three of them, and more only before the point."""
+    return f"{number:,.0f}" if number >= 100 else f"{number:.3g}"
 
 
 HEADINGS = ("what", "peer", "peer, ms", "ours, ms", "times faster", "goal", "")

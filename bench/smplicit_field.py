@@ -59,7 +59,6 @@ def rows(results: Path) -> Iterator[Comparison]:
         "offsets to all clusters",
         plain,
         lambda: field.distances(points),
-        goal=5,
     )
     cell_m = float((high - low).max() / CELLS)
     body = rest_body(model.bodies[GENDERS[0]], shape)
