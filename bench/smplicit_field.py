@@ -60,7 +60,7 @@ def rows(results: Path) -> Iterator[Comparison]:
         plain,
         lambda: field.distances(points),
         goal=5,
-        note="the default network; the goal is for the released one's size",
+        note="not looked into here",
     )
     cell_m = float((high - low).max() / CELLS)
     body = rest_body(model.bodies[GENDERS[0]], shape)
