@@ -9,11 +9,14 @@
 #             hour (MINUTES=60, SEED=0) and prints how to see a case again that is met badly
 # make test-browser REPORT=report.html   open every page of a report in a browser; installs
 #             Playwright and, where there is no browser, Debian's Chromium
+# make bench RESULTS=results   measure speed beside other libraries, on the results of a finished
+#             experiment, and write the table of docs/background/speed.md
 # make lint   formatters and linters, as CI runs them
 # Anything after that is plain Snakemake: .venv/bin/snakemake [target] --cores all
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 CONFIG ?= config.yaml
 REPORT ?= report.html
+RESULTS ?= results
 CORES ?= all
 PROFILE ?= local
 MINUTES ?= 60
@@ -25,8 +28,8 @@ AFTER_A_KILL = { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
    echo "If no other Snakemake works in this folder, one was killed here: 'make unlock CONFIG=$(CONFIG)', then the same command again."; \
    exit 1; }
 
-.PHONY: setup run dataset unlock report docs test test-install test-portable test-browser mutants fuzz lint \
-        format lock clean
+.PHONY: setup run dataset unlock report docs test test-install test-portable test-browser mutants fuzz bench \
+        lint format lock clean
 
 setup: .venv/ready
 
@@ -65,6 +68,12 @@ mutants: .venv/ready
 
 fuzz: .venv/ready
 	PYTHONPATH=src:tests $(BIN)/python -m fuzz.run --minutes $(MINUTES) --seed $(SEED)
+
+# Blocks of memory are kept: the peers' times would else be those of the kernel clearing pages.
+bench: .venv/ready
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=4294967296 \
+	   MALLOC_TRIM_THRESHOLD_=17179869184 MALLOC_TOP_PAD_=268435456 \
+	   PYTHONPATH=src $(BIN)/python bench/run.py $(RESULTS)
 
 lint: .venv/ready
 	$(BIN)/ruff check .

@@ -1,20 +1,15 @@
-"""Times of SMPLicit's distance fields and meshes, beside the plain ways of computing them.
+"""SMPLicit's distance fields and meshes, beside the plain ways of computing them.
 
-.venv/bin/python bench/smplicit_field.py results/smplicit/trousers
-
-Field: points per second of the network with its first layer folded, and of the same network that
-takes the offsets to all clusters, as printed, both on one thread. Meshes: cells from coarse to fine
-beside all cells of a grid that has 256 along its longest side. The ways take turns, so that a busy
-machine slows all of them; ratios are of medians.
+Fields: the network with its first layer folded, beside the same network that takes the offsets to
+all clusters, as printed. Meshes: cells from coarse to fine, beside all points of a grid.
 """
 
-import statistics
-import sys
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import torch
+from side_by_side import Comparison, compare
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
@@ -23,7 +18,7 @@ from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.network_field import NetworkField
 from drapeline.models.smplicit.walls import Grid, extract_walls
 
-POINTS, BATCH, ROUNDS, CELLS = 100_000, 10_000, 5, 256
+POINTS, BATCH, CELLS = 100_000, 10_000, 128
 
 
 def plain_distances(
@@ -44,17 +39,9 @@ def plain_distances(
     return torch.cat(found) * model.d_max_m
 
 
-def seconds(way: Callable[[], object]) -> float:
-    """Time of a call."""
-    start = time.perf_counter()
-    way()
-    return time.perf_counter() - start
-
-
-def main(folder: str) -> None:
-    """Print both comparisons."""
-    torch.set_num_threads(1)
-    model = SmplicitModel(folder)
+def rows(results: Path) -> Iterator[Comparison]:
+    """Both comparisons, by the experiment's trousers."""
+    model = SmplicitModel(str(results / "smplicit/trousers"))
     shape, z = np.zeros(10), model.codes.z[0]
     places = model.network.places(torch.zeros(1, 10), torch.zeros(1, dtype=torch.int8))[0]
     field = NetworkField(model.network, z, shape, 0)
@@ -66,31 +53,24 @@ def main(folder: str) -> None:
         with torch.no_grad():
             return plain_distances(model.network, torch.from_numpy(points), places, code).numpy()
 
-    error_m = np.abs(plain() - field.distances(points)).max()
-    times = [(seconds(plain), seconds(lambda: field.distances(points))) for _ in range(ROUNDS)]
-    slow, fast = map(statistics.median, zip(*times, strict=True))
-    print(
-        f"field of {POINTS} points: plain {slow:.2f} s, folded {fast:.2f} s, {slow / fast:.1f}"
-        f" times faster; largest difference {1000 * error_m:.1e} mm"
+    np.testing.assert_allclose(field.distances(points), plain(), atol=1e-5)
+    yield compare(
+        f"SMPLicit's field at {POINTS:,} points",
+        "offsets to all clusters",
+        plain,
+        lambda: field.distances(points),
+        goal=5,
+        note="not looked into here",
     )
-
     cell_m = float((high - low).max() / CELLS)
-    threshold_m = 0.7 * cell_m
     body = rest_body(model.bodies[GENDERS[0]], shape)
     grid = Grid(low, high, cell_m)
     sides = [np.arange(a, b + cell_m / 2, cell_m) for a, b in zip(low, high, strict=True)]
     dense = np.stack(np.meshgrid(*sides, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
-    whole = seconds(lambda: field.distances(dense))
-    sparse = statistics.median(
-        seconds(lambda: extract_walls(NearBody(field, model.box, body), grid, threshold_m))
-        for _ in range(3)
+    yield compare(
+        f"SMPLicit's trousers at cells of {1000 * cell_m:.0f} mm, marching cubes included",
+        f"our field at all {len(dense):,} points",
+        lambda: field.distances(dense),
+        lambda: extract_walls(NearBody(field, model.box, body), grid, 0.7 * cell_m),
+        repeats=3,
     )
-    print(
-        f"walls at cells of {1000 * cell_m:.1f} mm: all {len(dense)} points of the grid"
-        f" {whole:.1f} s, those near the walls with marching cubes {sparse:.2f} s,"
-        f" {whole / sparse:.1f} times faster"
-    )
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

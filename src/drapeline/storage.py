@@ -548,8 +548,8 @@ def read_text(path: str | Path, expected: str) -> str:
     Raises:
         InputError: the file is missing or is no such text; names the line.
     """
-    with refuse_damage(path, expected):
-        raw = Path(path).read_bytes()
+    with refuse_damage(path, expected), open(path, "rb", buffering=0) as stream:
+        raw = stream.read()
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

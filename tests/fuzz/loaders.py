@@ -25,7 +25,7 @@ from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
-from drapeline.dataset.info_mat import read_info
+from drapeline.dataset.info_mat import read_info, read_placement
 from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import outfit_text, read_record
@@ -799,6 +799,7 @@ def _loaders() -> Iterator[Loader]:
     yield Loader("dataset", _make_sample, _use_dataset, "samples/00001/*")
     yield Loader("sample_record", _make_sample, _load_record, "samples/00001/extras/meta.json")
     yield Loader("info", _make_info, lambda f: read_info(f / "info.mat"))
+    yield Loader("placement", _make_info, lambda f: read_placement(f / "info.mat"))
     yield Loader("packed_info", _make_packed_info, lambda f: read_info(f / "info.mat"))
     yield Loader("clouds", _make_clouds, lambda f: load_clouds(f / "clouds"), "clouds/*")
     for suffix in (".pc2", ".pc16", ".mdd", ".f32"):

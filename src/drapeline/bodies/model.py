@@ -12,6 +12,8 @@ from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
 from drapeline.storage import save_npz
 
+_TOGETHER = 1 << 15  # posed vertices that are worked on at once: cache against overhead
+
 
 @dataclass(frozen=True)
 class BodyModel:
@@ -104,7 +106,7 @@ def posed_vertices(
     poses: np.ndarray,
     trans: np.ndarray | None = None,
     *,
-    chunk: int = 32,
+    chunk: int = 128,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Posed body in the world frame with its root joint at `trans` (SMPL; CLOTH3D's placement).
 
@@ -112,33 +114,33 @@ def posed_vertices(
         shape: (10,) shape coefficients.
         poses: (N, 72) axis-angle in radians.
         trans: (N, 3) world position of the root joint in metres; the origin if None.
-        chunk: frames worked on at once: memory against overhead.
+        chunk: most frames worked on at once, of a block of vertices.
 
     Returns:
         Vertices (N, V, 3) and joints (N, 24, 3), float32.
     """
     vertices, joints = shape_body(body, shape)
     planes = np.ascontiguousarray((vertices - joints[0]).T)
-    directions = _pose_directions(body)
     rotations = axis_angle_to_matrix(np.asarray(poses, dtype=np.float32).reshape(-1, 24, 3))
     transforms, places = joint_transforms(joints - joints[0], rotations)
     if trans is not None:
         shift = np.asarray(trans, dtype=np.float32)[:, None]
         transforms[..., 3] += shift
         places = places + shift
+    feature = pose_feature(rotations) if body.has_posedirs else None
     out = np.zeros((len(rotations), len(vertices), 3), dtype=np.float32)
-    for start in range(0, len(rotations), chunk):
-        part = slice(start, start + chunk)
-        points = planes
-        if directions is not None:
-            moved = pose_feature(rotations[part]) @ directions
-            points = planes + moved.reshape(len(moved), 3, -1)
-        out[part] = skin_planes(points, transforms[part], body.weights.T).swapaxes(1, 2)
+    size = _TOGETHER // max(1, min(len(rotations), chunk))
+    for first in range(0, len(vertices), size):
+        block = slice(first, first + size)
+        rest, weights = planes[:, block], body.weights[block].T
+        if feature is not None:
+            directions = body.posedirs[block].transpose(1, 0, 2).reshape(-1, 207).T
+        for start in range(0, len(rotations), chunk):
+            part = slice(start, start + chunk)
+            points = rest
+            if feature is not None:
+                moved = feature[part] @ directions
+                points = moved.reshape(len(moved), 3, -1)
+                points += rest
+            out[part, block] = skin_planes(points, transforms[part], weights).swapaxes(1, 2)
     return out, places
-
-
-def _pose_directions(body: BodyModel) -> np.ndarray | None:
-    """(207, 3 * V) pose blend shapes in coordinate planes; None where all are zero."""
-    if not body.has_posedirs:
-        return None
-    return np.ascontiguousarray(body.posedirs.transpose(2, 1, 0)).reshape(207, -1)

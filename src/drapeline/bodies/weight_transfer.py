@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import KDTree, cKDTree
+from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import vertex_normals
+from drapeline.geometry.nearest_points import nearest_points
 from drapeline.geometry.smoothing import averaging_matrix, blur
 
 # Keeps distances in metres from vanishing, so that one close vertex does not outweigh all others.
@@ -84,8 +85,8 @@ def interpolated_weights(
         (N, 24) float32, rows sum to 1.
     """
     count = min(neighbours, len(body))
-    distance, near = cKDTree(body).query(garment, k=count)
-    distance, near = distance.reshape(-1, count), near.reshape(-1, count)
+    squared, near = nearest_points(body, garment, count)
+    distance = np.sqrt(squared)
     on = distance < _COINCIDENT_M
     share = 1 / (distance + _SMALL_M) ** power
     if coincident == "vertex":

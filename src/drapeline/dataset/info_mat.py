@@ -2,10 +2,11 @@
 
 import io
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,20 @@ class SampleInfo:
     tightness: np.ndarray | None = None
     camera_location: np.ndarray | None = None
     lights: Mapping[str, Any] | None = None
+
+
+class Placement(NamedTuple):
+    """What vertices need of an `info.mat`.
+
+    Attributes:
+        garments: names of the outfit's garments in the stored order; () if it is not stored.
+        trans: (N, 3) float64 world position of the root joint in metres.
+        zrot: rotation of the whole scene about +Z in radians.
+    """
+
+    garments: tuple[str, ...]
+    trans: np.ndarray
+    zrot: float
 
 
 def sample_scene(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, Any]]:
@@ -112,13 +127,7 @@ def read_info(path: str | Path) -> SampleInfo:
         InputError: the file is missing, is not MATLAB v5, lacks a field that every sample has, or
             holds arrays of inconsistent shapes.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected the info.mat of a CLOTH3D sample")
-    values = read_matlab(path)
-    missing = [name for name in ("poses", "trans", "shape", "gender") if name not in values]
-    if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(values)}")
+    values = _read(path, ("poses", "trans", "shape", "gender"))
     # Squeezing turns the single column of a one-frame sample into a plain vector.
     poses = _columns(path, "poses", values["poses"], 72)
     trans = _columns(path, "trans", values["trans"], 3)
@@ -129,16 +138,13 @@ def read_info(path: str | Path) -> SampleInfo:
     gender = values["gender"]
     if not isinstance(gender, int | float) or gender not in (0, 1):
         raise InputError(f"{path}: gender is {gender!r:.100}, expected 0 (female) or 1 (male)")
-    zrot = values.get("zrot", 0.0)
-    if not isinstance(zrot, int | float) or not math.isfinite(zrot):
-        raise InputError(f"{path}: zrot is {zrot!r:.100}, expected an angle in radians")
     tightness, camera = values.get("tightness"), values.get("camLoc")
     return SampleInfo(
         poses=poses,
         trans=trans,
         shape=_columns(path, "shape", values["shape"], 10)[0],
         gender=int(gender),
-        zrot=float(zrot),
+        zrot=_zrot(path, values),
         outfit=_outfit(path, values.get("outfit")),
         tightness=None if tightness is None else _columns(path, "tightness", tightness, 2)[0],
         camera_location=None if camera is None else _columns(path, "camLoc", camera, 3)[0],
@@ -146,7 +152,40 @@ def read_info(path: str | Path) -> SampleInfo:
     )
 
 
-def _outfit(path: Path, outfit: Any) -> dict[str, dict[str, Any]]:
+def read_placement(path: str | Path) -> Placement:
+    """Read only as much of an `info.mat` as vertices need.
+
+    Raises:
+        InputError: as `read_info`, but damage in other fields may not be noticed.
+    """
+    names = ("outfit", "trans", "zrot")
+    values = _read(path, ("trans",), names=names, outlines=("outfit",))
+    outfit = values.get("outfit")
+    garments = tuple(outfit) if isinstance(outfit, dict) else ()
+    for name in garments:
+        check_name(name, f"{path}: a garment")
+    return Placement(garments, _columns(path, "trans", values["trans"], 3), _zrot(path, values))
+
+
+def _read(path: str | Path, required: Collection[str], **selection: Any) -> dict[str, Any]:
+    """Variables of a file, which there must be; see `read_matlab` for the selection."""
+    if not os.path.isfile(path):
+        raise InputError(f"{path}: no such file, expected the info.mat of a CLOTH3D sample")
+    values = read_matlab(path, **selection)
+    missing = [name for name in required if name not in values]
+    if missing:
+        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(values)}")
+    return values
+
+
+def _zrot(path: str | Path, values: Mapping[str, Any]) -> float:
+    zrot = values.get("zrot", 0.0)
+    if not isinstance(zrot, int | float) or not math.isfinite(zrot):
+        raise InputError(f"{path}: zrot is {zrot!r:.100}, expected an angle in radians")
+    return float(zrot)
+
+
+def _outfit(path: str | Path, outfit: Any) -> dict[str, dict[str, Any]]:
     if not isinstance(outfit, dict):
         return {}
     for name, garment in outfit.items():
@@ -163,7 +202,7 @@ def _outfit(path: Path, outfit: Any) -> dict[str, dict[str, Any]]:
     return outfit
 
 
-def _lights(path: Path, lights: Any) -> dict[str, Any] | None:
+def _lights(path: str | Path, lights: Any) -> dict[str, Any] | None:
     if lights is None:
         return None
     if not isinstance(lights, dict) or not {"type", "data"} <= lights.keys():
@@ -173,7 +212,7 @@ def _lights(path: Path, lights: Any) -> dict[str, Any] | None:
     return {**lights, "data": [lights["data"]]} if single else lights
 
 
-def _columns(path: Path, name: str, value: Any, rows: int) -> np.ndarray:
+def _columns(path: str | Path, name: str, value: Any, rows: int) -> np.ndarray:
     """Transpose an array (rows, N), or (rows,) if it was squeezed, to (N, rows) float64."""
     array = value if isinstance(value, np.ndarray) else np.zeros(0)
     if array.shape[:1] != (rows,) or array.ndim > 2:

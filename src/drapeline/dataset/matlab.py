@@ -6,9 +6,12 @@ the values as `scipy.io.loadmat(squeeze_me=True)` does, with structs as dicts an
 The format is described in "MAT-File Format", MathWorks.
 """
 
+import io
 import math
+import os
 import struct
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +22,10 @@ from drapeline.errors import InputError, refuse_damage
 _HEADER = 128
 _ANY_SIZE, _MOST_PACKED = 64 << 20, 64  # of what compressed elements unpack to
 _DEEPEST, _LONGEST_SHAPE = 12, 32  # nested structs; bytes of a shape
+_LONGEST_HEAD = 256  # bytes of an array's flags, shape and name
+_FIRST_READ = 1 << 14  # bytes; enough for all of a sample but its poses
 _PAIRS = {order: struct.Struct(f"{order}II") for order in "<>"}
+_HEADS = {order: struct.Struct(f"{order}6I") for order in "<>"}
 # Types of data elements.
 _NUMBERS = {
     1: "i1",
@@ -84,45 +90,91 @@ class _Reader:
         return self.data[start:end]
 
 
-def read_matlab(path: str | Path) -> dict[str, Any]:
+def read_matlab(
+    path: str | Path, names: Collection[str] | None = None, outlines: Collection[str] = ()
+) -> dict[str, Any]:
     """Variables of a file by name.
 
     Numbers are arrays without their axes of length one, or plain numbers; text is `str`.
+
+    Args:
+        names: of the variables to read, all if None. Of others only sizes and names are looked at,
+            and as little of the file is read as that takes.
+        outlines: structs, among those names, of which only the names of their fields are read:
+            their values are None.
 
     Raises:
         InputError: the file is missing, damaged, of another version, or holds objects, functions,
             sparse or complex arrays.
     """
-    with refuse_damage(path, "a MATLAB v5 file"):
-        data = Path(path).read_bytes()
+    with refuse_damage(path, "a MATLAB v5 file"), open(path, "rb", buffering=0) as stream:
+        data = stream.read(-1 if names is None else _FIRST_READ)
         order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
         if order is None or struct.unpack(f"{order}H", data[124:126])[0] != 0x0100:
             raise ValueError("it has no header of version 5")
-        return _variables(path, data, order)
+        reader = _FileReader(stream, data, order)
+        return _variables(path, reader, names, outlines)
 
 
-def _variables(path: str | Path, data: bytes, order: str) -> dict[str, Any]:
-    reader, found = _Reader(data, order, _HEADER, len(data)), {}
-    allowed = _ANY_SIZE + _MOST_PACKED * len(data)
-    while reader.place < len(data):
+class _FileReader(_Reader):
+    """Takes variables off a file of which only the beginning is in memory."""
+
+    def __init__(self, stream: io.FileIO, data: bytes, order: str) -> None:
+        size = max(os.fstat(stream.fileno()).st_size, len(data))
+        super().__init__(data, order, _HEADER, size)
+        self._stream = stream
+
+    def reach(self, end: int) -> None:
+        """Have the bytes up to `end` in memory, as far as the file goes."""
+        if len(self.data) < min(end, self.end):
+            self.data += self._stream.read()
+            self.end = len(self.data)
+
+
+def _variables(
+    path: str | Path,
+    reader: _FileReader,
+    names: Collection[str] | None,
+    outlines: Collection[str],
+) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    allowed = _ANY_SIZE + _MOST_PACKED * reader.end
+    while reader.place < reader.end:
+        reader.reach(reader.place + 8 + _LONGEST_HEAD)
         kind, start, end = reader.element(padded=False)
-        inside = reader
+        data = reader.data
         if kind == _COMPRESSED:
+            reader.reach(end)
             unpacker = zlib.decompressobj()
-            inner = unpacker.decompress(data[start:end], max(allowed, 1))
+            data = unpacker.decompress(reader.data[start:end], max(allowed, 1))
             if unpacker.unconsumed_tail or not unpacker.eof:
                 raise InputError(f"{path}: a packed element is cut off or too large for its file")
-            allowed -= len(inner)
-            inside = _Reader(inner, order, 0, len(inner))
-            kind, start, end = inside.element(padded=False)
+            allowed -= len(data)
+            kind, start, end = _Reader(data, reader.order, 0, len(data)).element(padded=False)
         if kind != _MATRIX:
             raise ValueError(f"an element of type {kind}, expected an array")
-        name, value = _array(_Reader(inside.data, order, start, end), 0)
+        if names is not None and _name(data, reader.order, start, end) not in names:
+            continue
+        if data is reader.data:
+            reader.reach(end)
+            data = reader.data
+        array = _Reader(data, reader.order, start, end)
+        name, value = _array(array, 0, outlines)
         found[name] = value
     return found
 
 
-def _array(reader: _Reader, depth: int) -> tuple[str, Any]:
+def _name(data: bytes, order: str, start: int, end: int) -> str:
+    """Of the array whose element is there; its flags and shape are passed over in one step."""
+    head = _HEADS[order].unpack_from(data, start)
+    if (head[0], head[1], head[4]) != (_UINT32, 8, _INT32):
+        raise ValueError(f"flags and shape of types {head[0]} and {head[4]}")
+    place = start + 24 + head[5] + -head[5] % 8
+    text = _Reader(data, order, place, min(end, start + _LONGEST_HEAD)).text()
+    return text.rstrip(b"\0").decode("latin-1")
+
+
+def _array(reader: _Reader, depth: int, outlines: Collection[str] = ()) -> tuple[str, Any]:
     """Name and value of the array whose element a reader stands in."""
     if depth > _DEEPEST:
         raise ValueError("structs in structs without end")
@@ -140,7 +192,10 @@ def _array(reader: _Reader, depth: int) -> tuple[str, Any]:
     if kind == _CELL:
         return name, _cells(reader, shape, depth)
     if kind == _STRUCT:
-        return name, _fields(reader, shape, depth)
+        fields = _fields(reader, shape)
+        if name in outlines:
+            return name, dict.fromkeys(fields)
+        return name, {field: _inner(reader, depth) for field in fields}
     raise ValueError(f"an array of class {kind}, expected numbers, text, structs or cells")
 
 
@@ -185,13 +240,13 @@ def _cells(reader: _Reader, shape: tuple[int, ...], depth: int) -> Any:
     return cells[0] if count == 1 else cells
 
 
-def _fields(reader: _Reader, shape: tuple[int, ...], depth: int) -> dict[str, Any]:
+def _fields(reader: _Reader, shape: tuple[int, ...]) -> list[str]:
     (length,) = reader.integers(_INT32)
     names = reader.text()
     if not 0 < length <= 64 or len(names) % length or math.prod(shape) != 1:
         raise ValueError(f"a struct array of shape {shape} with names of {length} letters")
     fields = [names[k : k + length] for k in range(0, len(names), length)]
-    return {field.partition(b"\0")[0].decode("latin-1"): _inner(reader, depth) for field in fields}
+    return [field.partition(b"\0")[0].decode("latin-1") for field in fields]
 
 
 def _inner(reader: _Reader, depth: int) -> Any:

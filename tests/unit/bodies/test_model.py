@@ -56,6 +56,13 @@ def test_posing_equals_its_slow_twin(blended_body, poses):
     np.testing.assert_allclose(fast, slow, atol=2e-5)
 
 
+def test_many_frames_are_posed_as_one_by_one(blended_body):
+    poses = np.random.default_rng(2).normal(0, 0.6, (150, 72))
+    together, _ = posed_vertices(blended_body, np.zeros(10), poses)
+    alone = [posed_vertices(blended_body, np.zeros(10), pose[None])[0][0] for pose in poses]
+    np.testing.assert_allclose(together, alone, atol=1e-5)
+
+
 def test_a_body_without_pose_blend_shapes_is_told_apart(toy_body, blended_body):
     assert not toy_body.has_posedirs
     assert blended_body.has_posedirs

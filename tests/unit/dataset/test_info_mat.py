@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 import scipy.io
 
-from drapeline.dataset.info_mat import SampleInfo, read_info, sample_scene, write_info
+from drapeline.dataset.info_mat import (
+    SampleInfo,
+    read_info,
+    read_placement,
+    sample_scene,
+    write_info,
+)
 from drapeline.errors import InputError
 from drapeline.seeding import rng_for
 
@@ -39,6 +45,18 @@ def test_what_is_written_is_read(tmp_path, info):
     assert again.outfit["Trousers"] == {"texture": {"type": "pattern"}, "fabric": "denim"}
     np.testing.assert_array_equal(again.outfit["Tshirt"]["texture"]["data"], [0.1, 0.2, 0.3])
     assert again.lights["type"] == info.lights["type"]
+
+
+def test_the_placement_is_a_part_of_the_whole(tmp_path, info):
+    path = tmp_path / "info.mat"
+    write_info(path, replace(info, zrot=0.3))
+    placement = read_placement(path)
+    assert placement.garments == ("Tshirt", "Trousers")
+    assert placement.zrot == 0.3
+    np.testing.assert_array_equal(placement.trans, info.trans)
+    write_info(path, replace(info, outfit={"../Top": info.outfit["Tshirt"]}))
+    with pytest.raises(InputError, match=r"info.mat: a garment is '../Top'"):
+        read_placement(path)
 
 
 def test_fields_have_the_original_order_types_and_shapes(tmp_path, info):

@@ -62,6 +62,34 @@ def test_values_are_scipys(tmp_path, packed):
         assert dtypes == [x.dtype for x in expected.values() if isinstance(x, np.ndarray)]
 
 
+@pytest.mark.parametrize("packed", [False, True])
+def test_chosen_variables_are_those_of_the_whole_file(tmp_path, packed):
+    path, rng = tmp_path / "a.mat", rng_for(0, "chosen", packed)
+    for size in (1, 3000):  # the second reaches far behind what is read at first
+        values = {f"v{k}": made_up(rng) for k in range(6)}
+        values["v2"] = rng.normal(size=(size, 3))
+        scipy.io.savemat(path, values, do_compression=packed)
+        whole = read_matlab(path)
+        for names in ((), ("v2",), ("v1", "v5", "none"), tuple(values)):
+            expected = {name: value for name, value in whole.items() if name in names}
+            np.testing.assert_equal(read_matlab(path, names), expected)
+
+
+def test_outlines_are_names_of_fields(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"outfit": {"Top": {"fabric": "silk"}, "Skirt": 3.0}, "x": 2.0})
+    found = read_matlab(path, ("outfit", "x"), outlines=("outfit",))
+    assert found == {"outfit": {"Top": None, "Skirt": None}, "x": 2.0}
+
+
+def test_a_file_that_is_cut_off_is_noticed_in_variables_that_are_not_read(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"a": 1.0, "b": np.ones((5000, 3))})
+    path.write_bytes(path.read_bytes()[:-8])
+    with pytest.raises(InputError, match="an element of .* bytes, .* are left"):
+        read_matlab(path, ("a",))
+
+
 @pytest.mark.parametrize("byte", range(0, 8))
 @pytest.mark.parametrize("value", [0, 9, 14, 255])
 def test_no_tag_leads_outside_of_the_file(tmp_path, byte, value):
@@ -74,6 +102,8 @@ def test_no_tag_leads_outside_of_the_file(tmp_path, byte, value):
         path.write_bytes(damaged)
         with suppress(InputError):  # any other exception, or a crash, is a failure
             read_matlab(path)
+        with suppress(InputError):
+            read_matlab(path, ("outfit",), outlines=("outfit",))
 
 
 def test_packed_elements_may_not_be_much_larger_than_their_file(tmp_path):

@@ -77,6 +77,7 @@ def test_garment_vertices_are_those_simulated(tiny):
         np.testing.assert_allclose(world, expected, atol=1e-6)
         assert world.dtype == np.float32
     assert sample.vertices("Skirt").shape == (len(sample), 80, 3)
+    assert sample.vertices("Skirt", 3, 3).shape == (0, 80, 3)
 
 
 def test_labels_are_read(tiny):

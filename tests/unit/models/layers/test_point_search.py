@@ -61,6 +61,15 @@ def test_farthest_points_are_those_of_a_plain_search(share):
     assert valid.gather(1, chosen).all()
 
 
+def test_farthest_points_of_many_buckets_are_those_of_a_plain_search():
+    points = torch.rand(1, 1500, 3, generator=torch.Generator().manual_seed(0))
+    valid = flags(1, 1500)
+    points[~valid] = torch.nan
+    np.testing.assert_array_equal(
+        farthest_points(points, 300, valid).numpy(), plain_farthest(points, 300, valid)
+    )
+
+
 def test_farthest_points_of_a_part_are_the_first_of_all():
     # Without ties: equal distances go to the lowest index, which a part may number differently.
     points = torch.rand(3, 300, 3, generator=torch.Generator().manual_seed(0))
@@ -85,7 +94,9 @@ def test_more_farthest_points_than_points_repeat_the_first():
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-@pytest.mark.parametrize(("radius", "count"), [(0.05, 4), (0.25, 8), (0.5, 16), (4.0, 300)])
+@pytest.mark.parametrize(
+    ("radius", "count"), [(0.05, 4), (0.25, 8), (0.5, 16), (1.0, 4), (4.0, 300)]
+)
 def test_balls_are_those_of_a_plain_search(radius, count, share):
     points, centres = clouds(3, 250), clouds(3, 60, seed=2)
     valid = flags(3, 250, share=share)
@@ -93,10 +104,24 @@ def test_balls_are_those_of_a_plain_search(radius, count, share):
     assert torch.equal(ours, plain_ball(points, centres, radius, count, valid))
 
 
+@pytest.mark.parametrize("radius", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("spread", [1, 8, 40])
+def test_empty_balls_have_the_nearest_point_however_far_it_is(radius, spread):
+    points, centres = clouds(2, 900), clouds(2, 60, seed=2) * spread
+    points[:, :600] /= 8  # crowded in the middle, lonely around it
+    points[0, 3] = torch.nan
+    valid = flags(2, 900)
+    ours = ball_neighbours(points, centres, radius, 6, valid)
+    points[0, 3] = 1e4
+    assert torch.equal(ours, plain_ball(points, centres, radius, 6, valid))
+
+
 def test_a_point_on_the_sphere_is_in_the_ball():
     points = torch.tensor([[[1.0, 0, 0], [0.5, 0, 0], [0, 0.5, 0]]])
     index = ball_neighbours(points, torch.zeros(1, 1, 3), 0.5, 4)
     assert index.tolist() == [[[1, 2, 1, 1]]]
+    many = points[:, 1:2].repeat(1, 100, 1)  # so many that cells are not looked into
+    assert ball_neighbours(many, torch.zeros(1, 1, 3), 0.5, 2).tolist() == [[[0, 1]]]
 
 
 @pytest.mark.parametrize("k", [1, 3, 20])

@@ -1,0 +1,52 @@
+"""How much of a simulation by Blender goes into measuring its health."""
+
+from pathlib import Path
+
+import numpy as np
+from side_by_side import cpu_seconds
+
+from drapeline.dataset.reader import Cloth3D, Sample
+from drapeline.dataset.tables import read_table
+from drapeline.geometry.mesh import edges
+from drapeline.simulation.health import HealthGarment, HealthMonitor
+from drapeline.storage import read_json
+
+_SAMPLES = 4
+
+
+def health_seconds(sample: Sample) -> float:
+    """Processor time of measuring all frames of a sample."""
+    garments = []
+    for name in sample.garments:
+        mesh = sample.mesh(name)
+        ends = mesh.vertices[edges(mesh.faces)]
+        lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        garments.append(HealthGarment(name, mesh.faces, lengths))
+    cloths = [sample.vertices(name, frame="root") for name in sample.garments]
+    bodies = sample.body_vertices(frame="root")
+    monitor = HealthMonitor(garments, sample.body_mesh().faces)
+
+    def measure() -> None:
+        for *cloth, body in zip(*cloths, bodies, strict=True):
+            monitor.add(cloth, body)
+
+    return cpu_seconds(measure)
+
+
+def sentence(results: Path) -> str:
+    """The share, over samples of which Blender needed one attempt."""
+    health = jobs = 0.0
+    count = 0
+    for sample in Cloth3D(results / "dataset"):
+        status = read_json(results / f"simulation/{sample.id}/status.json")
+        if status["solver"]["name"] == "blender" and len(status["attempts"]) == 1:
+            health += health_seconds(sample)
+            (row,) = read_table(results / f"benchmarks/simulate_outfit/{sample.id}.tsv")
+            jobs += float(row["cpu_time"])
+            count += 1
+            if count == _SAMPLES:
+                break
+    return (
+        f"Measuring the health of all frames takes {health / jobs:.1%} of the processor time of"
+        f" {count} jobs that simulate a sample with Blender: {health:.1f} of {jobs:.0f} s."
+    )
