@@ -154,22 +154,27 @@ def test_the_tour_runs_on_these_results(results):
     assert len(made["codes"].mean) == 1
 
 
-def test_a_bad_clip_fails_alone_in_one_sentence(project, tmp_path):
+def bad_and_good_clip(folder, **samples):
+    """A config of two samples, the first on a clip that is damaged."""
     with np.load(ROOT / "workflow/resources/motions/walk.npz") as archive:
         arrays = dict(archive)
-    np.savez(tmp_path / "good.npz", **arrays)
+    np.savez(folder / "good.npz", **arrays)
     arrays["poses"] = arrays["poses"].copy()
     arrays["poses"][5, 3 * 18 + 1] = np.nan
-    np.savez(tmp_path / "bad.npz", **arrays)
-    table = tmp_path / "clips.tsv"
+    np.savez(folder / "bad.npz", **arrays)
+    table = folder / "clips.tsv"
     table.write_text("name\tfile\nbad\tbad.npz\ngood\tgood.npz\n")
-    config = tmp_path / "mine.yaml"
     settings = {
-        "results": str(tmp_path / "results"),
+        "results": str(folder / "results"),
         "motions": {"table": str(table), "sequences": [], "frames": 12, "frames_min": 12},
-        "samples": {"count": 2},
+        "samples": {"count": 2, **samples},
     }
-    config.write_text(yaml.safe_dump(settings))
+    (folder / "mine.yaml").write_text(yaml.safe_dump(settings))
+    return folder / "mine.yaml"
+
+
+def test_a_bad_clip_fails_alone_in_one_sentence(project, tmp_path):
+    config = bad_and_good_clip(tmp_path)
     wanted = [str(tmp_path / "results" / "bodies" / f"0000{k}.npz") for k in (1, 2)]
     run = snakemake(project, "--keep-going", *wanted, "--configfile", str(config))
     assert run.returncode != 0
@@ -179,3 +184,21 @@ def test_a_bad_clip_fails_alone_in_one_sentence(project, tmp_path):
     assert "bad.npz" in log
     assert "drapeline: " in run.stderr
     assert "left_elbow" in run.stderr
+
+
+def test_a_shard_keeps_what_it_has_made_when_a_sample_fails(project, tmp_path):
+    config, results = bad_and_good_clip(tmp_path, shard_size=2), tmp_path / "results"
+    wanted = [str(results / "samples" / "00001"), "--configfile", TINY, str(config)]
+    run = snakemake(project, *wanted)
+    assert run.returncode != 0
+    assert "files could not be made; the next try goes on with these" in run.stderr
+    assert "left_elbow" in (results / "shards/000/output.txt").read_text()
+    assert not (results / "samples").exists()
+    kept = results / "shards/000/simulation/00002/status.json"
+    before = kept.stat().st_mtime_ns
+
+    shutil.copy(tmp_path / "good.npz", tmp_path / "bad.npz")
+    run = snakemake(project, *wanted)
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert sorted(path.name for path in (results / "samples").iterdir()) == ["00001", "00002"]
+    assert kept.stat().st_mtime_ns == before
