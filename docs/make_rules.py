@@ -21,6 +21,7 @@ STAGES = {
     "learning_samples": "Learning group",
     "learning_data": "Data for learning",
     "scans": "Segmented scans",
+    "shards": "Samples in shards",
     "gcvae": "Garment VAEs",
     "gcvae_figures": "Figures and samples of the garment VAEs",
     "garment4d": "Garment4D",
@@ -41,8 +42,9 @@ def rules_of(file: str) -> dict[str, str]:
     """Rules of a file of the workflow that run a script -> what they do, in a sentence."""
     found: dict[str, str] = {}
     text = (ROOT / f"workflow/rules/{file}.smk").read_text()
-    for block in re.split(r"^(?=rule \w+:)", text, flags=re.MULTILINE):
-        name = re.match(r"rule (\w+):", block)
+    # Rules that a loop makes name themselves inside.
+    for block in re.split(r"^ *(?=rule(?: \w+)?:$)", text, flags=re.MULTILINE):
+        name = re.match(r'rule(?: |:\n +name:\n +f")(\w+?)(?:_\{|:)', block)
         script = re.search(r'"\.\./\.\./(scripts/\w+\.py)"', block)
         if name and script:
             docstring = ast.get_docstring(ast.parse((ROOT / script[1]).read_text())) or ""
