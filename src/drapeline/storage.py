@@ -484,8 +484,9 @@ def read_json(path: str | Path, form: Any = object) -> Any:
 
     Args:
         form: what it should be: a type (float stands for any number, object for anything), a tuple
-            of the words that are allowed, a list of one form for lists of such values, or a dict of
-            forms for the keys it must have; keys that end in "?" may be missing.
+            of the words that are allowed, a list of one form for lists of such values or of several
+            for one value each, or a dict of forms for the keys it must have; keys that end in "?"
+            may be missing.
 
     Raises:
         InputError: the file is missing, is not JSON, or is not of this form.
@@ -526,8 +527,10 @@ def _check_form(path: Path, value: Any, form: Any, where: str) -> None:
                 raise InputError(f"{path}: {where} lacks '{name}'")
     elif isinstance(form, list):
         _check_type(path, value, list, where)
-        for item in value:
-            _check_form(path, item, form[0], f"an entry of {where}")
+        if len(value) != len(form) > 1:
+            raise InputError(f"{path}: {where} has {len(value)} entries, expected {len(form)}")
+        for item, part in zip(value, form if len(form) > 1 else form * len(value), strict=True):
+            _check_form(path, item, part, f"an entry of {where}")
     elif isinstance(form, tuple):
         if value not in form:
             raise InputError(f"{path}: {where} is {value!r:.100}, expected {' or '.join(form)}")

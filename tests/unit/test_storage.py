@@ -480,6 +480,9 @@ def test_mapped_arrays_are_declared_too(tmp_path):
         open_arrays(tmp_path, {"z": "int n"})
 
 
+FORM = {"a": float, "c?": [{"name": str}], "d?": ("x", "y"), "e?": [float, float]}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -495,13 +498,15 @@ def test_mapped_arrays_are_declared_too(tmp_path):
         ("[]", r"the file is \[\], expected entries by name"),
         ('{"a": 1, "d": "z"}', "'d' is 'z', expected x or y"),
         ('{"a": 1, "d": ["x"]}', r"'d' is \['x'\], expected x or y"),
+        ('{"a": 1, "e": [1]}', "'e' has 1 entries, expected 2"),
+        ('{"a": 1, "e": [1, "x"]}', "an entry of 'e' is 'x', expected a number"),
     ],
 )
 def test_json_that_is_not_of_its_form_is_refused(tmp_path, text, message):
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(InputError, match=rf"a\.json: .*{message}") as caught:
-        read_json(path, {"a": float, "c?": [{"name": str}], "d?": ("x", "y")})
+        read_json(path, FORM)
     assert "\n" not in str(caught.value)
 
 

@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import json
 import re
 import sys
 from collections.abc import Iterable
@@ -10,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from drapeline.errors import InputError
 from drapeline.storage import read_json, write_json
 
 PACKAGE = "drapeline"
@@ -90,7 +92,7 @@ class Sources:
             return
         with suppress(OSError):
             self._memory.parent.mkdir(parents=True, exist_ok=True)
-            write_json(self._memory, self._used)
+            write_json(self._memory, {"sum": _sum(self._used), "files": self._used})
 
     def _read_code(self, path: Path) -> "_Code":
         text = path.read_text()
@@ -190,25 +192,21 @@ def _type_checking_nodes(nodes: Iterable[ast.AST]) -> set[int]:
 
 
 def _load_memory(memory: Path | None) -> dict[str, _Code]:
-    try:
-        entries = {} if memory is None else read_json(memory, dict)
-        return {
-            key: _Code(
-                _text(digest),
-                tuple(_Import(_text(module), _texts(inner)) for module, inner in imports),
-                _texts(names),
-            )
-            for key, (digest, imports, names) in entries.items()
-        }
-    except (ValueError, TypeError):  # whatever is wrong, the files are parsed anew
+    if memory is None:
         return {}
+    try:
+        kept = read_json(memory, {"sum": str, "files": dict})
+    except InputError:
+        return {}
+    if kept["sum"] != _sum(kept["files"]):  # damaged: the files are parsed anew
+        return {}
+    return {
+        key: _Code(
+            digest, tuple(_Import(module, tuple(inner)) for module, inner in imports), tuple(names)
+        )
+        for key, (digest, imports, names) in kept["files"].items()
+    }
 
 
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError
-    return value
-
-
-def _texts(values: Any) -> tuple[str, ...]:
-    return tuple(map(_text, values))
+def _sum(files: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(files).encode()).hexdigest()

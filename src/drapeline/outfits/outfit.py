@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from drapeline.outfits.fabrics import FABRICS
 from drapeline.storage import load_npz, read_json, save_npz, write_json
 
 
@@ -71,18 +72,26 @@ class Outfit:
 
 
 OUTFIT_JSON = {
-    "garments": [{"name": str}],
+    "garments": [
+        {
+            "name": str,
+            "fabric": tuple(FABRICS),
+            "texture": {"type": str, "data?": 3 * [float]},
+        }
+    ],
     "gender": str,
-    **{key: [float] for key in ("shape", "tightness", "signed_tightness")},
+    "shape": 10 * [float],
+    "tightness": 2 * [float],
+    "signed_tightness": 2 * [float],
 }
 # Sizes differ from garment to garment.
 _ARRAYS = {
     "vertices": "float {v} 3",
-    "faces": "int<{v} * *",
+    "faces": "int<{v} {f} {k}",
     "uv": "float {t} 2",
-    "uv_faces": "int<{t} * *",
-    "pin": "float *",
-    "elastic": "float *",
+    "uv_faces": "int<{t} {f} {k}",
+    "pin": "float {v}",
+    "elastic": "float {v}",
 }
 
 
@@ -97,7 +106,7 @@ def load_outfit(npz_path: str | Path, json_path: str | Path) -> Outfit:
     arrays = load_npz(
         npz_path,
         {
-            f"{name}/{key}": form.format(v=f"v{index}", t=f"t{index}")
+            f"{name}/{key}": form.format(**{size: f"{size}{index}" for size in "vtfk"})
             for index, name in enumerate(names)
             for key, form in _ARRAYS.items()
         },

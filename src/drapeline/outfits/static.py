@@ -59,7 +59,8 @@ def load_static(path: str | Path) -> list[StaticOutfit]:
     Raises:
         InputError: a file is missing or lacks a garment's arrays.
     """
-    told = read_json(Path(path).with_suffix(".json"), [{"name": str, "split": str, **OUTFIT_JSON}])
+    form = {"name": str, "split": str, **OUTFIT_JSON, "garments": [{"name": str}]}
+    told = read_json(Path(path).with_suffix(".json"), [form])
     names = [f"{about['name']}/{g['name']}" for about in told for g in about["garments"]]
     arrays = load_npz(
         path,

@@ -123,3 +123,15 @@ def test_a_damaged_memory_does_no_harm(tree, tmp_path, text):
     memory = tmp_path / "sources.json"
     memory.write_text(text)
     assert Sources(source, memory).digest(script) == Sources(source).digest(script)
+
+
+def test_a_memory_with_an_import_changed_does_no_harm(tree, tmp_path):
+    script, source, _ = tree
+    memory = tmp_path / "sources.json"
+    kept = Sources(source, memory)
+    before = kept.digest(script)
+    kept.remember()
+    text = memory.read_text()
+    assert "drapeline.a" in text
+    memory.write_text(text.replace("drapeline.a", "drapeline.z"))
+    assert Sources(source, memory).digest(script) == before

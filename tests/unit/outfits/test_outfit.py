@@ -29,3 +29,21 @@ def test_an_outfit_file_without_a_garment_is_refused(outfits, tmp_path):
     save_npz(tmp_path / "o.npz", other=np.zeros(3))
     with pytest.raises(InputError, match="Dress/vertices"):
         load_outfit(tmp_path / "o.npz", tmp_path / "o.json")
+
+
+def test_arrays_that_do_not_fit_one_another_are_refused(outfits, tmp_path):
+    outfits["Dress"].save(tmp_path / "o.npz", tmp_path / "o.json")
+    arrays = dict(np.load(tmp_path / "o.npz"))
+    arrays["Dress/uv_faces"] = arrays["Dress/uv_faces"][1:]
+    save_npz(tmp_path / "o.npz", **arrays)
+    with pytest.raises(InputError, match=r"o\.npz: .*Dress/uv_faces"):
+        load_outfit(tmp_path / "o.npz", tmp_path / "o.json")
+
+
+def test_an_outfit_of_a_fabric_that_is_not_known_is_refused(outfits, tmp_path):
+    outfits["Dress"].save(tmp_path / "o.npz", tmp_path / "o.json")
+    text = (tmp_path / "o.json").read_text()
+    fabric = outfits["Dress"].garments[0].about["fabric"]
+    (tmp_path / "o.json").write_text(text.replace(f'"{fabric}"', '"tin"'))
+    with pytest.raises(InputError, match=r"o\.json: 'fabric' is 'tin', expected .*denim"):
+        load_outfit(tmp_path / "o.npz", tmp_path / "o.json")
