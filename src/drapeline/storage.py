@@ -239,8 +239,22 @@ def copy_file(source: str | Path, target: str | Path) -> None:
                 left -= os.copy_file_range(old.fileno(), new.fileno(), left) or left
     except (AttributeError, OSError):  # the system or the file system has no such call
         pass
-    if Path(target).stat().st_size != Path(source).stat().st_size:
+    target = Path(target)
+    if not target.exists() or target.stat().st_size != Path(source).stat().st_size:
         shutil.copyfile(source, target)
+
+
+def copy_folder(source: str | Path, target: str | Path) -> None:
+    """Copy a folder with all that is in it but hidden files, such as Snakemake's marks.
+
+    Unlike `shutil.copytree` it ends with the first file that cannot be written.
+    """
+    Path(target).mkdir(parents=True)
+    for entry in sorted(Path(source).iterdir()):
+        if entry.name.startswith("."):
+            continue
+        copy = copy_folder if entry.is_dir() else copy_file
+        copy(entry, Path(target) / entry.name)
 
 
 def output_of(path: str | Path, root: str | Path) -> Path:
@@ -497,6 +511,7 @@ def read_json(path: str | Path, form: Any = object) -> Any:
             path.read_bytes().decode("utf-8-sig"),
             parse_constant=_refuse_constant,
             parse_float=_finite,
+            parse_int=_bounded,
         )
         _check_form(path, value, form, "the file")
     return value
@@ -513,6 +528,13 @@ def _finite(text: str) -> float:
     return number
 
 
+def _bounded(text: str) -> int:
+    if len(text) > _LONGEST_INT:
+        raise ValueError(f"{text:.20}... is too large")
+    return int(text)
+
+
+_LONGEST_INT = 19  # digits of what 64 bits hold
 _WORDS = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
 
 

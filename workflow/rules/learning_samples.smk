@@ -53,7 +53,10 @@ rule simulate_learning:
             "vertices_min": 0,
         },
         own_garments=OWN_GARMENTS,
-        settings=lookup(dpath="simulation/settings", within=config),
+        settings={
+            **config["simulation"]["settings"],
+            "attempts": config["learning"]["attempts"],
+        },
         bounds=lookup(dpath="simulation/bounds", within=config),
         code=source_hash("simulate_learning", LEARNING_SOLVER),
     script:

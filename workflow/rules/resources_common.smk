@@ -27,7 +27,10 @@ SIMULATION_S = (
     * CLOTH
 )
 LEARNING_S = (
-    20 * QUICK_SOLVERS_S.get(config["learning"]["solver"], SOLVER_S) * LEARNING_SHARD
+    20
+    * QUICK_SOLVERS_S.get(config["learning"]["solver"], SOLVER_S)
+    * (config["learning"]["attempts"] / 2)
+    * LEARNING_SHARD
 )
 # All steps of a sample that a shard makes; each starts Python anew.
 SAMPLE_S = SIMULATION_S + 9 * FRAMES + 8 * CLOTH + 40

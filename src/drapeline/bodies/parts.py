@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import JOINT_NAMES
-from drapeline.geometry.mesh import edges
+from drapeline.geometry.mesh import cross_rows, edges
 
 TORSO = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
 LIMBS = {
@@ -118,7 +118,7 @@ class BodyParts:
         """Outward unit normals (n, 3) of the vertices `ids` (n,) of a body (V, 3)."""
         faces, own = row_entries(self.normal_of, ids)
         a, b, c = (vertices[self.faces[faces, i]] for i in range(3))
-        products = np.cross(b - a, c - a)
+        products = cross_rows(b - a, c - a)
         total = np.stack([np.bincount(own, axis, len(ids)) for axis in products.T], axis=1)
         return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20)
 

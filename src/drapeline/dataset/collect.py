@@ -1,6 +1,5 @@
 """Collect the accepted samples into split folders, with tables of all samples and the card."""
 
-import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from drapeline.dataset.statistics import action_table, garment_table, overview_t
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.manifest import FileSum, damages, read_manifest, write_manifest
-from drapeline.storage import atomic_folder, copy_file
+from drapeline.storage import atomic_folder, copy_folder
 
 _LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # the smallest value of these is the worst
 
@@ -55,13 +54,7 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
         for split in SPLITS:
             (scratch / split).mkdir()
         for record in accepted:
-            target = scratch / record.meta["split"] / record.meta["id"]
-            shutil.copytree(
-                record.folder,
-                target,
-                copy_function=copy_file,
-                ignore=shutil.ignore_patterns(".*"),  # Snakemake's marks
-            )
+            copy_folder(record.folder, scratch / record.meta["split"] / record.meta["id"])
         write_table(scratch / "status.tsv", [status_row(record) for record in records])
         write_table(scratch / "samples.tsv", [sample_row(record) for record in accepted])
         for name, rows in tables.items():

@@ -159,3 +159,9 @@ def barycentric(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     second, third = (bb * pa - ab * pb) / area, (aa * pb - ab * pa) / area
     shares = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
     return shares / shares.sum(axis=1, keepdims=True)
+
+
+def cross_rows(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross products of rows (M, 3), several times as fast as NumPy's for short arrays."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from drapeline.outfits.fabrics import FABRICS
 from drapeline.storage import load_npz, read_json, save_npz, write_json
 
 
@@ -75,7 +74,7 @@ OUTFIT_JSON = {
     "garments": [
         {
             "name": str,
-            "fabric": tuple(FABRICS),
+            "fabric": str,
             "texture": {"type": str, "data?": 3 * [float]},
         }
     ],

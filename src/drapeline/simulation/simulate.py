@@ -16,7 +16,7 @@ from drapeline.bodies.sequence import BodySequence, collision_faces
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import mean_edge_length
 from drapeline.geometry.point_cache import PointCache, point_cache_writer, write_point_cache
-from drapeline.outfits.fabrics import FABRICS
+from drapeline.outfits.fabrics import FABRICS, Fabric
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Pins, elastic_shrinkage
@@ -131,7 +131,7 @@ def simulate_outfit(
             "timing": {"total_s": time.perf_counter() - started},
             "frames_per_second": reports[-1]["frames_per_second"] if reports else 0.0,
             "versions": {**solver.versions(), "numpy": np.__version__},
-            "fabrics": {g.name: asdict(FABRICS[g.about["fabric"]]) for g in garments},
+            "fabrics": {g.name: asdict(_fabric(g)) for g in garments},
         }
         write_json(folder / "status.json", status)
     return status
@@ -214,6 +214,13 @@ def _simulate(
         )
 
 
+def _fabric(garment: Garment) -> Fabric:
+    name = garment.about["fabric"]
+    if name not in FABRICS:
+        raise InputError(f"{garment.name} is of {name!r:.60}, expected {' or '.join(FABRICS)}")
+    return FABRICS[name]
+
+
 def _cloth_garment(
     garment: Garment, base: np.ndarray, body: MovingBody, gap_m: float
 ) -> ClothGarment:
@@ -224,7 +231,7 @@ def _cloth_garment(
         vertices=vertices,
         faces=garment.faces,
         edge_length_m=mean_edge_length(garment.vertices, garment.faces),
-        fabric=FABRICS[garment.about["fabric"]],
+        fabric=_fabric(garment),
         shrink=elastic_shrinkage(
             vertices, garment.faces, garment.elastic, body.frame(0), gap_m=gap_m
         ),

@@ -90,6 +90,7 @@ def _find_anchors(
     weights: wp.array(dtype=wp.vec3),
     away: wp.array(dtype=wp.vec3),
     strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on hands
+    searched: wp.array(dtype=int),  # 1 if the anchor was searched again
     # Its place and normal at both ends of the frame.
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
@@ -107,6 +108,7 @@ def _find_anchors(
         slid = wp.length(p - _blend(points, faces[old], weights[i]) - away[i])
         # Cloth off the body may move by half of its distance before it can touch anything.
         search = slid > wp.max(slack, 0.5 * (wp.length(away[i]) - gap))
+    searched[i] = int(search)
     if search:
         last_strange = strange[i]
         anchor[i] = -1
@@ -165,8 +167,10 @@ def _find_room(
     points: wp.array(dtype=wp.vec3),
     start: wp.array(dtype=wp.vec3),
     end: wp.array(dtype=wp.vec3),
+    clock: wp.array(dtype=float),
     anchor: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
+    searched: wp.array(dtype=int),
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
     from_normal: wp.array(dtype=wp.vec3),
@@ -176,6 +180,8 @@ def _find_room(
 ):
     """How far above each anchor the body faces itself, along the anchor's normal."""
     i = wp.tid()
+    if clock[0] > 0.0 and searched[i] == 0:
+        return  # known since the frame began
     room[i] = wp.vec2(_FAR, _FAR)
     if anchor[i] < 0:
         return
@@ -288,6 +294,7 @@ class BodySurface:
         ]
         self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
         self.strange = wp.zeros(count, dtype=int, device=_DEVICE)
+        self._searched = wp.zeros(count, dtype=int, device=_DEVICE)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
@@ -354,7 +361,7 @@ class BodySurface:
                 *(home_reach_m, reach_m, gap_m, slack_m),
             ],
             outputs=[
-                *(self.anchor, self._weights, self._away, self.strange),
+                *(self.anchor, self._weights, self._away, self.strange, self._searched),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
             device=_DEVICE,
@@ -363,8 +370,8 @@ class BodySurface:
             _find_room,
             dim=len(place),
             inputs=[
-                *(self._meshes[-1].id, self._faces, self._points, self._start, self._end),
-                *(self.anchor, self._weights, self.from_place, self.to_place),
+                *(self._meshes[-1].id, self._faces, self._points, self._start, self._end, clock),
+                *(self.anchor, self._weights, self._searched, self.from_place, self.to_place),
                 *(self.from_normal, self.to_normal, room_m),
             ],
             outputs=[self.room],

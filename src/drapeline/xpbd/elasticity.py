@@ -207,6 +207,7 @@ def pull_springs(
     numbers: wp.array(dtype=wp.vec3),
     inverse_mass: wp.array(dtype=float),
     sweep: int,
+    share: float,  # of the way to where it is content
     pull: wp.array(dtype=float),  # of the sweeps before in this step
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
@@ -225,7 +226,7 @@ def pull_springs(
         push = -(length - number[0] + number[2] * rate)
         if sweep > 0:
             push = push - number[1] * pull[spring]
-        push = push / ((1.0 + number[2]) * masses + number[1])
+        push = share * push / ((1.0 + number[2]) * masses + number[1])
         if sweep > 0:
             pull[spring] = pull[spring] + push
         else:

@@ -21,9 +21,6 @@ from drapeline.xpbd.system import join_garments
 _DEVICE = "cpu"
 
 
-_SWEEPS = 3  # of the springs in a small step
-
-
 @dataclass(frozen=True)
 class Numbers:
     """Numbers of the method.
@@ -41,6 +38,8 @@ class Numbers:
         self_gap_m: distance between parts of a garment.
         free_m: parts of a garment that are closer than this at rest do not collide.
         edge_margin_m: how far from an edge other edges are looked for.
+        sweeps: of the springs in a small step; in each, what share they go of the way to where
+            they are content. The last goes beyond, for what the others take back.
         hinge_every: small steps between solutions of hinges, which are softer than springs.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
@@ -60,6 +59,7 @@ class Numbers:
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
+    sweeps: tuple[float, ...] = (1.0, 1.4)
     hinge_every: int = 2
     friction: float = 0.4
     lead_friction: float = 0.1
@@ -136,8 +136,13 @@ class MovingCloth:
                 [self._pin_start, self._pin_end, self._clock, self._place],
             ),
             *(
-                _launch(pull_springs, len(ends), [*springs, mass, sweep], [pulls, *state])
-                for sweep in range(_SWEEPS)
+                _launch(
+                    pull_springs,
+                    len(ends),
+                    [*springs, mass, sweep, share],
+                    [pulls, *state],
+                )
+                for sweep, share in enumerate(numbers.sweeps)
             ),
             self._turn_hinges,
             _launch(

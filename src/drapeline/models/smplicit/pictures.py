@@ -24,6 +24,7 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -248,7 +249,8 @@ def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> n
         return np.array(open_arrays(file.parent, {file.stem: "number ..."})[file.stem])
     with refuse_damage(file, f"an image, the {key} of {path}"), warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)
-        with Image.open(file) as image:
+        # From memory, where a chunk that is said to be longer than the file takes no room.
+        with Image.open(BytesIO(file.read_bytes())) as image:
             return np.asarray(
                 image if image.mode in ("L", "P", "I;16", "I") else image.convert("RGB")
             )

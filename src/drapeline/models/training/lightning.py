@@ -40,7 +40,13 @@ from drapeline.models.training.module import (
     TrainableModule,
 )
 from drapeline.rule_log import LOGGER
-from drapeline.storage import atomic_file, atomic_folder, report_disk_errors, write_json
+from drapeline.storage import (
+    atomic_file,
+    atomic_folder,
+    copy_folder,
+    report_disk_errors,
+    write_json,
+)
 
 # Messages of Lightning (devices, tips, that it is done) belong in the rule's log, with ours.
 for _name in ("pytorch_lightning", "lightning_fabric"):
@@ -255,7 +261,7 @@ def fit(
         with atomic_folder(folder) as scratch:
             for name in (LAST, BEST, HISTORY, SETTINGS):
                 shutil.copyfile(under_way / name, scratch / name)
-            shutil.copytree(under_way / CURVES, scratch / CURVES)
+            copy_folder(under_way / CURVES, scratch / CURVES)
             if complete is not None:
                 complete(scratch)
             write_manifest(scratch)
