@@ -56,9 +56,9 @@ class EvaluationSettings:
     """
 
     stride: int = 0
-    neighbours: tuple[int, ...] = (1, 16, 64, 256)
-    missing: tuple[float, ...] = (0.1, 0.3, 0.5, 0.8)
-    accuracy: tuple[float, ...] = (1.0, 0.9, 0.7, 0.5)
+    neighbours: tuple[int, ...] = (1, 16, 256)
+    missing: tuple[float, ...] = (0.3, 0.8)
+    accuracy: tuple[float, ...] = (1.0, 0.7)
     noise_pose_rad: float = 0.05
     noise_shape: float = 0.5
     seed: int = 0
@@ -356,11 +356,13 @@ def evaluate(
 ) -> list[MetricRow]:
     """Rows of the table of metrics for all variants of a type, and reconstructions for figures.
 
+    Ablations, sweeps and noisy bodies are for the test split alone.
+
     Args:
         sequences: of the type.
         canonical: variant -> trained stage; "canonical" and "pointnet".
         posed: variant -> trained stage; "posed", "mgn" and ablations.
-        splits: to evaluate; sweeps and noisy bodies are for the test split alone.
+        splits: to evaluate.
         settings, refining: see there.
         worn_statistics: of the training sequences, see `training_worn_statistics`.
         pictures: folder for `{sequence}.npz` and `{sequence}_ours.npz` of the test split, each a
@@ -375,7 +377,10 @@ def evaluate(
         for split in splits:
             evaluation = Evaluation(sequences, split, settings)
             evaluation.measure_canonicals(canonical | references)
-            for variant, stage in {**posed, "untrained": posed["posed"].untrained()}.items():
+            stages = {"posed": posed["posed"]}
+            if split == "test":
+                stages |= {**posed, "untrained": posed["posed"].untrained()}
+            for variant, stage in stages.items():
                 for sequence, made in evaluation.measure_posed(variant, stage):
                     if variant != "posed":
                         continue
