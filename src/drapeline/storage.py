@@ -529,12 +529,13 @@ def _finite(text: str) -> float:
 
 
 def _bounded(text: str) -> int:
-    if len(text) > _LONGEST_INT:
-        raise ValueError(f"{text:.20}... is too large")
-    return int(text)
+    number = int(text)
+    if number.bit_length() > _INT_BITS:
+        raise ValueError(f"{text:.20} is too large")
+    return number
 
 
-_LONGEST_INT = 19  # digits of what 64 bits hold
+_INT_BITS = 63
 _WORDS = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
 
 

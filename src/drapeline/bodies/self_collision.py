@@ -74,7 +74,7 @@ def solve_self_collisions(
     pair_parts = np.array(
         [[PART_NAMES.index(pair.first), PART_NAMES.index(pair.second)] for pair in PAIRS]
     )
-    rows = vertices.transpose(0, 2, 1)
+    rows = vertices.transpose(0, 2, 1)  # see `_contact`
     allowed = np.array([not {pair.first, pair.second} & ignored for pair in PAIRS])
     boxes = np.stack(
         [

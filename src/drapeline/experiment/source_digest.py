@@ -209,4 +209,6 @@ def _load_memory(memory: Path | None) -> dict[str, _Code]:
 
 
 def _sum(files: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(files).encode()).hexdigest()
+    # With the names of the fields, so that what an older version kept is not taken for ours.
+    text = json.dumps([_Import._fields, _Code._fields, files])
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -19,6 +19,9 @@ class NetworkField:
         z: (cut + style,) the code.
         shape: (10,) of the wearer.
         gender: of the wearer, 0 female, 1 male.
+
+    Attributes:
+        layers: weights and biases that points pass through, see `Decoder.layers`.
     """
 
     def __init__(self, model: GarmentField, z: np.ndarray, shape: np.ndarray, gender: int) -> None:
@@ -30,7 +33,7 @@ class NetworkField:
             )
             code = torch.as_tensor(z, dtype=torch.float32, device=self._device)[None]
             cut, style = code.split([model.decoder.cut, model.decoder.style], 1)
-            self._layers = model.decoder.layers(model.decoder.condition(places, cut, style))
+            self.layers = model.decoder.layers(model.decoder.condition(places, cut, style))
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """(P,) float32 metres of points (P, 3); clipped at d_max, may be slightly negative."""
@@ -58,7 +61,7 @@ class NetworkField:
 
     def _predict(self, points: torch.Tensor) -> torch.Tensor:
         x = points
-        for weight, bias in self._layers[:-1]:
+        for weight, bias in self.layers[:-1]:
             x = torch.addmm(bias, x, weight).relu_()
-        weight, bias = self._layers[-1]
+        weight, bias = self.layers[-1]
         return torch.addmm(bias, x, weight)[:, 0] * self._model.d_max_m

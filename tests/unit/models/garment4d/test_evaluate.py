@@ -61,6 +61,8 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     labels = {variant for _, variant, *_ in rows}
     assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
     # The truth is told apart from the body only; toy points are its own vertices.
+    assert value("posed", "vertex_error_mm", "val") > 0
+    assert find_value(rows, "untrained", "val", "Skirt", "vertex_error_mm") is None
     assert find_value(rows, "truth", "test", "Skirt", "vertex_error_mm") is None
     assert find_value(rows, "truth", "test", "Skirt", "canonical_error_mm") is None
     # Toy garments vary in width and length alone, and registration changes nothing of them.
