@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drapeline.geometry.mesh import triangulate
+from drapeline.geometry.mesh import edges, triangulate
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd import system
 from drapeline.xpbd.solver import cloth_solver
@@ -54,8 +54,12 @@ def test_a_held_edge_follows_its_path_and_the_rest_follows_the_edge(run):
 
 
 def test_an_elastic_gathers(run):
-    (moved,) = run([sheet(1.0, shrink=np.full(169, 0.2))], 15)
-    assert np.ptp(moved[-1, :, 0]) == pytest.approx(0.8 * 12 * EDGE_M, rel=0.05)
+    """Its edges are as long as it asks for, whatever the sheet does as a whole."""
+    piece = sheet(1.0, shrink=np.full(169, 0.2))
+    (moved,) = run([piece], 15)
+    ends = moved[-1][edges(piece.faces)]
+    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    assert lengths == pytest.approx(np.full(len(lengths), 0.8 * EDGE_M), rel=0.02)
 
 
 def test_two_runs_agree_to_the_byte(run):
