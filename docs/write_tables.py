@@ -237,6 +237,13 @@ class Results:
         return any((row.variant, row.metric) == (variant, metric) for row in self.metrics)
 
 
+def _span(numbers: Sequence[int]) -> str:
+    """The least and the largest of rising numbers, in words."""
+    if not numbers:
+        return "no"
+    return f"{numbers[0]} to {numbers[-1]}" if len(numbers) > 1 else str(numbers[0])
+
+
 def origin(results: Results) -> str:
     """Which experiment the tables are of."""
     commit = subprocess.run(
@@ -245,13 +252,14 @@ def origin(results: Results) -> str:
     ).stdout.strip()  # fmt: skip
     seeds = sorted({row.seed for row in results.metrics})
     held_out = max((row.n for row in results.metrics if row.variant == "static_ppca"), default=0)
-    moving = sorted({row.n for row in results.metrics if row.variant == "posed" and not row.source})
+    posed = [row for row in results.metrics if (row.variant, row.split) == ("posed", "test")]
+    moving = sorted({row.n for row in posed if not row.source})
     return (
         f"Commit {commit}, seed {', '.join(map(str, seeds))}, one training of each model."
         f" {len(results.records)} samples by Blender, and"
         f" {sum(record.accepted for record in results.learning)} of {len(results.learning)} by the"
         f" fast solver that were accepted; the test split has {held_out} garments at"
-        f" rest, and {'no' if not moving else ' or '.join(map(str, moving))} moving sequences of"
+        f" rest, and {_span(moving)} moving sequences of"
         " each of Garment4D's types. Brackets hold 95 % intervals over outfits, or over sequences"
         " where garments move; they do not cover what another seed would change.\n"
     )
