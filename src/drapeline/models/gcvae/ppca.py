@@ -78,21 +78,46 @@ def fit_ppca(
     one = append_one(conditions)
     penalty = ridge * torch.eye(one.shape[1], dtype=one.dtype, device=one.device)
     penalty[-1, -1] = 0
+    solve = torch.linalg.solve(one.T @ one + penalty, one.T)
     count = min(latent, len(fields) - 1)
-    for _ in range(rounds):
-        regression = torch.linalg.solve(one.T @ one + penalty, one.T @ filled)
-        residual = filled - one @ regression
-        values, vectors = torch.linalg.eigh((residual @ residual.T / len(residual)).double())
-        values, vectors = values.flip(0), vectors.flip(1)
-        noise = values[count:].sum() / fields.shape[1]
+    near = None
+    for number in range(rounds):
+        regression = solve @ filled
+        mean = one @ regression
+        residual = filled - mean
+        near = None if number == rounds - 1 else near  # the last round is exact
+        values, near, rows = principal_rows(residual, near, count)
+        variance = residual.square().sum(1).double().mean()
+        noise = ((variance - values.sum()) / fields.shape[1]).clamp_min(0)
         # Each direction shrinks by the share of its variance that is noise.
-        kept = ((values[:count] - noise) / values[:count]).nan_to_num().clamp_min(0)
-        low = (vectors[:, :count] * kept) @ (vectors[:, :count].T @ residual.double())
-        filled = torch.where(known, fields, one @ regression + low.to(residual.dtype))
-    size = ((values[:count] - noise).clamp_min(0) / (len(residual) * values[:count])).nan_to_num()
+        kept = ((values - noise) / values).nan_to_num().clamp_min(0).to(near.dtype)
+        filled = torch.where(known, fields, mean + (near * kept) @ rows)
+    size = ((values - noise).clamp_min(0) / (len(residual) * values)).nan_to_num()
     basis = torch.zeros(latent, fields.shape[1], dtype=residual.dtype, device=residual.device)
-    basis[:count] = ((vectors[:, :count] * size.sqrt()).T @ residual.double()).to(residual.dtype)
+    basis[:count] = size.sqrt().to(rows.dtype)[:, None] * rows
     return PpcaFit(regression, basis, noise.to(residual.dtype).clamp_min(1e-6))
+
+
+def principal_rows(
+    fields: torch.Tensor, near: torch.Tensor | None, count: int
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Largest eigenvalues of F F^T / n, their eigenvectors U and U^T F.
+
+    Args:
+        fields: F, (n, V * channels).
+        near: (n, count) eigenvectors of fields that differ little, for one step of subspace
+            iteration from there (Halko et al. 2011, algorithm 4.4); exact if None.
+        count: at most n.
+
+    Returns:
+        (count,) float64, (n, count) and (count, V * channels).
+    """
+    if near is not None:
+        near, _ = torch.linalg.qr(fields @ (fields.T @ near))
+    rows = fields if near is None else near.T @ fields
+    values, vectors = torch.linalg.eigh((rows @ rows.T).double() / len(fields))
+    values, vectors = values.flip(0)[:count], vectors.flip(1)[:, :count].to(fields.dtype)
+    return values, vectors if near is None else near @ vectors, vectors.T @ rows
 
 
 class Ppca(nn.Module):
