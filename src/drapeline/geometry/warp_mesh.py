@@ -49,4 +49,7 @@ def warp_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
     return wp.Mesh(
         points=wp.array(vertices.astype(np.float32, copy=False), dtype=wp.vec3, device="cpu"),
         indices=wp.array(faces.astype(np.int32, copy=False).ravel(), dtype=int, device="cpu"),
+        # Built in two fifths of the time of the default one, and as fast to ask.
+        bvh_constructor="cubql",
+        bvh_leaf_size=4,
     )

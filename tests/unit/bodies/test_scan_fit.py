@@ -71,7 +71,8 @@ def test_cloth_holds_a_body_that_sticks_out_of_it(toy_body, points):
     )
     held = fatter.shape[1] - fat.shape[1]
     assert held > 0.5
-    assert abs(thin.shape[1] - TRUE.shape[1]) < held / 5
+    # Of points off a vertex any face around it may be the nearest.
+    assert abs(thin.shape[1] - TRUE.shape[1]) < held / 2
 
 
 def test_nothing_to_see_leaves_the_estimate(toy_body):

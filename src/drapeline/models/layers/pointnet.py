@@ -77,10 +77,16 @@ class Neighbourhoods(nn.Module):
             rows = rows - middle[:, :, None]
             for layer in self.others:
                 rows = layer(rows.relu_())
-            rows = rows.max(2).values
+            rows = largest(rows)
         else:
-            rows = rows.max(2).values - middle
+            rows = largest(rows) - middle
         return rows.relu() * level.valid.any(1)[:, None, None]
+
+
+def largest(rows: torch.Tensor) -> torch.Tensor:
+    """(B, Q, n, C) -> (B, Q, C)."""
+    # `amax` is ten times as fast as `max`, but slower with its backward pass.
+    return rows.max(2).values if rows.requires_grad else rows.amax(2)
 
 
 @full_precision
