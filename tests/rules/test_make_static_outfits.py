@@ -7,10 +7,13 @@ import pytest
 from PIL import Image
 
 from drapeline.bodies.model import load_body, save_body
+from drapeline.generation.settled import settle_static
 from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.outfits.static import load_static
 from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates
+from drapeline.simulation.attempts import SimulationSettings
+from drapeline.xpbd.solver import cloth_solver
 
 OUTFIT_TYPES = ["Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit"]
 
@@ -32,7 +35,7 @@ def plans():
     return plan_static(3, 4, 4, shares, 1.0, OUTFIT_TYPES, male_skirts=False)["000"]
 
 
-def make(run_rule, stages, plans):
+def make(run_rule, stages, plans, name="000", settling=None):
     run_rule(
         "make_static_outfits",
         input={
@@ -40,16 +43,28 @@ def make(run_rule, stages, plans):
             for gender in ("female", "male")
             for what, end in (("body", ""), ("templates", "_templates"))
         },
-        output={"arrays": stages / "000.npz", "parameters": stages / "000.json"},
+        output={"arrays": stages / f"{name}.npz", "parameters": stages / f"{name}.json"},
         params={
             "seed": 3,
             "plans": [asdict(plan) for plan in plans],
             "shape_range": 1.0,
             "edge_length_m": 0.035,
             "tightness_range": [-0.5, 0.5],
+            "settling": settling or {},
         },
-        wildcards={"shard": "000"},
+        wildcards={"shard": name},
     )
+
+
+def settling(**bounds):
+    wide = dict.fromkeys(("inside_share_mean", "inside_share_max", "depth_m", "slip_m"), 9.0)
+    shares = {"layer_share_mean": 1.0, "self_share_mean": 1.0}
+    return {
+        "modules": [settle_static.__module__, cloth_solver.__module__],
+        "frames": 12,
+        "settings": asdict(SimulationSettings(steps_min=8, steps_max=8, shape_frames=2)),
+        "bounds": {**wide, **shares, "stretch_low": 0.0, "stretch_high": 9.0, **bounds},
+    }
 
 
 def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
@@ -104,6 +119,24 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
         assert image.height > 340 * len(garments)
         # Garments of three colours and errors stand beside one another.
         assert np.ptp(np.asarray(image.convert("RGB")), axis=2).max() > 60
+
+
+def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stages, plans):
+    """Without bounds all of them do; none is within bounds that ask for cloth of half the size."""
+    make(run_rule, stages, plans, "made")
+    make(run_rule, stages, plans, "sagged", settling())
+    make(run_rule, stages, plans, "kept", settling(stretch_high=0.5))
+    made, sagged, kept = (load_static(stages / f"{n}.npz") for n in ("made", "sagged", "kept"))
+    sunk = {}
+    for one, hung, same in zip(made, sagged, kept, strict=True):
+        for a, b, c in zip(
+            one.outfit.garments, hung.outfit.garments, same.outfit.garments, strict=True
+        ):
+            np.testing.assert_array_equal(a.faces, b.faces)
+            np.testing.assert_array_equal(a.vertices, c.vertices)
+            assert a.about == b.about
+            sunk[a.name] = float((a.vertices - b.vertices)[:, 2].mean())
+    assert all(0 < height < 0.2 for height in sunk.values()), sunk
 
 
 def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, plans):

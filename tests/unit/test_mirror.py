@@ -22,6 +22,7 @@ COVERED_BY = {
     "generation/body": "rules/test_body_rules.py",
     "generation/outfit": "rules/test_outfit_rules.py",
     "generation/sample": "rules/test_learning_samples.py",
+    "generation/settled": "rules/test_make_static_outfits.py",
     "metrics/predictions": "unit/report/models/gcvae/test_views.py",
     "models/garment4d/scans": "rules/test_garment4d.py",
     "models/gcvae/evaluate_dynamic": "rules/test_evaluate_dynamic.py",

@@ -80,6 +80,17 @@ rule make_outfit:
         "../../scripts/make_outfit.py"
 
 
+# What lets outfits hang on their bodies; nothing of it counts where they do not.
+SETTLING = {}
+if config["static"]["settle_frames"]:
+    SETTLING = {
+        "modules": ["drapeline.generation.settled", "drapeline.xpbd.solver"],
+        "frames": config["static"]["settle_frames"],
+        "settings": config["simulation"]["settings"],
+        "bounds": config["simulation"]["bounds"],
+    }
+
+
 rule make_static_outfits:
     input:
         **DRESS_FORMS,
@@ -96,13 +107,14 @@ rule make_static_outfits:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=minutes(40 * STATIC_SHARD),
+        runtime=minutes((40 + 10 * config["static"]["settle_frames"]) * STATIC_SHARD),
     params:
         seed=config["seed"],
         plans=shard_plans,
         shape_range=lookup(dpath="body/shape_range", within=config),
         edge_length_m=lookup(dpath="static/edge_length_m", within=config),
         tightness_range=lookup(dpath="outfits/tightness_range", within=config),
-        code=source_hash("make_static_outfits"),
+        settling=SETTLING,
+        code=source_hash("make_static_outfits", *SETTLING.get("modules", ())),
     script:
         "../../scripts/make_static_outfits.py"
