@@ -71,7 +71,7 @@ def first_free_sequence(
         if freed is not None:
             break
     else:
-        freed = _solve(body, parts, shape, poses, removable, gap_m)  # all frames, for the record
+        freed = _solve(body, parts, shape, poses, None, gap_m)  # all frames, for the record
     scale = 1.0
     if reference_leg_length_m is not None:
         scale = leg_length_m(body, freed.shape) / reference_leg_length_m
@@ -85,12 +85,12 @@ def first_free_sequence(
         poses=np.array(poses, dtype=np.float64),
         trans=path,
         outcome=_outcome(
-            solution.unsolved().any(), freed.thinned, bool(freed.removed), collided.any()
+            solution.unsolved().any(), freed.thinned, bool(solution.removed), collided.any()
         ),
         reason=_reason(solution),
         thinned=freed.thinned,
         redrawn=redrawn,
-        removed_segments=_joints_of(freed.removed),
+        removed_segments=_joints_of(solution.removed),
         fix_frame=solution.frame,
         fix_vertex=solution.vertex,
         fix_delta=solution.delta,
@@ -111,14 +111,12 @@ class _Freed:
         shape: (10,).
         vertices: (N, V, 3) root-relative, as posed.
         solution: their corrections.
-        removed: parts left out.
         thinned: how many times the body was made thinner.
     """
 
     shape: np.ndarray
     vertices: np.ndarray
     solution: Solution
-    removed: frozenset[str]
     thinned: int = 0
 
     @property
@@ -189,28 +187,18 @@ def _solve(
     parts: BodyParts,
     shape: np.ndarray,
     poses: np.ndarray,
-    removable: str,
+    removable: str | None,
     gap_m: float,
     order: Sequence[int] | None = None,
 ) -> _Freed:
-    """Press parts apart, or leave those out that may be.
+    """Press parts apart, or leave those out that may be, until it is seen that neither helps.
 
-    With an order of the frames, no more of them are solved than it takes to see that the body is
-    not free.
+    All frames are solved, with all parts, if `removable` is None.
     """
     vertices, _ = posed_vertices(body, shape, poses)
-    hopeless = None
-    if order is not None:
-        hopeless = np.array([not _removable_parts(pair, removable) for pair in PAIRS])
-    solution = solve_self_collisions(vertices, parts, gap_m=gap_m, order=order, hopeless=hopeless)
-    removed = _parts_to_remove(solution, removable)
-    if removed:
-        if order is not None:
-            hopeless = np.ones(len(PAIRS), dtype=bool)
-        solution = solve_self_collisions(
-            vertices, parts, gap_m=gap_m, ignored=removed, order=order, hopeless=hopeless
-        )
-    return _Freed(shape, vertices, solution, removed)
+    cures = None if removable is None else [_cure(pair, removable) for pair in PAIRS]
+    solution = solve_self_collisions(vertices, parts, gap_m=gap_m, cures=cures, order=order)
+    return _Freed(shape, vertices, solution)
 
 
 def _thinner_shapes(body: BodyModel, shape: np.ndarray, shape_range: float) -> Iterator[np.ndarray]:
@@ -234,23 +222,15 @@ def _thinner_direction(body: BodyModel) -> float:
     return -1.0 if np.sum(outward * body.shapedirs[:, :, 1]) > 0 else 1.0
 
 
-def _parts_to_remove(solution: Solution, removable: str) -> frozenset[str]:
-    """Parts without which all is solved, with those further out; none if there are no such."""
+def _cure(pair: Pair, removable: str) -> frozenset[str]:
+    """Parts of a pair that may be left out, with those further out; none if there are no such."""
     allowed = REMOVABLE[removable]
     removed: set[str] = set()
-    for index in np.flatnonzero(solution.unsolved().any(axis=0)):
-        candidates = _removable_parts(PAIRS[index], removable)
-        if not candidates:
-            return frozenset()
-        for part in candidates:
-            side, _, limb = part.partition("_")
+    for part in (pair.first, pair.second):
+        side, _, limb = part.partition("_")
+        if limb in allowed:
             removed |= {f"{side}_{beyond}" for beyond in allowed[: allowed.index(limb) + 1]}
     return frozenset(removed)
-
-
-def _removable_parts(pair: Pair, removable: str) -> set[str]:
-    """Those of a pair's parts that may be left out."""
-    return {p for p in (pair.first, pair.second) if p.partition("_")[2] in REMOVABLE[removable]}
 
 
 def _joints_of(parts: frozenset[str]) -> np.ndarray:

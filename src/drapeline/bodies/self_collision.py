@@ -5,6 +5,7 @@ Where edges of one part cross faces of another, a plane is laid through the cros
 part's vertices are moved to their own side of it. Collisions that are too deep are reported.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,6 +34,7 @@ class Solution:
         depth_m: (N, P) float32 greatest distance that a vertex of each of the `PAIRS` had to
             move in each frame; 0 where the parts do not collide.
         leftover: (N, P) bool, parts that still cross after the last pass.
+        removed: names of the parts that were left out.
     """
 
     frame: np.ndarray
@@ -40,6 +42,7 @@ class Solution:
     delta: np.ndarray
     depth_m: np.ndarray
     leftover: np.ndarray
+    removed: frozenset[str] = frozenset()
 
     def unsolved(self) -> np.ndarray:
         """(N, P) bool: deeper than the pair's limit."""
@@ -56,9 +59,8 @@ def solve_self_collisions(
     parts: BodyParts,
     *,
     gap_m: float,
-    ignored: frozenset[str] = frozenset(),
+    cures: Sequence[frozenset[str]] | None = None,
     order: Sequence[int] | None = None,
-    hopeless: np.ndarray | None = None,
 ) -> Solution:
     """Separate colliding parts in every frame.
 
@@ -66,16 +68,15 @@ def solve_self_collisions(
         vertices: (N, V, 3) posed body in metres.
         parts: the body's parts.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
-        ignored: parts that are left out.
+        cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
+            in one; where there are none, the frames after that one are left as they are. If None,
+            all parts stay and all frames are solved.
         order: in which to solve the frames, each once.
-        hopeless: (P,) bool, pairs whose collision ends it all if it is too deep: the frames after
-            that one are then left as they are.
     """
     pair_parts = np.array(
         [[PART_NAMES.index(pair.first), PART_NAMES.index(pair.second)] for pair in PAIRS]
     )
     rows = vertices.transpose(0, 2, 1)  # see `_contact`
-    allowed = np.array([not {pair.first, pair.second} & ignored for pair in PAIRS])
     boxes = np.stack(
         [
             np.stack([rows[:, :, ids].min(axis=2), rows[:, :, ids].max(axis=2)])
@@ -87,24 +88,38 @@ def solve_self_collisions(
     )  # (2, N, parts, 3)
     low = np.maximum(boxes[0][:, pair_parts[:, 0]], boxes[0][:, pair_parts[:, 1]])
     high = np.minimum(boxes[1][:, pair_parts[:, 0]], boxes[1][:, pair_parts[:, 1]])
-    meets = (low < high).all(axis=-1) & allowed  # (N, P)
+    meets = (low < high).all(axis=-1)  # (N, P)
     depth = np.zeros(meets.shape, dtype=np.float32)
     leftover = np.zeros(meets.shape, dtype=bool)
     limits = _limits()
     moves: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    for frame in range(len(vertices)) if order is None else order:
-        if not meets[frame].any():
+    removed: frozenset[str] = frozenset()
+    allowed = np.ones(len(PAIRS), dtype=bool)
+    waiting = deque(range(len(vertices)) if order is None else map(int, order))
+    while waiting:
+        frame = waiting.popleft()
+        moves.pop(frame, None)
+        depth[frame], leftover[frame] = 0, False
+        pairs = np.flatnonzero(meets[frame] & allowed)
+        if not len(pairs):
             continue
-        pairs = np.flatnonzero(meets[frame])
         moved, crossing = _solve_frame(
             vertices[frame], parts, pair_parts, pairs, gap_m, depth[frame]
         )
         leftover[frame, crossing] = True
         change = moved - vertices[frame]
         touched = np.flatnonzero(change.any(axis=1))
-        moves[int(frame)] = touched, change[touched]
-        if hopeless is not None and (depth[frame] > limits)[hopeless].any():
+        moves[frame] = touched, change[touched]
+        deep = np.flatnonzero(depth[frame] > limits)
+        if cures is None or not len(deep):
+            continue
+        if not all(cures[pair] for pair in deep):
             break
+        removed = removed.union(*(cures[pair] for pair in deep))
+        allowed = np.array([removed.isdisjoint((pair.first, pair.second)) for pair in PAIRS])
+        # Those that pressed apart what is left out from now on, this one among them.
+        stale = set(np.flatnonzero((depth[:, ~allowed] > 0).any(axis=1)).tolist())
+        waiting.extend(sorted(stale.difference(waiting)))
     frames = sorted(moves)
     return Solution(
         np.repeat(frames, [len(moves[frame][0]) for frame in frames]).astype(np.int32),
@@ -114,6 +129,7 @@ def solve_self_collisions(
         ),
         depth,
         leftover,
+        removed,
     )
 
 

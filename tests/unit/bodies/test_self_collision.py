@@ -112,10 +112,32 @@ def test_arms_pressed_into_the_torso_are_too_deep(toy_body, parts):
     assert unsolved & {"right_forearm", "right_upper_arm", "right_hand"}
 
 
-def test_ignored_parts_are_not_looked_at(toy_body, parts):
-    arms = {f"{s}_{p}" for s in ("left", "right") for p in ("hand", "forearm", "upper_arm")}
-    _, solution = solve(toy_body, parts, arms_down(1.75), ignored=frozenset(arms))
-    assert not any(set(pair) & arms for pair in collisions(solution, 0))
+def test_parts_that_are_too_deep_in_one_frame_are_left_out_of_all(toy_body, parts):
+    """Both arms, in whichever order frames are solved; the first touches the torso alone."""
+    arms = frozenset(
+        f"{s}_{p}" for s in ("left", "right") for p in ("hand", "forearm", "upper_arm")
+    )
+    cures = [arms & {pair.first, pair.second} and arms for pair in PAIRS]
+    poses = arms_down(1.38), arms_down(1.75), arms_down(0.8)
+    for order in (range(3), (2, 1, 0)):
+        _, solution = solve(toy_body, parts, *poses, cures=cures, order=order)
+        assert solution.removed == arms
+        assert not any(
+            set(pair) & arms for frame in range(3) for pair in collisions(solution, frame)
+        )
+        assert not solution.unsolved().any()
+    _, none = solve(toy_body, parts, *poses)
+    assert none.removed == frozenset()
+
+
+def test_a_collision_that_nothing_cures_ends_it(toy_body, parts):
+    nothing = [frozenset()] * len(PAIRS)
+    poses = arms_down(1.38), arms_down(1.75), arms_down(1.38)
+    _, solution = solve(toy_body, parts, *poses, cures=nothing)
+    assert solution.unsolved()[1].any()
+    assert solution.removed == frozenset()
+    assert collisions(solution, 0)
+    assert collisions(solution, 2) == {}
 
 
 def test_solution_moves_with_the_body(toy_body, parts):
