@@ -18,7 +18,7 @@ from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.network_field import NetworkField
 from drapeline.models.smplicit.walls import Grid, extract_walls
 
-POINTS, BATCH, CELLS, DENSE = 100_000, 10_000, 128, 2048
+POINTS, BATCH, CELLS, DENSE = 100_000, 10_000, 256, 2048
 
 
 def plain_distances(
@@ -81,5 +81,6 @@ def rows(results: Path) -> Iterator[Comparison]:
         f"our field at all {len(dense):,} points",
         lambda: field.distances(dense),
         lambda: extract_walls(NearBody(field, model.box, body), grid, 0.7 * cell_m),
-        repeats=3,
+        goal=20,
+        repeats=1,
     )

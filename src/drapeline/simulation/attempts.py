@@ -11,7 +11,7 @@ from drapeline.frames import FPS, REST_POSE
 _SIMPLE_VERTICES, _COMPLEX_VERTICES = 4_000, 16_000
 _CALM_M_S, _FAST_M_S = 1.0, 4.0
 _LIMB_M = 0.5
-_TURN_DEG = 6.0  # of the whole body per frame of the transition; faster ones fling the cloth
+_TURN_DEG = 6.0  # of the whole body per frame of the transition, on average; more flings the cloth
 
 
 @dataclass(frozen=True)
