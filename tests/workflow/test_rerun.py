@@ -211,6 +211,14 @@ def finished(tmp_path_factory):
     return project
 
 
+def planned_jobs(project: Path, *configs: str) -> dict[str, str]:
+    """The rules that run, each with Snakemake's reason."""
+    run = snakemake(project, "all", "--dry-run", "--configfile", *configs)
+    assert run.returncode == 0, run.stderr[-2000:]
+    text = run.stdout + run.stderr
+    return dict(re.findall(r"^(?:local)?rule (\w+):\n(?:    .*\n)*?    reason: (.*)$", text, re.M))
+
+
 @pytest.fixture
 def planned(finished):
     """planned(file): the rules that run after a change of it, each with Snakemake's reason."""
@@ -220,11 +228,7 @@ def planned(finished):
         path = finished / "src/drapeline" / file
         changed.append((path, path.read_text()))
         path.write_text(path.read_text() + "\nADDED = 1\n")
-        run = snakemake(finished, "all", "--dry-run", "--configfile", CONFIG)
-        assert run.returncode == 0, run.stderr[-2000:]
-        text = run.stdout + run.stderr
-        jobs = re.findall(r"^(?:local)?rule (\w+):\n(?:    .*\n)*?    reason: (.*)$", text, re.M)
-        return dict(jobs)
+        return planned_jobs(finished, CONFIG)
 
     yield plan
     for path, text in changed:
@@ -309,3 +313,10 @@ def test_what_follows_a_change_leaves_other_work_alone(planned, file, never):
 def test_a_module_of_the_report_makes_its_page_and_the_overview_alone(planned):
     pages = {"plot_health", "write_overview", "plot_time"}
     assert planned("report/dataset/health.py").keys() == {*pages, "all"}
+
+
+def test_outfits_that_are_to_settle_are_made_anew(finished, tmp_path):
+    (tmp_path / "settle.yaml").write_text("static: {settle_frames: 3}")
+    jobs = planned_jobs(finished, CONFIG, str(tmp_path / "settle.yaml"))
+    assert "Params have changed" in jobs["make_static_outfits"]
+    assert jobs.keys().isdisjoint({"make_outfit", "simulate_outfit", "simulate_learning"})

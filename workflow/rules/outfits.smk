@@ -86,7 +86,7 @@ if config["static"]["settle_frames"]:
     SETTLING = {
         "modules": ["drapeline.generation.settled", "drapeline.xpbd.solver"],
         "frames": config["static"]["settle_frames"],
-        "settings": config["simulation"]["settings"],
+        "settings": {**config["simulation"]["settings"], "pose_frames": 1},
         "bounds": config["simulation"]["bounds"],
     }
 

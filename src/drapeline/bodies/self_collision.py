@@ -69,8 +69,9 @@ def solve_self_collisions(
         parts: the body's parts.
         gap_m: between separated parts, 4 mm in CLOTH3D, for two layers of cloth.
         cures: of each of the `PAIRS`, the parts that are left out of all frames if it is too deep
-            in one; where there are none, the frames after that one are left as they are. If None,
-            all parts stay and all frames are solved.
+            in one. A frame that is too deep and has no such parts ends it: frames after it are left
+            as they are, and some before it may still hold what was left out last. If None, all
+            parts stay and all frames are solved.
         order: in which to solve the frames, each once.
     """
     pair_parts = np.array(
@@ -113,12 +114,15 @@ def solve_self_collisions(
         deep = np.flatnonzero(depth[frame] > limits)
         if cures is None or not len(deep):
             continue
-        if not all(cures[pair] for pair in deep):
+        found = frozenset().union(*(cures[pair] for pair in deep))
+        if not found:
             break
-        removed = removed.union(*(cures[pair] for pair in deep))
+        removed |= found
         allowed = np.array([removed.isdisjoint((pair.first, pair.second)) for pair in PAIRS])
-        # Those that pressed apart what is left out from now on, this one among them.
-        stale = set(np.flatnonzero((depth[:, ~allowed] > 0).any(axis=1)).tolist())
+        waiting.appendleft(frame)
+        # As well as those in which what is left out from now on has touched something.
+        met = (depth > 0) | leftover
+        stale = set(np.flatnonzero(met[:, ~allowed].any(axis=1)).tolist())
         waiting.extend(sorted(stale.difference(waiting)))
     frames = sorted(moves)
     return Solution(

@@ -40,10 +40,16 @@ def settle_static(
         settings, bounds: of simulations, as in the config.
     """
     how = solver, frames, SimulationSettings(**settings), HealthBounds(**bounds)
-    return [
-        one._replace(outfit=settle(one.outfit, bodies[one.outfit.gender], *how))
-        for one in progress(outfits, total=len(outfits), label="settled")
-    ]
+    found, kept = [], 0
+    for one in progress(outfits, total=len(outfits), label="settled"):
+        outfit, reason = settle(one.outfit, bodies[one.outfit.gender], *how)
+        found.append(one._replace(outfit=outfit))
+        if reason:
+            kept += 1
+            LOGGER.info("%s stays as it was made: %s", one.name, reason)
+    if kept:
+        LOGGER.warning("%d of %d outfits stay as they were made", kept, len(outfits))
+    return found
 
 
 def settle(
@@ -53,7 +59,7 @@ def settle(
     frames: int,
     simulation: SimulationSettings,
     bounds: HealthBounds,
-) -> Outfit:
+) -> tuple[Outfit, str]:
     """The outfit after it has hung on its wearer in the rest pose.
 
     Garments are made on a form, and real ones sag: sleeves hang down, skirts fall into folds.
@@ -63,10 +69,10 @@ def settle(
         body: of the wearer's gender.
         solver: moves the cloth.
         frames: for which it hangs, after the wearer has taken its own shape.
-        simulation, bounds: as of samples; the pose stays, so no frames are taken for it.
+        simulation, bounds: as of samples; the pose stays, so `pose_frames` may be 1.
 
     Returns:
-        Garments of the same meshes; the outfit as it was if its simulation is rejected.
+        Garments of the same meshes, and no reason; or the outfit as it was, and why.
     """
     motion = make_body_sequence(
         body,
@@ -75,19 +81,15 @@ def settle(
         np.zeros((frames, 3)),
         gender=GENDERS.index(outfit.gender),
     )
+    if not np.array_equal(motion.shape, outfit.shape):
+        return outfit, "the body overlaps itself in the rest pose"
     with TemporaryDirectory() as name:
         folder = Path(name) / "settled"
-        status = simulate_outfit(
-            folder,
-            DressedBody(body, motion, outfit),
-            solver,
-            settings=replace(simulation, pose_frames=1),
-            bounds=bounds,
-        )
+        dressed = DressedBody(body, motion, outfit)
+        status = simulate_outfit(folder, dressed, solver, settings=simulation, bounds=bounds)
         if status["status"] != "accepted":
-            LOGGER.info("an outfit stays as it was made: %s", status["reason"])
-            return outfit
-        return replace(outfit, garments=tuple(_last_frame(folder, g) for g in outfit.garments))
+            return outfit, status["reason"]
+        return replace(outfit, garments=tuple(_last_frame(folder, g) for g in outfit.garments)), ""
 
 
 def _last_frame(folder: Path, garment: Garment) -> Garment:

@@ -1,4 +1,4 @@
-"""Static outfits: outfits in rest pose, many to a file, made for learning and never simulated."""
+"""Static outfits: outfits in rest pose, many to a file, made for learning."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,6 +1,11 @@
 import subprocess
 import sys
 
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.closest import closest_points
+
 MESH = """
 import os
 import numpy as np
@@ -17,3 +22,29 @@ def test_warp_starts_without_a_word_and_gives_the_terminal_back():
     done = subprocess.run([sys.executable, "-c", MESH], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert (done.stdout, done.stderr) == ("", "said afterwards")
+
+
+UNFINITE = """
+import numpy as np
+from drapeline.geometry.closest import closest_points
+
+faces = np.array([[0, 1, 2], [0, 2, 3]])
+place, face = closest_points(np.zeros((1, 3)), np.full((4, 3), np.nan), faces)
+print(place.shape, face.shape)
+"""
+
+
+def test_a_mesh_of_nothing_but_nan_does_not_end_the_process():
+    asked = [sys.executable, "-c", UNFINITE]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stdout) == (0, "(1, 3) (1,)\n"), done.stderr
+
+
+def test_a_warp_without_the_faster_index_has_the_other(monkeypatch):
+    rng = np.random.default_rng(0)
+    points, vertices = rng.normal(size=(50, 3)), rng.normal(size=(30, 3))
+    faces = rng.permutation(30).reshape(-1, 3)
+    fast, _ = closest_points(points, vertices, faces)
+    monkeypatch.setattr(wp, "is_cubql_available", lambda: False)
+    plain, _ = closest_points(points, vertices, faces)
+    np.testing.assert_allclose(fast, plain, atol=1e-6)

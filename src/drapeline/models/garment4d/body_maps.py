@@ -92,7 +92,8 @@ class MapRegression(nn.Module):
         The ridge parameter is chosen by leave-one-sequence-out cross-validation, which has a closed
         form: if H is the matrix that maps targets to predictions, and H_ss its block within a
         sequence, the error of a fit without that sequence is (I - H_ss)^-1 times the error of the
-        fit with it. Several float64 arrays as large as the maps are needed on the way.
+        fit with it. Several float64 arrays as large as the maps are needed on the way, and square
+        ones with a side of W or C * K, whichever is less.
 
         Args:
             maps: (W, C, K).
@@ -115,8 +116,11 @@ class MapRegression(nn.Module):
         gap, standard = _standardise(maps, share)
         middle = np.average(coefficients.astype(np.float64), axis=0, weights=share)
         rows = root * gap
-        squared, left = np.linalg.eigh(rows @ rows.T)  # far faster than singular values
+        # Far faster than singular values; H is left @ diag(top / (squared + ridge)) @ left.T.
+        few = len(rows) <= rows.shape[1]
+        squared, axes = np.linalg.eigh(rows @ rows.T if few else rows.T @ rows)
         squared = np.maximum(squared, 0)
+        left, top = (axes, squared) if few else (rows @ axes, np.ones(len(squared)))
         truth = root * (coefficients - middle)
         inner = left.T @ truth
         even = root / np.linalg.norm(root)  # since the mean is fitted as well
@@ -124,7 +128,7 @@ class MapRegression(nn.Module):
 
         def errors(ridge: float) -> np.ndarray:
             """(W, D) errors of fits without the sequence, weighted like `truth`."""
-            kept = squared / (squared + ridge)
+            kept = top / (squared + ridge)
             off = truth - left @ (kept[:, None] * inner)
             for one in windows:
                 hat = (left[one] * kept) @ left[one].T + even[one] @ even[one].T
@@ -136,8 +140,8 @@ class MapRegression(nn.Module):
 
         ridge = min(_RIDGES, key=lambda one: square(errors(one)))
         off = errors(ridge)
-        weight = rows.T @ (left @ (inner / (squared + ridge)[:, None]))
-        fitted = {**standard, "weight": weight, "bias": middle}
+        weight = axes @ (inner / (squared + ridge)[:, None])
+        fitted = {**standard, "weight": rows.T @ weight if few else weight, "bias": middle}
         for name, value in fitted.items():
             getattr(self, name).copy_(torch.from_numpy(value))
         return (coefficients - off / root).astype(np.float32), square(off) ** 0.5
