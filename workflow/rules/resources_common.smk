@@ -20,19 +20,17 @@ LEARNING_SHARD = (
 )
 # A sample of 60 frames in two tries; solvers that are not named are taken for slow.
 QUICK_SOLVERS_S, SOLVER_S = {"xpbd": 10}, 80
-LEAD = 35  # frames of the transition, if the body turns far in it
 SIMULATION_S = (
     QUICK_SOLVERS_S.get(config["simulation"]["solver"], SOLVER_S)
     * (config["simulation"]["settings"]["attempts"] / 2)
-    * ((config["motions"]["frames"] + LEAD) / (60 + LEAD))
+    * FRAMES
     * CLOTH
 )
 LEARNING_S = (
     20
     * QUICK_SOLVERS_S.get(config["learning"]["solver"], SOLVER_S)
     * (config["learning"]["attempts"] / 2)
-    * (LEARNING_SHARD / config["learning"]["frames"] * 60)
-    * ((config["learning"]["frames"] + LEAD) / (60 + LEAD))
+    * LEARNING_SHARD
 )
 # All steps of a sample that a shard makes; each starts Python anew.
 SAMPLE_S = SIMULATION_S + 9 * FRAMES + 8 * CLOTH + 40

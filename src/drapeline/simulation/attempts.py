@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from drapeline.frames import FPS, REST_POSE
+from drapeline.frames import FPS
 
 _SIMPLE_VERTICES, _COMPLEX_VERTICES = 4_000, 16_000
 _CALM_M_S, _FAST_M_S = 1.0, 4.0
 _LIMB_M = 0.5
-_TURN_DEG = 6.0  # of the whole body per frame of the transition, on average; more flings the cloth
 
 
 @dataclass(frozen=True)
@@ -21,8 +19,7 @@ class SimulationSettings:
     Attributes:
         steps_min, steps_max: solver steps per frame for the simplest and most complex outfit.
         shape_frames: frames in which the body goes from the garments' shape to its own.
-        pose_frames: frames from the rest pose to the first pose; more are taken where the whole
-            body turns far on the way.
+        pose_frames: frames from the rest pose to the first pose.
         gap_m: distance between cloth and body in metres.
         collider_share: of the body's triangles that the first attempt collides with; later ones
             take all.
@@ -47,7 +44,7 @@ class Attempt:
             and a solver of smaller steps takes more of its own in proportion.
         gap_m: distance that cloth keeps from the body, from other garments and from itself.
         collider_share: of the body's triangles to collide with.
-        shape_frames, pose_frames: as in `SimulationSettings`, after what the motion adds.
+        shape_frames, pose_frames: as in `SimulationSettings`.
     """
 
     steps: int
@@ -74,14 +71,12 @@ def plan_attempt(
     """
     speed = float(np.percentile(_joint_speeds(poses), 95))
     steps = steps_per_frame(settings, vertex_counts, speed)
-    rest, first = (Rotation.from_rotvec(np.array(pose[:3])) for pose in (REST_POSE, poses[0]))
-    turn_deg = np.degrees((rest.inv() * first).magnitude())
     return Attempt(
         steps=round(steps * (1 + 0.5 * number)),
         gap_m=settings.gap_m,
         collider_share=1.0 if number else settings.collider_share,
         shape_frames=settings.shape_frames,
-        pose_frames=max(settings.pose_frames, round(turn_deg / _TURN_DEG)) * (1 + number),
+        pose_frames=settings.pose_frames * (1 + number),
     )
 
 
