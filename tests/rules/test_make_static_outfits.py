@@ -62,9 +62,7 @@ def settling(**bounds):
     return {
         "modules": [settle_static.__module__, cloth_solver.__module__],
         "frames": 12,
-        "settings": asdict(
-            SimulationSettings(8, 8, shape_frames=2, pose_frames=1)
-        ),
+        "settings": asdict(SimulationSettings(8, 8, shape_frames=2, pose_frames=1)),
         "bounds": {**wide, **shares, "stretch_low": 0.0, "stretch_high": 9.0, **bounds},
     }
 
