@@ -5,7 +5,8 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.scan_fit import BodyFit, fit_body
 from drapeline.frames import REST_POSE
-from drapeline.geometry.mesh import vertex_normals
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import face_normals
 
 TRUE = BodyState.of(
     REST_POSE + np.random.default_rng(0).normal(scale=0.2, size=72),
@@ -60,19 +61,34 @@ def test_joints_alone_bring_the_body_near(toy_body, points):
 
 
 @pytest.mark.portable
-def test_cloth_holds_a_body_that_sticks_out_of_it(toy_body, points):
-    """Cloth 2 cm off the skin says little about the body below it, and holds a fatter one."""
-    cloth = points + 0.02 * vertex_normals(points, toy_body.faces)
-    skin = np.zeros(len(points), bool)
-    fatter = TRUE._replace(shape=TRUE.shape + np.array([0, 3.0, *np.zeros(8)]))
-    thin, fat = (
-        fitted(toy_body, cloth, skin, state, steps=3, joint_steps=0, shape=1e6)
-        for state in (TRUE, fatter)
+@pytest.mark.parametrize("start", [-3.5, -0.5])
+def test_cloth_holds_a_body_that_sticks_out_of_it(toy_body, start):
+    """The prior alone makes a slim body fat; cloth 2 cm off the slim one stops it half-way."""
+    slim, first = (
+        TRUE._replace(shape=np.array([0.8, thick, *np.zeros(8)]))
+        for thick in (-3.5, start)
     )
-    held = fatter.shape[1] - fat.shape[1]
-    assert held > 0.5
-    # Of points off a vertex any face around it may be the nearest.
-    assert abs(thin.shape[1] - TRUE.shape[1]) < held / 2
+    nothing = np.full((1, 3), 50.0)
+    held, free = (
+        fitted(toy_body, points, np.zeros(len(points), bool), first, joint_steps=0)
+        for points in (loose_cloth(toy_body, slim), nothing)
+    )
+    assert free.shape[1] == pytest.approx(0, abs=1e-6)
+    assert -2.5 < held.shape[1] < -0.7
+
+
+def test_cloth_says_nothing_of_the_body_below_it(toy_body):
+    cloth = loose_cloth(toy_body, TRUE)
+    found = fitted(toy_body, cloth, np.zeros(len(cloth), bool), TRUE, joint_steps=0)
+    assert found.shape[1] == pytest.approx(0, abs=0.1)  # the prior's, as without any points
+
+
+def loose_cloth(body, state):
+    """Points 2 cm off the middles of faces, where no other face is as close."""
+    points, faces = vertices(body, state), body.faces
+    cloth = points[faces].mean(axis=1) + 0.02 * face_normals(points, faces)
+    place, _ = closest_points(cloth, points, faces)
+    return cloth[np.linalg.norm(cloth - place, axis=1) > 0.0199]
 
 
 def test_nothing_to_see_leaves_the_estimate(toy_body):
