@@ -2,7 +2,7 @@
 
 make bench RESULTS=results
 
-RESULTS is the folder of results of an experiment that is finished. It takes five minutes.
+RESULTS is the folder of results of an experiment that is finished. It takes ten minutes.
 """
 
 import os

@@ -42,7 +42,7 @@ class Solution:
     delta: np.ndarray
     depth_m: np.ndarray
     leftover: np.ndarray
-    removed: frozenset[str] = frozenset()
+    removed: frozenset[str]
 
     def unsolved(self) -> np.ndarray:
         """(N, P) bool: deeper than the pair's limit."""
