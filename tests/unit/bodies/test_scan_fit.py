@@ -65,8 +65,7 @@ def test_joints_alone_bring_the_body_near(toy_body, points):
 def test_cloth_holds_a_body_that_sticks_out_of_it(toy_body, start):
     """The prior alone makes a slim body fat; cloth 2 cm off the slim one stops it half-way."""
     slim, first = (
-        TRUE._replace(shape=np.array([0.8, thick, *np.zeros(8)]))
-        for thick in (-3.5, start)
+        TRUE._replace(shape=np.array([0.8, thick, *np.zeros(8)])) for thick in (-3.5, start)
     )
     nothing = np.full((1, 3), 50.0)
     held, free = (

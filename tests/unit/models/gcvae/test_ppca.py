@@ -94,12 +94,12 @@ def test_the_posterior_is_that_of_the_whole_covariance(others):
     torch.testing.assert_close(log_variance[0].exp(), covariance.diagonal())
 
 
-def test_fields_filled_in_by_steps_of_subspace_iteration_are_those_of_exact_eigenvectors():
-    """Against the same rounds with all eigenvectors of every round."""
+def test_steps_of_subspace_iteration_end_where_exact_eigenvectors_do():
+    """Against all eigenvectors in every round; a few rounds earlier the one lags a little."""
     fields = low_rank(50, 30, 4) + 0.1 * doubles(50, 30, seed=5)
     known = torch.rand(50, 30, generator=torch.Generator().manual_seed(3)) > 0.2
     filled = torch.where(known, fields, 0)
-    for _ in range(12):
+    for _ in range(100):
         mean = filled.mean(0)
         values, vectors = torch.linalg.eigh((filled - mean) @ (filled - mean).T / 50)
         noise = values[:-4].sum() / 30
@@ -107,8 +107,8 @@ def test_fields_filled_in_by_steps_of_subspace_iteration_are_those_of_exact_eige
         low = shrunk @ vectors[:, -4:].T @ (filled - mean)
         filled = torch.where(known, fields, mean + low)
     none = torch.zeros(50, 1).double()
-    fit = fit_ppca(torch.where(known, fields, 1e3), known, none, latent=4, rounds=12, ridge=1.0)
-    torch.testing.assert_close(fit.noise, noise, rtol=1e-3, atol=0)
-    torch.testing.assert_close(fit.regression[-1], mean, rtol=1e-3, atol=1e-3)
+    fit = fit_ppca(torch.where(known, fields, 1e3), known, none, latent=4, rounds=100, ridge=1.0)
+    torch.testing.assert_close(fit.noise, noise)
+    torch.testing.assert_close(fit.regression[-1], mean)
     lengths = (values[-4:] - noise).flip(0).sqrt()
-    torch.testing.assert_close(fit.basis.norm(dim=1), lengths, rtol=1e-3, atol=0)
+    torch.testing.assert_close(fit.basis.norm(dim=1), lengths)
