@@ -108,6 +108,8 @@ def save_contact_sheet(
 ) -> None:
     """Write a PNG of pictures that fill rows one after the other, each above its caption.
 
+    Captions have as many lines as it takes for them to be no wider than the pictures.
+
     Args:
         path: the PNG.
         pictures: (H, W, 3) uint8, of any sizes, and their captions.
@@ -118,21 +120,36 @@ def save_contact_sheet(
     width = max(p.shape[1] for p, _ in pictures)
     height = max(p.shape[0] for p, _ in pictures)
     rows = -(-len(pictures) // columns)
-    below = round(1.7 * letter)
+    font = ImageFont.load_default(letter)
+    captions = [_in_lines(caption, font, width) for _, caption in pictures]
+    below = round((1.25 * max(caption.count("\n") + 1 for caption in captions) + 0.45) * letter)
     sheet = Image.new(
         "RGB",
         (columns * (width + gap) + gap, rows * (height + below + gap) + gap),
         _PAPER,
     )
     draw = ImageDraw.Draw(sheet)
-    font = ImageFont.load_default(letter)
-    for index, (picture, caption) in enumerate(pictures):
+    for index, ((picture, _), caption) in enumerate(zip(pictures, captions, strict=True)):
         row, column = divmod(index, columns)
         x, y = gap + column * (width + gap), gap + row * (height + below + gap)
         sheet.paste(Image.fromarray(picture), (x, y))
-        draw.text((x + 2, y + height + 0.2 * letter), caption, _INK, font=font)
+        place = (x + 2, y + height + 0.2 * letter)
+        draw.multiline_text(place, caption, _INK, font=font, spacing=2)
     with atomic_file(path) as scratch:
         sheet.save(scratch, format="PNG")
+
+
+def _in_lines(text: str, font: ImageFont.ImageFont, width: int) -> str:
+    """The words of a text in lines of this many pixels; a longer word has a line of its own."""
+    first, *words = text.split(" ")
+    lines = [first]
+    for word in words:
+        longer = f"{lines[-1]} {word}"
+        if font.getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return "\n".join(lines)
 
 
 def join_pictures(pictures: Sequence[np.ndarray], titles: Sequence[str]) -> np.ndarray:

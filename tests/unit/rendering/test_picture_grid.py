@@ -83,6 +83,18 @@ def test_contact_sheet_has_a_place_for_every_picture(tmp_path):
     assert (sheet == [0, 255, 0]).all(-1).sum() == 200
 
 
+def test_long_captions_keep_off_their_neighbours_and_off_the_row_below(tmp_path):
+    white = np.full((30, 120, 3), 255, np.uint8)
+    cells = [(white, "L00182: getup_facedown at 0.95, mirrored"), (white, "short")] * 2
+    save_contact_sheet(tmp_path / "sheet.png", cells, 2, gap=10, letter=11)
+    with Image.open(tmp_path / "sheet.png") as image:
+        ink = (np.asarray(image.convert("L")) < 128).any
+    assert not ink(0)[132:140].any()  # between the columns
+    height = 10 + (len(ink(1)) - 10) // 2
+    assert ink(1)[:height].any()
+    np.testing.assert_array_equal(ink(1)[10:height], ink(1)[height:])
+
+
 @pytest.mark.parametrize("size", [(240, 320), (480, 640)])
 def test_long_texts_stay_on_their_card(size):
     card = text_card("00001: rejected", "a long reason " * 100, size)
