@@ -122,12 +122,15 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
 
 
 def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stages, plans):
-    """Without bounds all of them do; none is within bounds that ask for cloth of half the size."""
+    """Without bounds all of them do; none is within bounds that ask for cloth of half the size.
+
+    The garments sink together: a wide skirt that swings may be higher than it was at this moment.
+    """
     make(run_rule, stages, plans, "made")
     make(run_rule, stages, plans, "sagged", settling())
     make(run_rule, stages, plans, "kept", settling(stretch_high=0.5))
     made, sagged, kept = (load_static(stages / f"{n}.npz") for n in ("made", "sagged", "kept"))
-    sunk = {}
+    sunk = []
     for one, hung, same in zip(made, sagged, kept, strict=True):
         for a, b, c in zip(
             one.outfit.garments, hung.outfit.garments, same.outfit.garments, strict=True
@@ -135,8 +138,10 @@ def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stage
             np.testing.assert_array_equal(a.faces, b.faces)
             np.testing.assert_array_equal(a.vertices, c.vertices)
             assert a.about == b.about
-            sunk[one.name, a.name] = float((a.vertices - b.vertices)[:, 2].mean())
-    assert all(0 < height < 0.2 for height in sunk.values()), sunk
+            moved = a.vertices - b.vertices
+            assert np.linalg.norm(moved, axis=1).max() > 0.01
+            sunk.append(moved[:, 2].mean())
+    assert 0 < np.mean(sunk) < 0.2, sunk
 
 
 def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, plans):
