@@ -204,7 +204,9 @@ class _Loop(LightningModule):
         Each process counts its rows, so that those of several devices weigh alike.
         """
         for values, count in self._means.take(stage):
-            self.log_dict(values, on_step=False, on_epoch=True, batch_size=count, sync_dist=True)
+            # As whole numbers, the mean of their counts would be cut off to one.
+            rows = float(count)
+            self.log_dict(values, on_step=False, on_epoch=True, batch_size=rows, sync_dist=True)
 
 
 def fit(
