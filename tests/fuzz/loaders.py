@@ -814,7 +814,7 @@ def _loaders() -> Iterator[Loader]:
     yield Loader("untidy_obj", _make_untidy_obj, lambda f: load_obj(f / "mesh.obj"))
     yield Loader("garment", _make_garment, lambda f: load_user_garment(f / "skirt.obj", body()))
     yield Loader(
-        "scans",
+        "scan_frames",
         lambda f: save_npz(f / "points.npz", points=_scan()),
         lambda f: read_frames(f / "points.npz"),
     )
@@ -946,4 +946,8 @@ def _scan() -> np.ndarray:
     return rng_for(0, "fuzz scan").uniform(-0.5, 0.5, (2, 60, 3)).astype(np.float32)
 
 
-LOADERS = {loader.name: loader for loader in _loaders()}
+LOADERS: dict[str, Loader] = {}
+for _loader in _loaders():
+    if _loader.name in LOADERS:
+        raise RuntimeError(f"two loaders are called {_loader.name}")
+    LOADERS[_loader.name] = _loader

@@ -142,8 +142,7 @@ def _read(loader: Loader, folder: Path, damaged: Path, honest: bool) -> tuple[st
         plain = told.replace(str(damaged), "").replace(str(folder), "")
         if len(plain) > _LONGEST or len(told.splitlines()) != 1 or not told.isprintable():
             return "message", told[:2000]
-        # Files that have to agree may each be named.
-        return ("refused" if str(folder) in told else "message"), told
+        return ("refused" if damaged.name in told else "message"), told
     except MemoryError:
         return "memory", traceback.format_exc()[-3000:]
     except BaseException:

@@ -31,6 +31,14 @@ def test_honest_pickles_end_where_they_end(protocol):
         (b"\x80\x02}", "cut off"),
         (b"\x80\x02cos\nsystem", "not found"),
         (b"", "cut off"),
+        (b"\x80\x02h\x00.", "BINGET at byte 2 asks for an object that is not there"),
+        (b"\x80\x02)\x86.", "TUPLE2 at byte 3 asks for an object that is not there"),
+        (b"\x80\x02(\x85.", "TUPLE1 at byte 3 asks for an object that is not there"),
+        # A dict whose key is a tuple of tuples of tuples, each of the next one twice.
+        (b"\x80\x02})" + 40 * b"2\x86" + b"Ns.", "hold one another too often"),
+        (b"\x80\x02})" + 40 * b"q\x01h\x01\x86" + b"Ns.", "hold one another too often"),
+        (b"\x80\x04}(" + 40 * b"\x94h\x00\x86" + b"Ns.", "asks for an object"),
+        (b"\x80\x02}(" + b")" + 22 * b"2\x86" + b"q\x00N" + 9 * b"h\x00N" + b"u.", "too often"),
     ],
 )
 def test_those_that_ask_for_too_much_are_refused(data, message):

@@ -239,7 +239,7 @@ def _kind(value: Any) -> str:
     return value.origin if isinstance(value, _Inert) else type(value).__name__
 
 
-_MOST_DENSE = 64 << 20  # numbers of a sparse matrix that is made dense
+_MOST_DENSE = 8 << 20  # numbers of a sparse matrix that is made dense
 
 
 def _unwrap(value: Any) -> Any:

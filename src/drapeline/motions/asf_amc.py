@@ -78,7 +78,7 @@ def read_asf_amc(asf: str | Path, amc: str | Path, *, fps: float = CMU_FPS) -> T
     if len(names) < len(skeleton.bones):
         lost = sorted(set(skeleton.bones) - set(names))
         raise InputError(f"{asf}: bone {lost[0]} hangs from nothing, expected a tree from the root")
-    frames = _parse_amc(amc, _lines(amc, "an AMC motion"), skeleton)
+    frames = _parse_amc(amc, _lines(amc, "an AMC motion"), skeleton, asf)
     count = len(next(iter(frames.values())))
     local = np.zeros((count, len(names), 3, 3))
     for joint, name in enumerate(names):
@@ -210,8 +210,10 @@ def _parse_root_line(root: _Bone, words: list[str], in_degrees: bool) -> None:
         root.axis = Rotation.from_euler(root.order, _angles(words[1:4]), degrees=in_degrees)
 
 
-def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[str, np.ndarray]:
-    """Values (N, degrees of freedom) of each moving bone."""
+def _parse_amc(
+    path: Path, lines: list[list[str]], skeleton: _Skeleton, asf: Path
+) -> dict[str, np.ndarray]:
+    """Values (N, degrees of freedom) of each moving bone; `asf` is the skeleton's file."""
     rows: dict[str, list[list[float]]] = {
         name: [] for name, bone in skeleton.bones.items() if bone.degrees_of_freedom
     }
@@ -225,7 +227,9 @@ def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[
         name = words[0]
         if name not in rows:
             known = ", ".join(rows)
-            raise InputError(f"{path}: frame {frame} moves bone {name}, expected one of {known}")
+            raise InputError(
+                f"{path}: frame {frame} moves bone {name}, expected one of {known}, which {asf} has"
+            )
         try:
             values = [float(word) for word in words[1:]]
         except ValueError as error:
@@ -234,7 +238,7 @@ def _parse_amc(path: Path, lines: list[list[str]], skeleton: _Skeleton) -> dict[
         if len(values) != expected or not (np.abs(values) < _HUGE).all():
             raise InputError(
                 f"{path}: frame {frame}, bone {name} holds {' '.join(words[1:])}, "
-                f"expected {expected} finite numbers"
+                f"expected {expected} finite numbers by {asf}"
             )
         rows[name].append(values)
     if not rows:

@@ -117,10 +117,14 @@ def _entry(table: Path, row: dict[str, str], loop_frames: int, counts: FrameCoun
     length = loop_frames if loop == "yes" else None
     file = str(table.parent / row["file"])
     rate = {} if amc_fps is None else {"amc_fps": amc_fps}
+    try:
+        frames = counts.count(file, length, **rate)
+    except InputError as error:
+        raise InputError(f"{table}: '{row['name']}': {error}") from error
     return MotionEntry(
         row["name"],
         file,
-        counts.count(file, length, **rate),
+        frames,
         length,
         row.get("action") or "",
         row.get("subject") or "",

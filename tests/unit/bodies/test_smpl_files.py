@@ -280,13 +280,20 @@ def test_an_array_with_too_few_bytes_is_refused(tmp_path, smpl_arrays):
         load_body(path)
 
 
-def test_a_list_of_itself_is_no_array(tmp_path, smpl_arrays):
+def test_lists_are_no_arrays(tmp_path, smpl_arrays):
+    path = tmp_path / "a.pkl"
+    write_pickle(path, {**smpl_arrays, "v_template": [[1.0], [2.0]]})
+    with pytest.raises(InputError, match="'v_template' is a list, expected an array"):
+        load_body(path)
+
+
+def test_lists_that_hold_one_another_without_end_are_refused(tmp_path, smpl_arrays):
     twice = [1.0]
     for _ in range(40):
         twice = [twice, twice]
     path = tmp_path / "a.pkl"
     write_pickle(path, {**smpl_arrays, "v_template": twice})
-    with pytest.raises(InputError, match="'v_template' is a list, expected an array"):
+    with pytest.raises(InputError, match="hold one another too often"):
         load_body(path)
 
 

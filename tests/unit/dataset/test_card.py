@@ -29,6 +29,7 @@ def test_the_card_is_written_from_the_data(folders, tmp_path):
     assert "Of 3 samples: 2 accepted, 1 rejected" in card
     assert "| 2 | rejected | 1.20 % of the vertices inside the body |" in card
     assert "- Body models: toy-1" in card
+    assert "- Cloth solvers: blender (2 samples)" in card
     assert "bpy 4.5.15" in card
     assert "Clips used: c1.bvh, c3.bvh." in card
     assert "| `inside_share` | 0.005 | 0 | 0.01 |" in card

@@ -189,10 +189,10 @@ def read_picture(path: str | Path, bodies: Mapping[str, BodyModel], *, least_px:
     values = _image(path, given, "segmentation")
     if values.ndim != 2 or values.dtype.kind not in "iub" or not values.size:
         raise InputError(
-            f"{path}: 'segmentation' has shape {values.shape} and type {values.dtype}, expected one"
-            " label per pixel (a grey or palette image)"
+            f"{path}: the segmentation, {given['segmentation']}, has shape {values.shape} and type"
+            f" {values.dtype}, expected one label per pixel (a grey or palette image)"
         )
-    classes = _classes(path, values, labels)
+    classes = _classes(f"{path}: the segmentation, {given['segmentation']},", values, labels)
     photo = _photo(path, given, classes.shape) if given.get("photo") is not None else None
     people = given.get("people")
     if not isinstance(people, list) or not people:
@@ -258,25 +258,25 @@ def _image(path: Path, given: Mapping[str, Any], key: str, where: str = "") -> n
 
 def _photo(path: Path, given: Mapping[str, Any], shape: tuple[int, int]) -> np.ndarray:
     photo = _image(path, given, "photo")
-    _check_size(path, "photo", photo, shape)
+    _check_size(path, f"photo, {given['photo']},", photo, shape)
     return np.repeat(photo[..., None], 3, axis=2) if photo.ndim == 2 else photo
 
 
 def _check_size(path: Path, name: str, image: np.ndarray, shape: tuple[int, int]) -> None:
     if image.shape[:2] != shape:
         raise InputError(
-            f"{path}: '{name}' has {image.shape[1]} x {image.shape[0]} pixels, expected"
+            f"{path}: the {name} has {image.shape[1]} x {image.shape[0]} pixels, expected"
             f" {shape[1]} x {shape[0]} like the segmentation"
         )
 
 
-def _classes(path: Path, values: np.ndarray, labels: Mapping[int, str]) -> np.ndarray:
+def _classes(what: str, values: np.ndarray, labels: Mapping[int, str]) -> np.ndarray:
     found = np.unique(values)
     strange = [int(label) for label in found if int(label) not in labels]
     if strange:
         raise InputError(
-            f"{path}: the segmentation has the labels {', '.join(map(str, strange[:5]))}, expected"
-            f" only those of 'labels' ({min(labels)} to {max(labels)})"
+            f"{what} has the labels {', '.join(map(str, strange[:5]))}, expected only those of"
+            f" 'labels' ({min(labels)} to {max(labels)})"
         )
     of_label = np.array([CLASSES.index(labels[int(label)]) for label in found], dtype=np.uint8)
     return of_label[np.searchsorted(found, values)]
@@ -288,7 +288,7 @@ def _masks(
     """(N, H, W) bool, the pixels of each person; None if all pixels are of the only one."""
     if given.get("instances") is not None:
         image = _image(path, given, "instances")
-        _check_size(path, "instances", image, shape)
+        _check_size(path, f"image of instances, {given['instances']},", image, shape)
         numbers = [one.get("instance") for one in people]
         for index, number in enumerate(numbers, 1):
             if not isinstance(number, int) or number < 1 or not (image == number).any():
@@ -300,7 +300,7 @@ def _masks(
     if all(one.get("mask") is not None for one in people):
         masks = [_image(path, one, "mask", f"person {i}: ") for i, one in enumerate(people, 1)]
         for index, mask in enumerate(masks, 1):
-            _check_size(path, f"mask of person {index}", mask, shape)
+            _check_size(path, f"mask of person {index}, {people[index - 1]['mask']},", mask, shape)
         return np.stack([mask.reshape(*shape, -1).any(axis=2) for mask in masks])
     if len(people) == 1:
         return None

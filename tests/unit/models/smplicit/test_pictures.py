@@ -112,7 +112,7 @@ def wrong(given, **changes):
     [
         ({"labels": "other"}, "'labels' is 'other', expected lip, cihp, atr or a table"),
         ({"labels": {"12": "hat"}}, "'labels' has '12': 'hat'"),
-        ({"labels": {"0": "background"}}, "the segmentation has the labels 5, 12"),
+        ({"labels": {"0": "background"}}, "the segmentation, .*, has the labels 5, 12"),
         ({"camera": {"centre_px": [1, 2]}}, "the camera's 'focal_px' is None"),
         ({"camera": None}, "there is no 'camera'"),
         ({"people": []}, "'people' is empty or missing"),
@@ -129,3 +129,10 @@ def wrong(given, **changes):
 def test_wrong_entries_are_named(read, given, changes, message):
     with pytest.raises(InputError, match=message):
         read(wrong(given, **changes))
+
+
+@pytest.mark.parametrize("key", ["photo", "instances"])
+def test_images_of_another_size_than_the_segmentation_are_named(read, given, tmp_path, key):
+    Image.fromarray(np.ones((30, 40), np.uint8)).save(tmp_path / "small.png")
+    with pytest.raises(InputError, match=r"small\.png, has 40 x 30 pixels, expected 80 x 60"):
+        read({**given, key: "small.png"})
