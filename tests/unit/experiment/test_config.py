@@ -1,8 +1,11 @@
+from pathlib import Path
+
 import pytest
 import yaml
 
 from drapeline.errors import InputError
 from drapeline.experiment.config import fill_settings
+from drapeline.storage import check_name
 
 SCHEMA = yaml.safe_load(
     """
@@ -176,3 +179,19 @@ def test_aliases_of_aliases_are_refused_before_they_are_printed():
     given = yaml.safe_load("\n".join([*lines, "seed: *a11"]))
     with pytest.raises(InputError, match="expected fewer aliases"):
         fill_settings(given, SCHEMA, "x.yaml")
+
+
+@pytest.mark.parametrize(
+    "name", ["walk", "take.1", "2-b_c", ".hidden", "a b", "../evil", "x" * 101]
+)
+def test_sequences_of_a_config_are_called_as_those_of_a_table(name):
+    path = Path(__file__).parents[3] / "workflow/schemas/config.schema.yaml"
+    schema = yaml.safe_load(path.read_text())
+    try:
+        check_name(name, "a name")
+    except InputError:
+        with pytest.raises(InputError, match="sequences"):
+            fill_settings({"motions": {"sequences": [name]}}, schema, "x.yaml")
+    else:
+        filled = fill_settings({"motions": {"sequences": [name]}}, schema, "x.yaml")
+        assert filled["motions"]["sequences"] == [name]

@@ -247,7 +247,7 @@ def fit(
     engine = _trainer(under_way, epochs, monitor, trainer)
     if engine.is_global_zero:
         begin(under_way, settings)
-    resumed = newest_readable(under_way)
+    resumed = newest_readable(under_way, module)
     if resumed is not None:
         LOGGER.info("resuming from %s", resumed)
     with warnings.catch_warnings():
@@ -270,20 +270,50 @@ def fit(
         shutil.rmtree(progress)
 
 
-def newest_readable(under_way: Path) -> Path | None:
+def newest_readable(under_way: Path, module: TrainableModule) -> Path | None:
     """The checkpoint to resume a training from, the last or else the best; None begins it anew.
 
     Whichever it is, the training ends with the same weights.
+
+    Args:
+        under_way: folder of the training.
+        module: that is trained.
     """
     there = [path for path in (under_way / LAST, under_way / BEST) if path.exists()]
     for number, path in enumerate(there, 1):
         try:
-            read_weights(path)
+            _check_resumable(path, read_weights(path), module)
             return path
         except DamagedFile as error:
             instead = f"is resumed from {there[number]}" if there[number:] else "begins anew"
             LOGGER.warning("%s; the training %s", error, instead)
     return None
+
+
+# Entries that Lightning resumes from.
+_ENTRIES = {
+    **{"epoch": int, "global_step": int, "pytorch-lightning_version": str},
+    **{"state_dict": Mapping, "loops": Mapping, "callbacks": Mapping},
+    **{"optimizer_states": list, "lr_schedulers": list},
+}
+
+
+def _check_resumable(path: Path, found: Any, module: TrainableModule) -> None:
+    """Refuse what can be read but is not of this training.
+
+    Raises:
+        DamagedFile: an entry is missing or of another kind, or weights have other names or shapes.
+    """
+    given = found if isinstance(found, Mapping) else {}
+    for name, kind in _ENTRIES.items():
+        if not isinstance(given.get(name), kind):
+            raise DamagedFile(path, f"has no '{name}' to resume a training from")
+    shapes = [
+        {name: tuple(getattr(value, "shape", ())) for name, value in state.items()}
+        for state in (given["state_dict"], module.state_dict())
+    ]
+    if shapes[0] != shapes[1]:
+        raise DamagedFile(path, "its weights are not those of the network that is trained")
 
 
 def begin(under_way: Path, settings: Mapping[str, Any]) -> None:

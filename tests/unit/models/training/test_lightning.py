@@ -82,9 +82,26 @@ class Killed(BaseException):
     """Ends a training as a signal would."""
 
 
+def cut_off(path):
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+
+
+def without_optimizers(path):
+    found = torch.load(path, weights_only=True)
+    del found["optimizer_states"]
+    torch.save(found, path)
+
+
+def of_another_network(path):
+    found = torch.load(path, weights_only=True)
+    torch.save({**found, "state_dict": {"x": torch.zeros(7)}}, path)
+
+
+@pytest.mark.parametrize("harm", [cut_off, without_optimizers, of_another_network])
 @pytest.mark.parametrize("damage", ["last.ckpt", "both", "none"])
 def test_a_damaged_checkpoint_does_not_stop_a_training_from_being_resumed(
-    tmp_path, monkeypatch, caplog, damage
+    tmp_path, monkeypatch, caplog, damage, harm
 ):
     whole = train_line(Line(), tmp_path / "whole", 6)
     steps = iter(range(100))
@@ -100,8 +117,7 @@ def test_a_damaged_checkpoint_does_not_stop_a_training_from_being_resumed(
     (under_way,) = (tmp_path / "progress").iterdir()
     for name in ("best.ckpt", "last.ckpt"):
         if damage in (name, "both"):
-            data = (under_way / name).read_bytes()
-            (under_way / name).write_bytes(data[: len(data) // 2])
+            harm(under_way / name)
     with caplog.at_level("INFO", "drapeline"):
         assert train_line(Line(), tmp_path, 6) == whole
     said = [r.getMessage() for r in caplog.records if r.levelname == "WARNING"]
