@@ -463,9 +463,10 @@ _ANY_SIZE, _MOST_PACKED = 128 << 20, 256
 def _refuse_bomb(path: Path, members: Iterable[zipfile.ZipInfo]) -> None:
     unpacked, size = sum(info.file_size for info in members), path.stat().st_size
     if unpacked > _ANY_SIZE + _MOST_PACKED * size:
-        raise InputError(
-            f"{path}: {size} bytes that unpack to {unpacked}, expected at most {_MOST_PACKED} times"
-            " as many"
+        raise DamagedFile(
+            path,
+            f"{size} bytes that unpack to {unpacked}, expected at most {_MOST_PACKED} times"
+            " as many",
         )
 
 
@@ -547,16 +548,16 @@ def _check_form(path: Path, value: Any, form: Any, where: str) -> None:
             if name in value:
                 _check_form(path, value[name], part, f"'{name}'")
             elif name == key:
-                raise InputError(f"{path}: {where} lacks '{name}'")
+                raise DamagedFile(path, f"{where} lacks '{name}'")
     elif isinstance(form, list):
         _check_type(path, value, list, where)
         if len(value) != len(form) > 1:
-            raise InputError(f"{path}: {where} has {len(value)} entries, expected {len(form)}")
+            raise DamagedFile(path, f"{where} has {len(value)} entries, expected {len(form)}")
         for item, part in zip(value, form if len(form) > 1 else form * len(value), strict=True):
             _check_form(path, item, part, f"an entry of {where}")
     elif isinstance(form, tuple):
         if value not in form:
-            raise InputError(f"{path}: {where} is {value!r:.100}, expected {' or '.join(form)}")
+            raise DamagedFile(path, f"{where} is {value!r:.100}, expected {' or '.join(form)}")
     else:
         _check_type(path, value, form, where)
 
@@ -565,7 +566,7 @@ def _check_type(path: Path, value: Any, form: type, where: str) -> None:
     is_number = form in (int, float) and isinstance(value, bool)
     if is_number or not isinstance(value, (int, float) if form is float else form):
         expected = _WORDS.get(form, "entries by name" if form is dict else "a list")
-        raise InputError(f"{path}: {where} is {value!r:.100}, expected {expected}")
+        raise DamagedFile(path, f"{where} is {value!r:.100}, expected {expected}")
 
 
 def read_text(path: str | Path, expected: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drapeline.dataset.matlab import read_matlab
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile
 from drapeline.storage import atomic_file, check_name
 
 # The 116 free bytes at the start of a MATLAB v5 file. scipy writes the current time there, so that
@@ -132,12 +132,12 @@ def read_info(path: str | Path) -> SampleInfo:
     poses = _columns(path, "poses", values["poses"], 72)
     trans = _columns(path, "trans", values["trans"], 3)
     if len(poses) != len(trans):
-        raise InputError(
-            f"{path}: {len(poses)} poses but {len(trans)} trans, expected equal numbers"
+        raise DamagedFile(
+            path, f"{len(poses)} poses but {len(trans)} trans, expected equal numbers"
         )
     gender = values["gender"]
     if not isinstance(gender, int | float) or gender not in (0, 1):
-        raise InputError(f"{path}: gender is {gender!r:.100}, expected 0 (female) or 1 (male)")
+        raise DamagedFile(path, f"gender is {gender!r:.100}, expected 0 (female) or 1 (male)")
     tightness, camera = values.get("tightness"), values.get("camLoc")
     return SampleInfo(
         poses=poses,
@@ -170,18 +170,18 @@ def read_placement(path: str | Path) -> Placement:
 def _read(path: str | Path, required: Collection[str], **selection: Any) -> dict[str, Any]:
     """Variables of a file, which there must be; see `read_matlab` for the selection."""
     if not os.path.isfile(path):
-        raise InputError(f"{path}: no such file, expected the info.mat of a CLOTH3D sample")
+        raise DamagedFile(path, "no such file, expected the info.mat of a CLOTH3D sample")
     values = read_matlab(path, **selection)
     missing = [name for name in required if name not in values]
     if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; it holds {', '.join(values)}")
+        raise DamagedFile(path, f"lacks {', '.join(missing)}; it holds {', '.join(values)}")
     return values
 
 
 def _zrot(path: str | Path, values: Mapping[str, Any]) -> float:
     zrot = values.get("zrot", 0.0)
     if not isinstance(zrot, int | float) or not math.isfinite(zrot):
-        raise InputError(f"{path}: zrot is {zrot!r:.100}, expected an angle in radians")
+        raise DamagedFile(path, f"zrot is {zrot!r:.100}, expected an angle in radians")
     return float(zrot)
 
 
@@ -194,8 +194,8 @@ def _outfit(path: str | Path, outfit: Any) -> dict[str, dict[str, Any]]:
         fabric = garment.get("fabric", "") if isinstance(garment, dict) else None
         kind = texture.get("type") if isinstance(texture, dict) else None
         if not isinstance(kind, str) or not isinstance(fabric, str):
-            raise InputError(
-                f"{path}: {name} is {garment!r:.100}, expected a texture with a type, and a fabric"
+            raise DamagedFile(
+                path, f"{name} is {garment!r:.100}, expected a texture with a type, and a fabric"
             )
         if "data" in texture:
             _columns(path, f"the colour of {name}", texture["data"], 3)
@@ -206,7 +206,7 @@ def _lights(path: str | Path, lights: Any) -> dict[str, Any] | None:
     if lights is None:
         return None
     if not isinstance(lights, dict) or not {"type", "data"} <= lights.keys():
-        raise InputError(f"{path}: lights are {lights!r:.100}, expected a type and data")
+        raise DamagedFile(path, f"lights are {lights!r:.100}, expected a type and data")
     # A single point light is a bare struct.
     single = lights["type"] == "point" and isinstance(lights["data"], dict)
     return {**lights, "data": [lights["data"]]} if single else lights
@@ -216,8 +216,8 @@ def _columns(path: str | Path, name: str, value: Any, rows: int) -> np.ndarray:
     """Transpose an array (rows, N), or (rows,) if it was squeezed, to (N, rows) float64."""
     array = value if isinstance(value, np.ndarray) else np.zeros(0)
     if array.shape[:1] != (rows,) or array.ndim > 2:
-        raise InputError(f"{path}: {name} has shape {array.shape}, expected ({rows}, N)")
+        raise DamagedFile(path, f"{name} has shape {array.shape}, expected ({rows}, N)")
     array = np.ascontiguousarray(array.reshape(rows, -1).T, dtype=np.float64)
     if not np.isfinite(array).all():
-        raise InputError(f"{path}: {name} holds NaN or infinity, expected finite numbers")
+        raise DamagedFile(path, f"{name} holds NaN or infinity, expected finite numbers")
     return array

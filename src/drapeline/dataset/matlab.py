@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, refuse_damage
 
 _HEADER = 128
 _ANY_SIZE, _MOST_PACKED = 64 << 20, 64  # of what compressed elements unpack to
@@ -148,7 +148,7 @@ def _variables(
             unpacker = zlib.decompressobj()
             data = unpacker.decompress(reader.data[start:end], max(allowed, 1))
             if unpacker.unconsumed_tail or not unpacker.eof:
-                raise InputError(f"{path}: a packed element is cut off or too large for its file")
+                raise DamagedFile(path, "a packed element is cut off or too large for its file")
             allowed -= len(data)
             kind, start, end = _Reader(data, reader.order, 0, len(data)).element(padded=False)
         if kind != _MATRIX:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drapeline.dataset.splits import SPLITS
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile
 from drapeline.manifest import MANIFEST
 from drapeline.storage import check_name, read_json
 
@@ -69,11 +69,11 @@ def read_record(folder: str | Path) -> SampleRecord:
     meta = read_meta(folder)
     missing = [key for key in ("id", "status", "split", "motion", "outfit") if key not in meta]
     if missing:
-        raise InputError(f"{meta_path(folder)}: lacks {', '.join(missing)}")
+        raise DamagedFile(meta_path(folder), f"lacks {', '.join(missing)}")
     check_name(meta["id"], f"{meta_path(folder)}: 'id'")
     if meta["split"] not in SPLITS:
-        raise InputError(
-            f"{meta_path(folder)}: 'split' is '{meta['split']}', expected {', '.join(SPLITS)}"
+        raise DamagedFile(
+            meta_path(folder), f"'split' is '{meta['split']}', expected {', '.join(SPLITS)}"
         )
     sizes = {path: path.stat().st_size for path in folder.rglob("*") if path.is_file()}
     cloth3d_bytes = sum(size for path, size in sizes.items() if path.parent == folder)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile
 from drapeline.storage import atomic_file, read_rows
 
 
@@ -35,5 +35,5 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> list[dict[str, 
     heading, rows = read_rows(path, "a tab-separated table")
     missing = [column for column in columns if column not in heading]
     if rows and missing:
-        raise InputError(f"{path}: lacks column {', '.join(missing)}; it has {', '.join(heading)}")
+        raise DamagedFile(path, f"lacks column {', '.join(missing)}; it has {', '.join(heading)}")
     return rows

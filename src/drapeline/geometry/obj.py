@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.errors import InputError, refuse_damage
+from drapeline.errors import DamagedFile, refuse_damage
 from drapeline.geometry.mesh import Mesh
 from drapeline.storage import atomic_file
 
@@ -42,7 +42,7 @@ def load_obj(path: str | Path) -> Mesh:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a Wavefront OBJ")
+        raise DamagedFile(path, "no such file, expected a Wavefront OBJ")
     with refuse_damage(path, "a Wavefront OBJ"):
         text = path.read_text(errors="replace")
     mesh = _parse_tidy(text)
@@ -106,7 +106,7 @@ def _parse_lines(path: Path, text: str) -> Mesh:
                 if all(len(c) > 1 and c[1] for c in corners):
                     uv_faces.append([_zero_based(c[1], len(uv)) for c in corners])
         except ValueError as error:
-            raise InputError(f"{path}: line {number} is not OBJ: '{line.strip()}'") from error
+            raise DamagedFile(path, f"line {number} is not OBJ: '{line.strip()}'") from error
     _check_elements(path, vertices, faces)
     _check_texture(path, uv, uv_faces)
     sizes = {len(face) for face in faces}
@@ -124,28 +124,28 @@ def _parse_lines(path: Path, text: str) -> Mesh:
 
 def _check_elements(path: Path, vertices: list[list[float]], faces: list[list[int]]) -> None:
     if not vertices or not faces:
-        raise InputError(
-            f"{path}: {len(vertices)} vertices and {len(faces)} faces, expected at least one each"
+        raise DamagedFile(
+            path, f"{len(vertices)} vertices and {len(faces)} faces, expected at least one each"
         )
     if any(len(v) != 3 for v in vertices):
-        raise InputError(f"{path}: a vertex has fewer than three coordinates")
+        raise DamagedFile(path, "a vertex has fewer than three coordinates")
     smallest = min(map(len, faces))
     if smallest < 3:
-        raise InputError(f"{path}: a face has {smallest} corners, expected at least three")
+        raise DamagedFile(path, f"a face has {smallest} corners, expected at least three")
     last = max(map(max, faces))
     if min(map(min, faces)) < 0 or last >= len(vertices):
-        raise InputError(f"{path}: a face names vertex {last + 1}, expected 1 to {len(vertices)}")
+        raise DamagedFile(path, f"a face names vertex {last + 1}, expected 1 to {len(vertices)}")
 
 
 def _check_texture(path: Path, uv: list[list[float]], uv_faces: list[list[int]]) -> None:
     if any(len(point) != 2 for point in uv):
-        raise InputError(f"{path}: a texture coordinate has fewer than two numbers")
+        raise DamagedFile(path, "a texture coordinate has fewer than two numbers")
     if not np.isfinite(uv).all():
-        raise InputError(f"{path}: a texture coordinate is not finite")
+        raise DamagedFile(path, "a texture coordinate is not finite")
     last = max((max(face) for face in uv_faces), default=-1)
     if last >= len(uv) or min((min(face) for face in uv_faces), default=0) < 0:
-        raise InputError(
-            f"{path}: a face names texture coordinate {last + 1}, expected 1 to {len(uv)}"
+        raise DamagedFile(
+            path, f"a face names texture coordinate {last + 1}, expected 1 to {len(uv)}"
         )
 
 

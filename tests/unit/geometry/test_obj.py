@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 
@@ -73,12 +73,12 @@ def test_digits_of_other_scripts_are_numbers_too(tmp_path):
 def test_unusable_obj_files_are_named(tmp_path, text, message):
     path = tmp_path / "bad.obj"
     path.write_text(text)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(DamagedFile, match=message):
         load_obj(path)
 
 
 def test_a_missing_obj_is_named(tmp_path):
-    with pytest.raises(InputError, match="none.obj: no such file"):
+    with pytest.raises(DamagedFile, match="none.obj: no such file"):
         load_obj(tmp_path / "none.obj")
 
 
@@ -102,5 +102,5 @@ TIDY = CORNERS.replace(" 0", " 0.0").replace(" 1", " 1.0")
 def test_indices_are_checked_before_they_are_narrowed(tmp_path, text, message):
     path = tmp_path / "a.obj"
     path.write_text(text)
-    with pytest.raises(InputError, match=rf"a\.obj: .*{message}"):
+    with pytest.raises(DamagedFile, match=rf"a\.obj: .*{message}"):
         load_obj(path)

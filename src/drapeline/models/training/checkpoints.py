@@ -34,10 +34,10 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     checkpoint = read_weights(path)
     about = checkpoint.get(_ABOUT) if isinstance(checkpoint, dict) else None
     if not isinstance(about, dict) or not isinstance(about.get("checkpoint_type"), str):
-        raise InputError(f"{path}: not a checkpoint of drapeline, which has a 'drapeline' entry")
+        raise DamagedFile(path, "not a checkpoint of drapeline, which has a 'drapeline' entry")
     state = checkpoint.get(_STATE)
     if not isinstance(state, dict) or not all(isinstance(x, torch.Tensor) for x in state.values()):
-        raise InputError(f"{path}: lacks weights by name, expected them as 'state_dict'")
+        raise DamagedFile(path, "lacks weights by name, expected them as 'state_dict'")
     _refuse_large_sizes(path, about, sum(x.numel() for x in state.values()))
     return checkpoint
 
@@ -51,7 +51,7 @@ def building(path: str | Path) -> Iterator[None]:
     except InputError as error:
         if str(path) in str(error):
             raise
-        raise InputError(f"{path}: {error}") from error
+        raise DamagedFile(path, f"{error}") from error
 
 
 def load_state(module: nn.Module, checkpoint: Mapping[str, Any], path: str | Path) -> None:
@@ -64,7 +64,7 @@ def load_state(module: nn.Module, checkpoint: Mapping[str, Any], path: str | Pat
         module.load_state_dict(checkpoint[_STATE])
     except RuntimeError as error:
         reason = str(error).splitlines()[-1].strip()
-        raise InputError(f"{path}: its weights do not fit its network ({reason})") from error
+        raise DamagedFile(path, f"its weights do not fit its network ({reason})") from error
 
 
 def load_network(
@@ -83,7 +83,7 @@ def load_network(
     checkpoint = read_checkpoint(path)
     about = checkpoint[_ABOUT]
     if about["checkpoint_type"] != kind:
-        raise InputError(f"{path}: holds a '{about['checkpoint_type']}' network, expected {kind}")
+        raise DamagedFile(path, f"holds a '{about['checkpoint_type']}' network, expected {kind}")
     with building(path):
         network = build(about)
     load_state(network, checkpoint, path)
@@ -100,7 +100,7 @@ def _refuse_large_sizes(path: str | Path, about: Any, weights: int, name: str = 
         for value in about:
             _refuse_large_sizes(path, value, weights, name)
     elif isinstance(about, int | float) and not abs(about) <= max(weights, 10_000):
-        raise InputError(f"{path}: '{name}' is {about}, but it holds {weights} weights")
+        raise DamagedFile(path, f"'{name}' is {about}, but it holds {weights} weights")
 
 
 def read_weights(path: str | Path) -> Any:
