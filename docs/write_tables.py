@@ -9,7 +9,7 @@ RESULTS is the folder of results within the checkout that made them.
 import argparse
 import re
 import subprocess
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.tables import read_table
 from drapeline.metrics.fitted_scans import CLASSES
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value, read_metrics
@@ -135,6 +136,7 @@ BY_METRIC = {
         PICTURES,
         {
             "silhouette IoU": ("silhouette_iou", 2, 1.0),
+            "better than the mean code %": ("better_than_mean_share", 0, 100.0),
             "labels right %": ("segmentation_accuracy", 0, 100.0),
             "to the truth mm": ("surface_to_true_mm", 0, 1.0),
             "back mm": ("true_to_surface_mm", 0, 1.0),
@@ -274,7 +276,9 @@ def by_solver(results: Results) -> str:
         *((f"{name}, {NAMES[garment]}", title, variant, garment, metric)
           for garment in TEMPLATE_TYPES
           for variant, name, title, metric in (
+              ("regression", "regression alone", "M1 mm", "canonical_error_mm"),
               ("canonical", "Garment4D, canonical stage", "M1 mm", "canonical_error_mm"),
+              ("untrained", "Garment4D, posed stage, untrained", "M2 mm", "vertex_error_mm"),
               ("posed", "Garment4D, posed stage", "M2 mm", "vertex_error_mm"),
               ("ours", "our final step", "M2 mm", "vertex_error_mm"),
           )),
@@ -314,11 +318,34 @@ def registration(results: Results) -> str:
     return markdown(table)
 
 
+def learning_group(results: Results) -> str:
+    """Samples of the learning group by split, and the garments of those that were accepted."""
+    table = []
+    for split in SPLITS:
+        planned = [record for record in results.learning if record.meta["split"] == split]
+        accepted = [record for record in planned if record.accepted]
+        worn = Counter(name for record in accepted for name in record.meta["garments"])
+        table.append(
+            {"split": split, "samples": str(len(planned)), "accepted": str(len(accepted))}
+            | {NAMES[garment]: str(worn[garment]) for garment in GARMENTS}
+        )
+    return markdown(table)
+
+
 def health(results: Results) -> str:
-    """Measures of the simulated samples beside their goals."""
+    """Measures of the dataset's samples beside their goals."""
+    return _health(results.records)
+
+
+def health_learning(results: Results) -> str:
+    """The same of the learning group."""
+    return _health([record for record in results.learning if record.accepted])
+
+
+def _health(records: Sequence[SampleRecord]) -> str:
     table = []
     for measure in MEASURES.values():
-        values = np.array([measure.values(record) for record in results.records])
+        values = np.array([measure.values(record) for record in records])
         for place, end in enumerate(("low end", "", "high end")):
             if place not in measure.judged:
                 continue
@@ -424,7 +451,10 @@ def markdown(rows: Table) -> str:
 TABLES: dict[str, Callable[[Results], str]] = {
     **{
         table.__name__: table
-        for table in (origin, times, health, registration, smplicit, scans, by_solver)
+        for table in (
+            *(origin, times, health, health_learning, learning_group, registration),
+            *(smplicit, scans, by_solver),
+        )
     },
     **{
         name: lambda results, given=given: markdown(results.by_metric(*given))

@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import warp as wp
+from threadpoolctl import threadpool_limits
 
 from cloth_toys import FRAMES, dress, skirt
 from drapeline.geometry.point_cache import PointCache
@@ -34,3 +37,23 @@ def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, toy_body):
     # The waistband stays at the waist, the hem falls in folds.
     assert np.abs(frames[:, :36].mean(axis=1) - skirt().vertices[:36].mean(axis=0)).max() < 0.02
     assert np.abs(frames[-1] - skirt().vertices).max() > 0.005
+
+
+def test_a_sample_of_two_layers_is_the_same_to_the_byte_whatever_the_threads(tmp_path, toy_body):
+    dressed = dress(toy_body)
+    outer = replace(skirt(), name="Dress", vertices=skirt().vertices * np.float32([1.05, 1.05, 1]))
+    dressed = replace(dressed, outfit=replace(dressed.outfit, garments=(skirt(), outer)))
+    bounds = dict.fromkeys(HealthBounds.__dataclass_fields__, 9.0) | {"stretch_low": 0.0}
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            status = simulate_outfit(
+                tmp_path / str(threads),
+                dressed,
+                cloth_solver(threads),
+                settings=SimulationSettings(steps_min=6, steps_max=6, attempts=1),
+                bounds=HealthBounds(**bounds),
+            )
+        assert status["status"] == "accepted", status["reason"]
+    for name in ("Skirt.f32", "Dress.f32", "health.npz"):
+        one, two = (tmp_path / str(threads) / name for threads in (1, 2))
+        assert one.read_bytes() == two.read_bytes()
