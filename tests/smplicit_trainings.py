@@ -11,8 +11,10 @@ from portability import THREADS
 from smplicit_toys import toy_bodies, toy_settings
 
 
-def train_toy(folder: Path, data: FieldData, body: BodyModel, *, stop=None, **training) -> Path:
-    """The folder of a training; `stop` is a step at which it is killed."""
+def train_toy(
+    folder: Path, data: FieldData, body: BodyModel, *, stop=None, devices=1, **training
+) -> Path:
+    """The folder of a training by so many processes; `stop` is a step at which it is killed."""
     bodies = toy_bodies(body)
     settings = toy_settings(**{"epochs": 3, "visits": 2, **training})
     model = new_field("skirt", data, bodies, settings)
@@ -32,7 +34,7 @@ def train_toy(folder: Path, data: FieldData, body: BodyModel, *, stop=None, **tr
         data,
         code="x",
         progress=folder / "progress",
-        trainer={"accelerator": "cpu"},
+        trainer={"accelerator": "cpu", "devices": devices},
         threads=THREADS,
         complete=lambda out: save_model_files(out, model, data, bodies),
     )

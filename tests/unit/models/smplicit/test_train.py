@@ -1,3 +1,9 @@
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -38,3 +44,42 @@ def test_data_that_are_not_finite_are_named(tmp_path, fields, toy_body):
     np.save(tmp_path / "near_distance.npy", distances)
     with pytest.raises(InputError, match="samples s2/Skirt: distances hold NaN"):
         train_toy(tmp_path, FieldData(tmp_path), toy_body)
+
+
+SEVERAL = """
+import os
+import sys
+from pathlib import Path
+
+from smplicit_toys import toy_fields
+from smplicit_trainings import train_toy
+from toys import toy_body
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    data = folder / ("data" + os.environ.get("LOCAL_RANK", "0"))
+    data.mkdir()
+    train_toy(folder, toy_fields(data, toy_body), toy_body(), devices=2, batch=2)
+"""
+
+
+def test_two_processes_train_as_one_with_as_many_rows_in_a_step(tmp_path, fields, toy_body):
+    """Codes of garments that a process has not seen in a step are trained all the same."""
+    (tmp_path / "two").mkdir()
+    script = tmp_path / "several.py"
+    script.write_text(SEVERAL)
+    tests = Path(__file__).parents[3]
+    path = os.pathsep.join(map(str, (tests, tests.parent / "src")))
+    subprocess.run(
+        [sys.executable, script, tmp_path / "two"],
+        check=True,
+        timeout=600,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    one = train_toy(tmp_path / "one", fields, toy_body, batch=4)
+    distances = []
+    for folder in (one, tmp_path / "two/model"):
+        with open(folder / "history.tsv") as stream:
+            rows = csv.DictReader(stream, delimiter="\t")
+            distances.append([float(row["val_distance_mm"]) for row in rows])
+    assert distances[0] == pytest.approx(distances[1], rel=0.02)
