@@ -315,6 +315,11 @@ class BodySurface:
         self._end.assign(vertices)
         self._find_normals(self._end, self._end_normals)
 
+    @property
+    def ends(self) -> tuple[wp.array, wp.array, wp.array]:
+        """Vertices (B, 3) at both ends of the frame, and their normals at its end."""
+        return self._start, self._end, self._end_normals
+
     def _find_normals(self, points: wp.array, normals: wp.array) -> None:
         normals.zero_()
         wp.launch(

@@ -182,6 +182,10 @@ class NearTriangles:
         triangles: (F, 3); halves of a quad follow one another if `halves` is 2.
         layers: (V,) number of each vertex's garment.
         halves: triangles per face.
+
+    Attributes:
+        tree: of boxes around the faces, as they were found last.
+        count, near: how many triangles each vertex is near to, and their numbers.
     """
 
     def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
@@ -191,7 +195,7 @@ class NearTriangles:
             wp.zeros(faces, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
         )
         self._box(rest)
-        self._tree = wp.Bvh(self._lower, self._upper)
+        self.tree = wp.Bvh(self._lower, self._upper)
         centres = (self._lower.numpy() + self._upper.numpy()) / 2
         self._centres = wp.array(centres, dtype=wp.vec3, device=_DEVICE)
         self._sums = wp.zeros(2, dtype=float, device=_DEVICE)
@@ -201,12 +205,12 @@ class NearTriangles:
     def find(self, place: wp.array, *, margin_m: float, free_m: float) -> None:
         """Find them again for cloth at `place`, but for those within `free_m` at rest."""
         self._box(place)
-        self._tree.refit()
+        self.tree.refit()
         cloth = [place, self._rest, self._centres, self._triangles, self._halves, self._layers]
         wp.launch(
             _find_near_triangles,
             dim=len(place),
-            inputs=[self._tree.id, *cloth, margin_m, free_m],
+            inputs=[self.tree.id, *cloth, margin_m, free_m],
             outputs=[self.count, self.near],
             device=_DEVICE,
         )

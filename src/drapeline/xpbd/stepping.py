@@ -11,6 +11,7 @@ from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
+from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.crossings import Crossings
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
@@ -38,6 +39,8 @@ class Numbers:
         self_gap_m: distance between parts of a garment.
         free_m: parts of a garment that are closer than this at rest do not collide.
         edge_margin_m: how far from an edge other edges are looked for.
+        cover_margin_m: how far from a vertex of the body cloth that covers it is looked for.
+        cover_gap_m: how far above it that cloth is held.
         sweeps: of the springs in a small step; in each, what share they go of the way to where
             they are content. The last goes beyond, for what the others take back.
         hinge_every: small steps between solutions of hinges, which are softer than springs.
@@ -59,6 +62,8 @@ class Numbers:
     self_gap_m: float = 0.005
     free_m: float = 0.028
     edge_margin_m: float = 0.01
+    cover_margin_m: float = 0.012
+    cover_gap_m: float = 0.002
     sweeps: tuple[float, ...] = (1.0, 1.4)
     hinge_every: int = 2
     friction: float = 0.4
@@ -94,6 +99,8 @@ class MovingCloth:
         triangles = wp.array(system.triangles, dtype=wp.vec3i, device=_DEVICE)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
         self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves)
+        self._covered = CoveredVertices(body.segments, body.faces)
+        self._faces = triangles, halves
         pairs = wp.array(system.edges, dtype=wp.vec2i, device=_DEVICE)
         sides = edges_of_triangles(system.edges, system.triangles)
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
@@ -146,6 +153,18 @@ class MovingCloth:
             ),
             self._turn_hinges,
             _launch(
+                lift_covers,
+                len(self._covered.count),
+                [
+                    *(self._covered.count, self._covered.covers, self._covered.from_place),
+                    *(self._covered.to_place, self._covered.up, triangles, mass, self._clock),
+                ],
+                [
+                    *(self._carry, numbers.cover_gap_m, numbers.cover_margin_m),
+                    *(self._friction, *state),
+                ],
+            ),
+            _launch(
                 touch_cloth,
                 len(self._place),
                 [self._near.count, self._near.near, triangles, layers, mass],
@@ -192,6 +211,14 @@ class MovingCloth:
             clock[:] = step / self._steps, (step + 1) / self._steps
             if step % every == 0:
                 self._search()
+            if step == 0:
+                self._covered.find(
+                    self._near.tree,
+                    self._place,
+                    *self._faces,
+                    self._surface.ends,
+                    margin_m=self._numbers.cover_margin_m,
+                )
             for command in self._commands:
                 if command is not self._turn_hinges or step % self._numbers.hinge_every == 0:
                     command.launch()

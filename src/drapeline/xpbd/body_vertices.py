@@ -1,0 +1,181 @@
+"""Body against cloth: vertices of the body stay beneath the triangles that cover them.
+
+The vertices of a triangle keep their distance from the body; between them a curved body may come
+through.
+"""
+
+import numpy as np
+import warp as wp
+
+from drapeline.xpbd.limbs import hand_numbers
+
+wp.set_module_options({"enable_backward": False})
+
+_DEVICE = "cpu"
+_SLOTS = 4  # triangles that may cover a vertex
+_MOST = wp.constant(_SLOTS)
+_FACING = wp.constant(0.3)  # least cosine between the normals of cloth and the body beneath it
+_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
+_STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
+
+
+@wp.func
+def _cover(p: wp.vec3, up: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
+    # Where the line along `up` meets a triangle that faces the same way: how far above p, weights
+    # of b and c, and 1; the last is 0 for a triangle that faces another way.
+    normal = wp.cross(ab, ac)
+    square = wp.length_sq(normal)
+    slope = wp.dot(up, normal)
+    if slope < _FACING * wp.sqrt(square) or square < 1.0e-14:
+        return wp.vec4(0.0, 0.0, 0.0, 0.0)
+    height = wp.dot(a - p, normal) / slope
+    r = p + up * height - a
+    u = wp.dot(wp.cross(r, ac), normal) / square
+    v = wp.dot(wp.cross(ab, r), normal) / square
+    return wp.vec4(height, u, v, 1.0)
+
+
+@wp.kernel
+def _find_covers(
+    tree: wp.uint64,
+    place: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    vertices: wp.array(dtype=int),
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    margin: float,
+    count: wp.array(dtype=int),
+    covers: wp.array2d(dtype=int),
+    from_place: wp.array(dtype=wp.vec3),
+    to_place: wp.array(dtype=wp.vec3),
+    up: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    p = start[vertices[i]]
+    n = normals[vertices[i]]
+    from_place[i] = p
+    to_place[i] = end[vertices[i]]
+    up[i] = n
+    half = wp.vec3(margin, margin, margin)
+    query = wp.bvh_query_aabb(tree, p - half, p + half)
+    face = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
+    found = int(0)  # noqa: RUF046, UP018
+    while wp.bvh_query_next(query, face):
+        for k in range(halves):
+            c = triangles[halves * face + k]
+            a = place[c[0]]
+            hit = _cover(p, n, a, place[c[1]] - a, place[c[2]] - a)
+            near = hit[3] > 0.0 and wp.abs(hit[0]) < margin and found < _MOST
+            if near and hit[1] > -0.3 and hit[2] > -0.3 and hit[1] + hit[2] < 1.3:
+                covers[i, found] = halves * face + k
+                found += 1
+    count[i] = found
+
+
+@wp.kernel
+def lift_covers(
+    count: wp.array(dtype=int),
+    covers: wp.array2d(dtype=int),
+    from_place: wp.array(dtype=wp.vec3),
+    to_place: wp.array(dtype=wp.vec3),
+    up: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    inverse_mass: wp.array(dtype=float),
+    clock: wp.array(dtype=float),
+    carry: wp.array(dtype=wp.vec3),
+    gap: float,
+    reach: float,
+    friction: wp.array(dtype=float),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Lift triangles that are less than the gap above a vertex of the body, or beneath it.
+
+    They stick to it or slide (Coulomb).
+    """
+    i = wp.tid()
+    if count[i] == 0:
+        return
+    way = to_place[i] - from_place[i]
+    p = from_place[i] + way * clock[1]
+    o = from_place[i] + way * clock[0] + carry[0]
+    n = up[i]
+    for k in range(count[i]):
+        c = triangles[covers[i, k]]
+        a = place[c[0]]
+        hit = _cover(p, n, a, place[c[1]] - a, place[c[2]] - a)
+        u = hit[1]
+        v = hit[2]
+        w = 1.0 - u - v
+        depth = gap - hit[0]
+        if hit[3] > 0.0 and depth > 0.0 and hit[0] > -reach and u > 0.0 and v > 0.0 and w > 0.0:
+            then = before[c[0]] * w + before[c[1]] * u + before[c[2]] * v
+            # What was too low before the step is lifted slowly, and must not become speed.
+            old = wp.clamp(gap - wp.dot(then - o, n), 0.0, depth)
+            released = wp.min(old, _RELEASED)
+            wa = inverse_mass[c[0]] * w
+            wb = inverse_mass[c[1]] * u
+            wc = inverse_mass[c[2]] * v
+            share = 1.0 / (wa * w + wb * u + wc * v)
+            push = depth - old + released
+            slip = (p + n * hit[0] - then) - (p - o)
+            slip = slip - n * wp.dot(slip, n)
+            most = friction[0] * (push - released + _STICKING)
+            length = wp.length(slip)
+            if length > most:
+                slip = slip * (most / length)
+            move = (n * push - slip) * share
+            lift = n * (released * share)
+            place[c[0]] = a + move * wa
+            place[c[1]] = place[c[1]] + move * wb
+            place[c[2]] = place[c[2]] + move * wc
+            before[c[0]] = before[c[0]] + lift * wa
+            before[c[1]] = before[c[1]] + lift * wb
+            before[c[2]] = before[c[2]] + lift * wc
+
+
+class CoveredVertices:
+    """Which triangles of the cloth are over each vertex of the body, hands left out.
+
+    Args:
+        segments: (B,) int, the joint that moves each vertex of the body most.
+        faces: (F, 3) of the body; vertices without a face are left out.
+    """
+
+    def __init__(self, segments: np.ndarray, faces: np.ndarray) -> None:
+        used = np.unique(faces)
+        chosen = used[hand_numbers(used[:, None], segments) == 0].astype(np.int32)
+        self._vertices = wp.array(chosen, dtype=int, device=_DEVICE)
+        self.count = wp.zeros(len(chosen), dtype=int, device=_DEVICE)
+        self.covers = wp.zeros((len(chosen), _SLOTS), dtype=int, device=_DEVICE)
+        self.from_place, self.to_place, self.up = (
+            wp.zeros(len(chosen), dtype=wp.vec3, device=_DEVICE) for _ in range(3)
+        )
+
+    def find(
+        self,
+        tree: wp.Bvh,
+        place: wp.array,
+        triangles: wp.array,
+        halves: int,
+        body: tuple[wp.array, wp.array, wp.array],
+        *,
+        margin_m: float,
+    ) -> None:
+        """Find them for a frame that begins.
+
+        Args:
+            tree: of boxes around the cloth's faces, each of `halves` triangles (F, 3).
+            place: (V, 3) of the cloth.
+            body: vertices (B, 3) at both ends of the frame, and their normals.
+            margin_m: how far above or beneath a vertex a triangle may be.
+        """
+        wp.launch(
+            _find_covers,
+            dim=len(self.count),
+            inputs=[tree.id, place, triangles, halves, self._vertices, *body, margin_m],
+            outputs=[self.count, self.covers, self.from_place, self.to_place, self.up],
+            device=_DEVICE,
+        )

@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+from drapeline.frames import JOINT_NAMES
+from drapeline.geometry.mesh import triangulate
+from drapeline.geometry.rays import rays_hit
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
+from drapeline.xpbd.solver import XpbdCloth
+from drapeline.xpbd.stepping import Numbers
+from sheet_toys import drop, sheet
+
+GAP_M, MARGIN_M = 0.003, 0.012
+TRIANGLE = np.float32([[0.01, 0, 0], [-0.005, 0.009, 0], [-0.005, -0.009, 0]])
+
+
+def vectors(rows):
+    return wp.array(np.float32(rows).reshape(-1, 3), dtype=wp.vec3, device="cpu")
+
+
+@pytest.fixture
+def lift():
+    """lift(height, ...) -> heights of a triangle's corners, in the end and when the step began."""
+    start_warp()
+
+    def run(height, then=None, faces=(0, 1, 2), joint="spine2", steps=1):
+        corners = TRIANGLE + np.float32([0, 0, height])
+        place = vectors(corners)
+        before = vectors(corners if then is None else TRIANGLE + np.float32([0, 0, then]))
+        triangles = wp.array([faces], dtype=wp.vec3i, device="cpu")
+        tree = wp.Bvh(vectors(corners.min(axis=0)), vectors(corners.max(axis=0)))
+        # One vertex of the body at the origin, which faces up.
+        skin = CoveredVertices(np.array([JOINT_NAMES.index(joint)]), np.zeros((1, 3), int))
+        body = vectors([0, 0, 0]), vectors([0, 0, 0]), vectors([0, 0, 1])
+        skin.find(tree, place, triangles, 1, body, margin_m=MARGIN_M)
+        mass = wp.array(np.float32([1, 2, 3]), dtype=float, device="cpu")
+        clock, friction = (wp.zeros(2, dtype=float, device="cpu") for _ in range(2))
+        for _ in range(steps):
+            wp.launch(
+                lift_covers,
+                dim=len(skin.count),
+                inputs=[
+                    *(skin.count, skin.covers, skin.from_place, skin.to_place, skin.up),
+                    *(triangles, mass, clock, vectors([0, 0, 0]), GAP_M, MARGIN_M, friction),
+                ],
+                outputs=[before, place],
+                device="cpu",
+            )
+        return place.numpy()[:, 2], before.numpy()[:, 2]
+
+    return run
+
+
+def test_a_triangle_is_held_above_the_skin_that_it_has_come_down_on(lift):
+    """Its middle is; corners of less mass go further."""
+    now, then = lift(-0.002, then=0.004)
+    assert now.mean() == pytest.approx(GAP_M, abs=1e-6)
+    assert (np.diff(now) > 0).all()
+    np.testing.assert_allclose(then, 0.004, atol=1e-7)
+
+
+def test_one_that_was_too_low_before_comes_up_slowly_and_without_speed(lift):
+    now, then = lift(-0.002)
+    assert -0.002 < now.mean() < -0.001
+    np.testing.assert_allclose(now, then, atol=1e-7)
+    now, _ = lift(-0.002, steps=40)
+    assert now.mean() == pytest.approx(GAP_M, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {"height": 0.005},
+        {"height": -0.02},
+        {"height": -0.002, "faces": (0, 2, 1)},
+        {"height": -0.002, "joint": "left_hand"},
+    ],
+    ids=["high enough", "far beneath", "the other way round", "over a hand"],
+)
+def test_others_stay_where_they_are(lift, case):
+    now, _ = lift(**case)
+    np.testing.assert_array_equal(now, np.float32(case["height"]))
+
+
+def test_a_ball_smaller_than_the_meshes_of_a_sheet_does_not_show_through_it(tmp_path):
+    radius_m = 0.02
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=radius_m)
+    up = ball.vertices[:, 2] > 0.5 * radius_m
+    shown = []
+    for margin_m in (1e-9, MARGIN_M):
+        piece = sheet(radius_m + 0.005, rows=7)
+        solver = XpbdCloth(Numbers(cover_margin_m=margin_m))
+        (cloth,) = drop(tmp_path, solver, [piece], 12, radius=radius_m)
+        covered = rays_hit(
+            ball.vertices[up], ball.vertex_normals[up], cloth[-1], triangulate(piece.faces),
+            reach_m=0.1,
+        )  # fmt: skip
+        shown.append(1 - covered.mean())
+    assert shown[0] > 0.1
+    assert shown[1] < 0.25 * shown[0]
