@@ -142,7 +142,9 @@ def _read(loader: Loader, folder: Path, damaged: Path, honest: bool) -> tuple[st
         plain = told.replace(str(damaged), "").replace(str(folder), "")
         if len(plain) > _LONGEST or len(told.splitlines()) != 1 or not told.isprintable():
             return "message", told[:2000]
-        return ("refused" if damaged.name in told else "message"), told
+        # Files that have to agree may each be named, but the folder they are in is not enough.
+        named = any(path.name in told for path in folder.rglob("*") if path.is_file())
+        return ("refused" if damaged.name in told or named else "message"), told
     except MemoryError:
         return "memory", traceback.format_exc()[-3000:]
     except BaseException:
