@@ -10,16 +10,15 @@ import numpy as np
 import warp as wp
 
 from drapeline.simulation.collider import MovingBody
+from drapeline.xpbd.contact import RELEASED_M, STICKING_M, held_slip
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
 _TORN = wp.constant(1.4)  # stretch from which cloth lets go of what it is not worn on
-_STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
 _FAR = wp.constant(1.0e3)  # metres, where nothing is near
 _SKIN = wp.constant(1.0e-5)  # metres above a surface, where a ray from it starts
-_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
 
 
 @wp.kernel
@@ -234,23 +233,18 @@ def touch_body(
     over = height - most
     if over > 0.0:
         old = wp.clamp(wp.dot(o - there, normal) - most, 0.0, over)
-        released = wp.min(old, _RELEASED)
+        released = wp.min(old, RELEASED_M)
         place[i] = p - normal * (over - old + released)
         before[i] = o - normal * released
     if depth > 0.0:
         # What was deep before the step comes out slowly, and must not become speed.
         old = wp.clamp(least - wp.dot(o - there, normal), 0.0, depth)
-        released = wp.min(old, _RELEASED)
+        released = wp.min(old, RELEASED_M)
         push = depth - old + released
         p = p + normal * push
         o = o + normal * released
-        slip = (p - o) - (here - there)
-        slip = slip - normal * wp.dot(slip, normal)
-        most = friction[0] * (push - released + _STICKING)
-        length = wp.length(slip)
-        if length > most:
-            slip = slip * (most / length)
-        place[i] = p - slip
+        most = friction[0] * (push - released + STICKING_M)
+        place[i] = p - held_slip((p - o) - (here - there), normal, most)
         before[i] = o
 
 

@@ -7,6 +7,8 @@ through.
 import numpy as np
 import warp as wp
 
+from drapeline.xpbd.cloth_contact import NearTriangles
+from drapeline.xpbd.contact import RELEASED_M, STICKING_M, held_slip
 from drapeline.xpbd.limbs import hand_numbers
 
 wp.set_module_options({"enable_backward": False})
@@ -15,8 +17,6 @@ _DEVICE = "cpu"
 _SLOTS = 4  # triangles that may cover a vertex
 _MOST = wp.constant(_SLOTS)
 _FACING = wp.constant(0.3)  # least cosine between the normals of cloth and the body beneath it
-_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
-_STICKING = wp.constant(2.0e-5)  # metres of slip per step that friction always holds
 
 
 @wp.func
@@ -114,18 +114,14 @@ def lift_covers(
             then = before[c[0]] * w + before[c[1]] * u + before[c[2]] * v
             # What was too low before the step is lifted slowly, and must not become speed.
             old = wp.clamp(gap - wp.dot(then - o, n), 0.0, depth)
-            released = wp.min(old, _RELEASED)
+            released = wp.min(old, RELEASED_M)
             wa = inverse_mass[c[0]] * w
             wb = inverse_mass[c[1]] * u
             wc = inverse_mass[c[2]] * v
             share = 1.0 / (wa * w + wb * u + wc * v)
             push = depth - old + released
-            slip = (p + n * hit[0] - then) - (p - o)
-            slip = slip - n * wp.dot(slip, n)
-            most = friction[0] * (push - released + _STICKING)
-            length = wp.length(slip)
-            if length > most:
-                slip = slip * (most / length)
+            most = friction[0] * (push - released + STICKING_M)
+            slip = held_slip((p + n * hit[0] - then) - (p - o), n, most)
             move = (n * push - slip) * share
             lift = n * (released * share)
             place[c[0]] = a + move * wa
@@ -142,9 +138,11 @@ class CoveredVertices:
     Args:
         segments: (B,) int, the joint that moves each vertex of the body most.
         faces: (F, 3) of the body; vertices without a face are left out.
+        cloth: whose faces cover them.
     """
 
-    def __init__(self, segments: np.ndarray, faces: np.ndarray) -> None:
+    def __init__(self, segments: np.ndarray, faces: np.ndarray, cloth: NearTriangles) -> None:
+        self._cloth = cloth
         used = np.unique(faces)
         chosen = used[hand_numbers(used[:, None], segments) == 0].astype(np.int32)
         self._vertices = wp.array(chosen, dtype=int, device=_DEVICE)
@@ -156,10 +154,7 @@ class CoveredVertices:
 
     def find(
         self,
-        tree: wp.Bvh,
         place: wp.array,
-        triangles: wp.array,
-        halves: int,
         body: tuple[wp.array, wp.array, wp.array],
         *,
         margin_m: float,
@@ -167,15 +162,15 @@ class CoveredVertices:
         """Find them for a frame that begins.
 
         Args:
-            tree: of boxes around the cloth's faces, each of `halves` triangles (F, 3).
-            place: (V, 3) of the cloth.
+            place: (V, 3) of the cloth, whose triangles were found there.
             body: vertices (B, 3) at both ends of the frame, and their normals.
             margin_m: how far above or beneath a vertex a triangle may be.
         """
+        cloth = [self._cloth.tree.id, place, self._cloth.triangles, self._cloth.halves]
         wp.launch(
             _find_covers,
             dim=len(self.count),
-            inputs=[tree.id, place, triangles, halves, self._vertices, *body, margin_m],
+            inputs=[*cloth, self._vertices, *body, margin_m],
             outputs=[self.count, self.covers, self.from_place, self.to_place, self.up],
             device=_DEVICE,
         )

@@ -3,11 +3,12 @@
 import numpy as np
 import warp as wp
 
+from drapeline.xpbd.contact import RELEASED_M, held_slip
+
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
 _SLOTS = 24  # triangles that a vertex may be near to
-_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
 _MOST = wp.constant(_SLOTS)
 
 
@@ -149,14 +150,9 @@ def touch_cloth(
                 old_q = before[c[0]] * t + before[c[1]] * u + before[c[2]] * v
                 q = a + ab * u + ac * v
                 old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
-                released = wp.min(old, _RELEASED)
+                released = wp.min(old, RELEASED_M)
                 push = depth - old + released
-                slip = (p - old_p) - (q - old_q)
-                slip = slip - up * wp.dot(slip, up)
-                length = wp.length(slip)
-                most = friction * (push - released)
-                if length > most:
-                    slip = slip * (most / length)
+                slip = held_slip((p - old_p) - (q - old_q), up, friction * (push - released))
                 w = inverse_mass[i]
                 wa = inverse_mass[c[0]] * t
                 wb = inverse_mass[c[1]] * u
@@ -184,12 +180,13 @@ class NearTriangles:
         halves: triangles per face.
 
     Attributes:
+        triangles, halves: as given.
         tree: of boxes around the faces, as they were found last.
         count, near: how many triangles each vertex is near to, and their numbers.
     """
 
     def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
-        self._rest, self._triangles, self._layers, self._halves = rest, triangles, layers, halves
+        self._rest, self.triangles, self._layers, self.halves = rest, triangles, layers, halves
         faces = len(triangles) // halves
         self._lower, self._upper = (
             wp.zeros(faces, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
@@ -206,7 +203,7 @@ class NearTriangles:
         """Find them again for cloth at `place`, but for those within `free_m` at rest."""
         self._box(place)
         self.tree.refit()
-        cloth = [place, self._rest, self._centres, self._triangles, self._halves, self._layers]
+        cloth = [place, self._rest, self._centres, self.triangles, self.halves, self._layers]
         wp.launch(
             _find_near_triangles,
             dim=len(place),
@@ -221,7 +218,7 @@ class NearTriangles:
         wp.launch(
             _sum_relative_ways,
             dim=len(place),
-            inputs=[self.count, self.near, self._triangles, last, place],
+            inputs=[self.count, self.near, self.triangles, last, place],
             outputs=[self._sums],
             device=_DEVICE,
         )
@@ -232,7 +229,7 @@ class NearTriangles:
         wp.launch(
             _box_faces,
             dim=len(self._lower),
-            inputs=[place, self._triangles, self._halves],
+            inputs=[place, self.triangles, self.halves],
             outputs=[self._lower, self._upper],
             device=_DEVICE,
         )

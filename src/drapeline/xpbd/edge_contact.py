@@ -4,12 +4,12 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.mesh import face_edges
+from drapeline.xpbd.contact import RELEASED_M
 
 wp.set_module_options({"enable_backward": False})
 
 _DEVICE = "cpu"
 _SLOTS = 10  # edges that an edge may be near to
-_RELEASED = wp.constant(3.0e-4)  # metres of old depth that a step takes away
 _MOST = wp.constant(_SLOTS)
 
 
@@ -131,7 +131,7 @@ def touch_edges(
                 old_p = before[i] * (1.0 - s) + before[j] * s
                 old_q = before[a] * (1.0 - t) + before[b] * t
                 old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
-                released = wp.min(old, _RELEASED)
+                released = wp.min(old, RELEASED_M)
                 wi = inverse_mass[i] * (1.0 - s)
                 wj = inverse_mass[j] * s
                 wa = inverse_mass[a] * (1.0 - t)

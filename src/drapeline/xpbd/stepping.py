@@ -99,8 +99,7 @@ class MovingCloth:
         triangles = wp.array(system.triangles, dtype=wp.vec3i, device=_DEVICE)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
         self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves)
-        self._covered = CoveredVertices(body.segments, body.faces)
-        self._faces = triangles, halves
+        self._covered = CoveredVertices(body.segments, body.faces, self._near)
         pairs = wp.array(system.edges, dtype=wp.vec2i, device=_DEVICE)
         sides = edges_of_triangles(system.edges, system.triangles)
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
@@ -212,13 +211,8 @@ class MovingCloth:
             if step % every == 0:
                 self._search()
             if step == 0:
-                self._covered.find(
-                    self._near.tree,
-                    self._place,
-                    *self._faces,
-                    self._surface.ends,
-                    margin_m=self._numbers.cover_margin_m,
-                )
+                margin_m = self._numbers.cover_margin_m
+                self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
             for command in self._commands:
                 if command is not self._turn_hinges or step % self._numbers.hinge_every == 0:
                     command.launch()

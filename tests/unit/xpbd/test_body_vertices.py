@@ -8,6 +8,7 @@ from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.rays import rays_hit
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
+from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import Numbers
 from sheet_toys import drop, sheet
@@ -30,11 +31,12 @@ def lift():
         place = vectors(corners)
         before = vectors(corners if then is None else TRIANGLE + np.float32([0, 0, then]))
         triangles = wp.array([faces], dtype=wp.vec3i, device="cpu")
-        tree = wp.Bvh(vectors(corners.min(axis=0)), vectors(corners.max(axis=0)))
+        layers = wp.zeros(3, dtype=int, device="cpu")
+        cloth = NearTriangles(vectors(corners), triangles, layers, halves=1)
         # One vertex of the body at the origin, which faces up.
-        skin = CoveredVertices(np.array([JOINT_NAMES.index(joint)]), np.zeros((1, 3), int))
+        skin = CoveredVertices(np.array([JOINT_NAMES.index(joint)]), np.zeros((1, 3), int), cloth)
         body = vectors([0, 0, 0]), vectors([0, 0, 0]), vectors([0, 0, 1])
-        skin.find(tree, place, triangles, 1, body, margin_m=MARGIN_M)
+        skin.find(place, body, margin_m=MARGIN_M)
         mass = wp.array(np.float32([1, 2, 3]), dtype=float, device="cpu")
         clock, friction = (wp.zeros(2, dtype=float, device="cpu") for _ in range(2))
         for _ in range(steps):

@@ -1,0 +1,18 @@
+"""What all contacts share: how old depth is taken away, and Coulomb's friction."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+RELEASED_M = wp.constant(3.0e-4)  # of old depth that a step takes away
+STICKING_M = wp.constant(2.0e-5)  # of slip per step that friction of the body always holds
+
+
+@wp.func
+def held_slip(slip: wp.vec3, up: wp.vec3, most: float):
+    """What friction takes back of a slip past a surface: its part along it, `most` at most."""
+    along = slip - up * wp.dot(slip, up)
+    length = wp.length(along)
+    if length > most:
+        along = along * (most / length)
+    return along
