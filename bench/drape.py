@@ -145,7 +145,9 @@ def worn(solver: ClothSolver, body: BodyModel, outfit: Outfit, fabric: str) -> G
     return settled.garments[0]
 
 
-def _picture(cloth: Cloth, colour: tuple[float, ...], turn_deg: float, hold: np.ndarray):
+def _picture(
+    cloth: Cloth, colour: tuple[float, ...], turn_deg: float, hold: np.ndarray
+) -> np.ndarray:
     """A view that shows all points of `hold` (P, 3) in the same place for both solvers."""
     centre = hold.mean(axis=0)
     away = view_direction((0.0, -1.0), turn_deg=turn_deg, rise=0.12)

@@ -48,15 +48,21 @@ def sentence(results: Path) -> str:
             count += 1
             if count == _SAMPLES:
                 break
-    shard, *_ = sorted((results / "learning/samples").iterdir())
+    blender = (
+        f"Measuring the health of all frames takes {health / jobs:.1%} of the processor time of"
+        f" {count} jobs that simulate a sample with Blender ({health:.1f} of {jobs:.0f} s), so that"
+        f" these take {1 / (1 - health / jobs):.2f} times as long as without."
+    )
+    shards = sorted((results / "learning/samples").glob("[!.]*"))
+    return blender + (_learning(results, shards[0]) if shards else "")
+
+
+def _learning(results: Path, shard: Path) -> str:
     made = [folder for folder in samples_of_shards([shard]) if read_record(folder).accepted]
     fast = sum(health_seconds(Sample(folder)) for folder in made)
     (row,) = read_table(results / f"benchmarks/simulate_learning/{shard.name}.tsv")
     whole = float(row["cpu_time"])
     return (
-        f"Measuring the health of all frames takes {health / jobs:.1%} of the processor time of"
-        f" {count} jobs that simulate a sample with Blender ({health:.1f} of {jobs:.0f} s), so that"
-        f" these take {1 / (1 - health / jobs):.2f} times as long as without. With the fast solver"
-        f" it takes {fast / whole:.1%} of a job of the learning group: {fast:.1f} s for"
-        f" {len(made)} accepted samples, of {whole:.0f} s from bodies to files."
+        f" With the fast solver it takes {fast / whole:.1%} of a job of the learning group:"
+        f" {fast:.1f} s for {len(made)} accepted samples, of {whole:.0f} s from bodies to files."
     )

@@ -144,7 +144,7 @@ def _read(loader: Loader, folder: Path, damaged: Path, honest: bool) -> tuple[st
             return "message", told[:2000]
         # Files that have to agree may each be named, but the folder they are in is not enough.
         named = any(path.name in told for path in folder.rglob("*") if path.is_file())
-        return ("refused" if damaged.name in told or named else "message"), told
+        return ("refused" if str(folder) in told and named else "message"), told
     except MemoryError:
         return "memory", traceback.format_exc()[-3000:]
     except BaseException:

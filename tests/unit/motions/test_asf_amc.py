@@ -95,11 +95,7 @@ def test_the_skeleton_beside_a_motion_is_found(files, tmp_path):
         ("lfemur 0 0 0", "lfemur 0 0", "frame 1, bone lfemur holds 0 0, expected 3 finite"),
         ("lfemur 0 0 0", "lfemur 0 nan 0", "frame 1, bone lfemur holds 0 nan 0"),
         ("lfemur 0 0 0", "lfemur 0 x 0", "frame 1, bone lfemur: could not convert"),
-        (
-            "lfemur 0 0 0",
-            "tail 0 0 0",
-            "frame 1 moves bone tail, expected one of root",
-        ),
+        ("lfemur 0 0 0", "tail 0 0 0", "frame 1 moves bone tail, expected one of root"),
         ("lfemur 0 0 0\n", "", "bone lfemur has 0 values in 1 frames"),
     ],
 )

@@ -98,8 +98,12 @@ def of_another_network(path):
     torch.save({**found, "state_dict": {"x": torch.zeros(7)}}, path)
 
 
-@pytest.mark.parametrize("harm", [cut_off, without_optimizers, of_another_network])
-@pytest.mark.parametrize("damage", ["last.ckpt", "both", "none"])
+HARMS = (cut_off, without_optimizers, of_another_network)
+
+
+@pytest.mark.parametrize(
+    ("damage", "harm"), [("none", None), *((d, h) for d in ("last.ckpt", "both") for h in HARMS)]
+)
 def test_a_damaged_checkpoint_does_not_stop_a_training_from_being_resumed(
     tmp_path, monkeypatch, caplog, damage, harm
 ):
