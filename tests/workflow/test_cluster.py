@@ -65,11 +65,13 @@ def test_shards_replace_the_steps_of_samples(project):
 
 
 @pytest.mark.parametrize(("accelerator", "gpus"), [("auto", "0"), ("gpu", "1")])
-def test_trainings_ask_for_a_gpu_where_the_config_does(project, tmp_path, accelerator, gpus):
+def test_what_uses_a_gpu_asks_for_one_where_the_config_does(project, tmp_path, accelerator, gpus):
     config = yaml.safe_load((ROOT / TINY).read_text())
-    config["gcvae"]["trainer"] = {"accelerator": accelerator}
+    for model in ("gcvae", "garment4d"):
+        config[model]["trainer"] = {"accelerator": accelerator}
     (tmp_path / "mine.yaml").write_text(json.dumps(config))
     jobs = planned_jobs(project, "all", "--configfile", str(tmp_path / "mine.yaml"))
     asked = {rule: resources.get("gpu") for rule, resources in jobs}
-    assert asked["train_svae"] == asked["train_dvae"] == gpus
+    for rule in ("train_svae", "train_dvae", "train_garment4d_posed", "evaluate_garment4d"):
+        assert asked[rule] == gpus, rule
     assert asked["evaluate_static"] is None

@@ -287,6 +287,7 @@ rule evaluate_garment4d:
     resources:
         mem_mb=memory(1200 + 20 * MOVING_SIZE),
         runtime=minutes(400 * MOVING_SIZE),
+        gpu=min(gpus("garment4d"), 1),
     params:
         posed=posed_variants_of,
         splits=EVALUATED_SPLITS,
