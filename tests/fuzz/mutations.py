@@ -480,7 +480,7 @@ def _change_entry(content: Any, rng: Rng) -> None:
         return
     kind = rng.integers(6)
     if isinstance(place, torch.Tensor) and kind <= 3 and place.numel():
-        other = place.clone()
+        other = place.clone(memory_format=torch.contiguous_format)
         if kind == 0:
             holder[key] = other[None]
         elif kind == 1 and other.is_floating_point():
