@@ -203,6 +203,33 @@ class Declared:
                 raise HeaderError(f"names number {wrong}, expected 0 to {most - 1}")
 
 
+def check_arrays(arrays: Mapping[str, np.ndarray], table: Mapping[str, str], **sizes: int) -> None:
+    """Compare arrays that are in memory, as those of a checkpoint, with a table of declarations.
+
+    Args:
+        arrays: by name.
+        table: name -> its declaration, see `Declared`.
+        sizes: of axes that are known.
+
+    Raises:
+        HeaderError: an array is missing, unknown, or not as declared.
+    """
+    if arrays.keys() != table.keys():
+        odd = sorted(arrays.keys() ^ table.keys())[0]
+        raise HeaderError(f"'{odd}' is {'unknown' if odd in arrays else 'missing'}")
+    declared = Declared(sizes)
+    for check in ("header", "values"):
+        for key, array in arrays.items():
+            try:
+                if check == "header":
+                    header = Header(array.dtype, array.shape, fortran=False, size=0)
+                    declared.check_header(table[key], header)
+                else:
+                    declared.check_values(table[key], array)
+            except HeaderError as error:
+                raise HeaderError(f"'{key}' {error}") from error
+
+
 def _check_text(array: np.ndarray) -> None:
     if not array.dtype.itemsize:
         return

@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 
-from drapeline.npy import Declared, Header, HeaderError, read_array, read_header
+from drapeline.npy import Declared, Header, HeaderError, check_arrays, read_array, read_header
 
 
 def written(array, *, version=None):
@@ -141,3 +141,34 @@ def test_values_that_are_none_are_refused(form, array, message):
 
 def test_values_may_be_nan_where_declared():
     Declared({}).check_values("float|nan n", np.array([np.nan, np.inf]))
+
+
+MESH = {"points": "float v 3", "faces": "int<v * 3"}
+TRIANGLE = {"points": np.zeros((3, 3), np.float32), "faces": np.array([[0, 1, 2]])}
+
+
+def test_arrays_in_memory_that_fit_their_table_pass():
+    check_arrays(TRIANGLE, MESH)
+    check_arrays(TRIANGLE, MESH, v=3)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"faces": np.array([[0, 1, 3]])}, "'faces' names number 3, expected 0 to 2"),
+        ({"faces": np.array([[0.0, 1.0, 2.0]])}, "'faces' "),
+        ({"points": np.full((3, 3), np.nan)}, "'points' "),
+        ({"points": np.zeros((3, 2))}, "'points' "),
+        ({"normals": np.zeros((3, 3))}, "'normals' is unknown"),
+    ],
+)
+def test_arrays_in_memory_that_do_not_fit_are_named(changed, message):
+    with pytest.raises(HeaderError, match=message):
+        check_arrays(TRIANGLE | changed, MESH)
+    with pytest.raises(HeaderError, match="'faces' is missing"):
+        check_arrays({"points": TRIANGLE["points"]}, MESH)
+
+
+def test_sizes_that_are_known_count():
+    with pytest.raises(HeaderError, match="'points' "):
+        check_arrays(TRIANGLE, MESH, v=4)

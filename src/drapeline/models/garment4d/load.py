@@ -10,7 +10,8 @@ from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.stage import Stage
 from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
 from drapeline.models.training.module import BEST
-from drapeline.registration.to_template.garment_space import GarmentSpace
+from drapeline.npy import check_arrays
+from drapeline.registration.to_template.garment_space import SPACE_ARRAYS, GarmentSpace
 
 _STAGES: dict[str, type[Stage]] = {
     cls.checkpoint_type: cls for cls in (CanonicalStage, PointNetStage, PosedStage, MgnStage)
@@ -46,7 +47,8 @@ def _build(about: Mapping[str, Any]) -> Stage:
     settings = cls.parse(about["settings"])
     if "canonical" in about:
         return cls(settings, _build(about["canonical"]))
-    space = GarmentSpace(**{key: value.numpy() for key, value in about["space"].items()})
-    stage = cls(settings, space, about["label"])
+    arrays = {key: value.numpy() for key, value in about["space"].items()}
+    check_arrays(arrays, SPACE_ARRAYS)
+    stage = cls(settings, GarmentSpace(**arrays), about["label"])
     stage.out_of_fold_alpha = about.get("out_of_fold_alpha", {})
     return stage

@@ -11,6 +11,7 @@ from drapeline.bodies.rest_body import SHAPES
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.layers.precision import full_precision
+from drapeline.npy import HeaderError, check_arrays
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 
 # cvar_s: shape, gender (0 female, 1 male), signed tightness.
@@ -67,8 +68,13 @@ class BodyTemplate:
 
     @classmethod
     def from_tensors(cls, tensors: Mapping[str, torch.Tensor]) -> "BodyTemplate":
-        """The inverse of `tensors`."""
+        """The inverse of `tensors`.
+
+        Raises:
+            HeaderError: an array is missing or not as it has to be; names it.
+        """
         flat = {key: value.cpu().numpy() for key, value in tensors.items()}
+        _check(flat)
 
         def levels(key: str, name: str) -> list[np.ndarray]:
             count = sum(k.startswith(f"{key}/{name}/") for k in flat)
@@ -83,6 +89,29 @@ class BodyTemplate:
 
 
 _BY_TOPOLOGY = ("edges", "parents", "faces")
+_STATISTICS = {
+    **dict.fromkeys(("offset_mean", "offset_std", "base_mean", "base_std"), "float v 3"),
+    **dict.fromkeys(("body_mean", "body_std"), "float v 3"),
+    "body_basis": f"float {2 * (SHAPES + 1)} v 3",
+    **dict.fromkeys(("cvar_mean", "cvar_std"), "float c"),
+}
+
+
+def _check(flat: Mapping[str, np.ndarray]) -> None:
+    """Nodes are named by indices, so graphs cannot be built of what does not fit together."""
+    table, sizes = dict(_STATISTICS), {}
+    for name in TOPOLOGIES:
+        count = sum(key.startswith(f"edges/{name}/") for key in flat)
+        nodes = ["v", *(f"{name}{level}" for level in range(1, count))]
+        table[f"faces/{name}"] = "int<v * 3"
+        table |= {f"edges/{name}/{k}": f"int<{nodes[k]} * 2" for k in range(count)}
+        table |= {f"parents/{name}/{k}": f"int<{nodes[k + 1]} {nodes[k]}" for k in range(count - 1)}
+        last = flat.get(f"parents/{name}/{count - 2}")
+        if last is None or not last.size:
+            raise HeaderError(f"'parents/{name}' has no level below the last")
+        # Every node of the last level has children, which are no fewer.
+        sizes[nodes[-1]] = min(int(last.max()) + 1, len(last))
+    check_arrays(flat, table, **sizes)
 
 
 @full_precision

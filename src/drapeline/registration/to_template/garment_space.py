@@ -11,7 +11,8 @@ from drapeline.storage import load_npz, save_npz
 # A coordinate that hardly varies would blow up its noise to the size of a sleeve's length.
 _SCALE_FLOOR_M = 0.002
 _RANK = 1e-6  # deviation of a direction, in the first one's, that is rounding alone
-_ARRAYS = {
+# Declarations of its arrays, see `npy.Declared`.
+SPACE_ARRAYS = {
     "faces": "int<n * 3",
     "mean": "float n 3",
     "components": "float d n 3",
@@ -56,7 +57,7 @@ class GarmentSpace:
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`."""
-        save_npz(path, **{name: getattr(self, name) for name in _ARRAYS})
+        save_npz(path, **{name: getattr(self, name) for name in SPACE_ARRAYS})
 
 
 def load_space(path: str | Path) -> GarmentSpace:
@@ -65,7 +66,7 @@ def load_space(path: str | Path) -> GarmentSpace:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    return GarmentSpace(**load_npz(path, _ARRAYS))
+    return GarmentSpace(**load_npz(path, SPACE_ARRAYS))
 
 
 def fit_space(canonical: np.ndarray, components: int, faces: np.ndarray) -> GarmentSpace:

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
@@ -30,3 +30,13 @@ def test_networks_of_other_types_and_missing_ones_are_refused(trained_canonical,
         load_stage(trained_canonical, PosedStage, MgnStage)
     with pytest.raises(InputError, match="no such file"):
         load_stage(tmp_path, PosedStage)
+
+
+def test_a_template_whose_faces_name_vertices_that_are_not_there_is_refused(
+    trained_canonical, tmp_path
+):
+    saved = torch.load(trained_canonical / "best.ckpt", weights_only=True)
+    saved["drapeline"]["space"]["faces"][0, 0] = 100_000
+    torch.save(saved, tmp_path / "best.ckpt")
+    with pytest.raises(DamagedFile, match=r"best\.ckpt: .*'faces' names number 100000"):
+        load_stage(tmp_path, CanonicalStage)

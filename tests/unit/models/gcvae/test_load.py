@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from drapeline.errors import InputError
+from drapeline.errors import DamagedFile, InputError
 from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings, StaticPpca
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
@@ -41,3 +41,14 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
     torch.save({"state_dict": {}, "drapeline": about}, tmp_path / "best.ckpt")
     with pytest.raises(InputError, match=r"best\.ckpt: holds a 'conditioning' network, expected"):
         load_codec(tmp_path / "best.ckpt")
+
+
+@pytest.mark.parametrize("name", ["parents/body/0", "edges/body/1", "faces/skirt"])
+def test_a_checkpoint_whose_graphs_name_nodes_that_are_not_there_is_refused(tmp_path, name):
+    save_model(tmp_path / "model", StaticPpca(PpcaSettings(latent=5), toy_template()))
+    path = tmp_path / "model/best.ckpt"
+    saved = torch.load(path, weights_only=True)
+    saved["drapeline"]["body_template"][name].view(-1)[0] = 2_000_000_000
+    torch.save(saved, path)
+    with pytest.raises(DamagedFile, match=rf"best\.ckpt: .*'{name}' names number 2000000000"):
+        load_codec(path)
