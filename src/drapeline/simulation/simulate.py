@@ -31,7 +31,7 @@ from drapeline.simulation.health import (
     watch,
 )
 from drapeline.simulation.solver import ClothGarment, ClothSolver
-from drapeline.simulation.transitions import body_frames, start_position
+from drapeline.simulation.transitions import body_frames, place_at_start
 from drapeline.storage import atomic_folder, save_npz, write_json
 
 LOGGER = logging.getLogger("drapeline")
@@ -195,8 +195,12 @@ def _simulate(
     write_point_cache(folder / "body.pc2", bodies)
     with PointCache(folder / "body.pc2") as cache:
         body = MovingBody(cache, dressed.faces, dressed.body.segmentation)
-        base = start_position(motion, attempt.pose_frames).astype(np.float32)
-        garments = [_cloth_garment(g, base, body, attempt.gap_m) for g in outfit.garments]
+        garments = [
+            _cloth_garment(
+                g, place_at_start(g.vertices, motion, attempt.pose_frames), body, attempt.gap_m
+            )
+            for g in outfit.garments
+        ]
         collider = make_collider(body, [g.vertices for g in garments], attempt.collider_share)
         cloths = solver.simulate(garments, collider, attempt, scratch)
         number = -attempt.lead_frames
@@ -222,10 +226,9 @@ def _fabric(garment: Garment) -> Fabric:
 
 
 def _cloth_garment(
-    garment: Garment, base: np.ndarray, body: MovingBody, gap_m: float
+    garment: Garment, vertices: np.ndarray, body: MovingBody, gap_m: float
 ) -> ClothGarment:
-    """A garment in frame 0, where the root joint is at `base` (3,)."""
-    vertices = garment.vertices + base
+    """A garment in frame 0, where its vertices are (V, 3)."""
     return ClothGarment(
         name=garment.name,
         vertices=vertices,

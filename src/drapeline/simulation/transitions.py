@@ -14,33 +14,35 @@ _CHUNK = 32
 
 
 def transition_poses(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
-    """Poses (count, 72) from the rest pose towards a sequence's first frame (CLOTH3D 3.3).
+    """Poses (count + 1, 72) from the rest pose towards a sequence's first frame (CLOTH3D 3.3).
 
     Joints turn by quaternion interpolation, starting at rest. What they turn to runs into the
-    first frame at the sequence's own speed, so that the cloth is not kicked when it starts.
+    first frame at the sequence's own speed, so that the cloth is not kicked when it starts. The
+    root joint has its direction from the beginning: a body that lies down or turns round in less
+    than a second would fling what it wears.
 
     Args:
         first, second: (72,) the first two poses of the sequence, axis-angle in radians.
-        count: frames; the rest pose is the frame before, `first` the frame after.
+        count: frames between the rest pose, which comes first, and `first`, which comes next.
     """
-    steps = np.arange(1, count + 1)
-    share = _smoothstep(steps / (count + 1))
-    lead = _lead(count + 1 - steps)
+    share = _smoothstep(np.arange(count + 1) / (count + 1))
+    lead = _lead(count + 1 - np.arange(count + 1))
     rest, start, follow = (
         Rotation.from_rotvec(np.array(pose).reshape(24, 3)) for pose in (REST_POSE, first, second)
     )
     turn = (start.inv() * follow).as_rotvec()  # (24, 3) per frame
-    poses = np.zeros((count, 24, 3))
-    for row in range(count):
+    poses = np.zeros((count + 1, 24, 3))
+    for row in range(count + 1):
         target = start * Rotation.from_rotvec(-lead[row] * turn)
         way = (rest.inv() * target).as_rotvec()
         poses[row] = (rest * Rotation.from_rotvec(share[row] * way)).as_rotvec()
-    return poses.reshape(count, 72)
+        poses[row, 0] = target[0].as_rotvec()
+    return poses.reshape(count + 1, 72)
 
 
 def transition_path(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
-    """Root positions (count, 3) that come to `first` (3,) at the sequence's speed."""
-    return first - _lead(count + 1 - np.arange(1, count + 1))[:, None] * (second - first)
+    """Root positions (count + 1, 3) that come to `first` (3,) at the sequence's speed."""
+    return first - _lead(count + 1 - np.arange(count + 1))[:, None] * (second - first)
 
 
 def _smoothstep(u: np.ndarray) -> np.ndarray:
@@ -68,19 +70,15 @@ def body_frames(
     Args:
         garment_shape: (10,) shape plus tightness.
     """
-    trans = np.asarray(record.trans, dtype=np.float64)
-    follow = min(1, len(trans) - 1)
-    path = transition_path(trans[0], trans[follow], pose_frames)
-    base = transition_path(trans[0], trans[follow], pose_frames + 1)[0]
+    poses, path = _transition(record, pose_frames)
     rest = [
-        posed_vertices(body, shape, REST_POSE[None].copy())[0][0]
+        posed_vertices(body, shape, poses[:1], path[:1])[0][0]
         for shape in (garment_shape, record.shape)
     ]
     for step in range(shape_frames + 1):
-        share = float(_smoothstep(np.float64(step / shape_frames)))
-        yield ((1 - share) * rest[0] + share * rest[1] + base).astype(np.float32)
-    poses = transition_poses(record.poses[0], record.poses[follow], pose_frames)
-    moving = posed_vertices(body, record.shape, poses, path)[0]
+        share = _smoothstep(np.float32(step / shape_frames))
+        yield (1 - share) * rest[0] + share * rest[1]
+    moving = posed_vertices(body, record.shape, poses[1:], path[1:])[0]
     # Self-collision corrections of the first frame come in gradually.
     fixed = record.fix_frame == 0
     share = _smoothstep(np.arange(1, pose_frames + 1) / (pose_frames + 1))
@@ -93,8 +91,15 @@ def body_frames(
         yield from body_sequence_vertices(body, record, world=True, frames=part)
 
 
-def start_position(record: BodySequence, pose_frames: int) -> np.ndarray:
-    """Where the root joint is in frame 0, world (3,) metres."""
+def place_at_start(points: np.ndarray, record: BodySequence, pose_frames: int) -> np.ndarray:
+    """Where points (P, 3) that belong to the body at rest, root-relative, are in frame 0."""
+    poses, path = _transition(record, pose_frames)
+    root, rest = (Rotation.from_rotvec(np.array(pose[:3])) for pose in (poses[0], REST_POSE))
+    return ((root * rest.inv()).apply(points) + path[0]).astype(np.float32)
+
+
+def _transition(record: BodySequence, count: int) -> tuple[np.ndarray, np.ndarray]:
     trans = np.asarray(record.trans, dtype=np.float64)
     follow = min(1, len(trans) - 1)
-    return transition_path(trans[0], trans[follow], pose_frames + 1)[0]
+    poses = transition_poses(record.poses[0], record.poses[follow], count)
+    return poses, transition_path(trans[0], trans[follow], count)

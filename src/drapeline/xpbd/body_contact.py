@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.contact import RELEASED_M, STICKING_M, held_slip
+from drapeline.xpbd.contact import RELEASED_M, SHARE_OF_ROOM, STICKING_M, held_slip
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
@@ -225,10 +225,9 @@ def touch_body(
     o = before[i]
     there = from_place[i] + way * clock[0] + carry[0]
     height = wp.dot(p - here, normal)
-    # Between two parts of the body that nearly touch, cloth keeps to the middle.
     free = room[i][0] + (room[i][1] - room[i][0]) * clock[1]
-    least = wp.min(gap, 0.5 * free)
-    most = wp.max(free - gap, 0.5 * free)
+    least = wp.min(gap, SHARE_OF_ROOM * free)
+    most = wp.max(free - 2.0 * gap, 0.5 * free)
     depth = least - height
     over = height - most
     if over > 0.0:

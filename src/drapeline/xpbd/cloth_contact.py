@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from drapeline.xpbd.contact import RELEASED_M, held_slip
+from drapeline.xpbd.contact import RELEASED_M, held_slip, narrowed
 
 wp.set_module_options({"enable_backward": False})
 
@@ -108,6 +108,7 @@ def touch_cloth(
     triangles: wp.array(dtype=wp.vec3i),
     layers: wp.array(dtype=int),
     inverse_mass: wp.array(dtype=float),
+    room: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
     friction: float,
@@ -132,6 +133,7 @@ def touch_cloth(
         gap = own_gap
         if layers[i] != layers[c[0]]:
             gap = layer_gap
+        gap = narrowed(gap, room[i])
         if (height < 0.0 or height * height < gap * gap * square) and square > 1.0e-18:
             bb = wp.dot(ab, ab)
             cc = wp.dot(ac, ac)

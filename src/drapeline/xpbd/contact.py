@@ -5,6 +5,9 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 RELEASED_M = wp.constant(3.0e-4)  # of old depth that a step takes away
+# Where the body faces itself, in a crease or beneath an arm, there are two sheets of cloth. They
+# divide the room between them and the body, rather than press each other into it.
+SHARE_OF_ROOM = wp.constant(1.0 / 3.0)
 STICKING_M = wp.constant(2.0e-5)  # of slip per step that friction of the body always holds
 
 
@@ -16,3 +19,14 @@ def held_slip(slip: wp.vec3, up: wp.vec3, most: float):
     if length > most:
         along = along * (most / length)
     return along
+
+
+@wp.func
+def narrowed(gap: float, room: wp.vec2):
+    """What is left of a gap between sheets of cloth where the body faces itself.
+
+    Args:
+        gap: metres.
+        room: from the body to itself, at both ends of the frame.
+    """
+    return wp.min(gap, SHARE_OF_ROOM * wp.min(room[0], room[1]))

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.mesh import face_edges
-from drapeline.xpbd.contact import RELEASED_M
+from drapeline.xpbd.contact import RELEASED_M, narrowed
 
 wp.set_module_options({"enable_backward": False})
 
@@ -92,6 +92,7 @@ def touch_edges(
     edges: wp.array(dtype=wp.vec2i),
     layers: wp.array(dtype=int),
     inverse_mass: wp.array(dtype=float),
+    room: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
     before: wp.array(dtype=wp.vec3),
@@ -117,6 +118,7 @@ def touch_edges(
         gap = own_gap
         if layers[i] != layers[a]:
             gap = layer_gap
+        gap = narrowed(gap, room[i])
         normal = wp.cross(d, e)
         square = wp.length_sq(normal)
         height = wp.dot(p - q, normal) * side

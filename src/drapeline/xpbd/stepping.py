@@ -57,7 +57,7 @@ class Numbers:
     reach_m: float = 0.03
     home_reach_m: float = 0.012
     room_m: float = 0.04
-    slack_m: float = 0.006
+    slack_m: float = 0.002
     margin_m: float = 0.012
     self_gap_m: float = 0.005
     free_m: float = 0.028
@@ -167,13 +167,16 @@ class MovingCloth:
                 touch_cloth,
                 len(self._place),
                 [self._near.count, self._near.near, triangles, layers, mass],
-                [numbers.self_gap_m, self._gap_m, numbers.cloth_friction, *state],
+                [
+                    *(surface.room, numbers.self_gap_m, self._gap_m, numbers.cloth_friction),
+                    *state,
+                ],
             ),
             _launch(
                 touch_edges,
                 len(pairs),
                 [self._near_edges.count, self._near_edges.pairs, pairs, layers, mass],
-                [numbers.self_gap_m, self._gap_m, *state],
+                [surface.room, numbers.self_gap_m, self._gap_m, *state],
             ),
             _launch(
                 touch_body,

@@ -9,7 +9,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
 from drapeline.simulation.transitions import (
     body_frames,
-    start_position,
+    place_at_start,
     transition_path,
     transition_poses,
 )
@@ -23,13 +23,14 @@ def test_transition_of_a_still_pose_turns_every_joint_straight_there():
     first = np.array(REST_POSE)
     first[3 * 16 : 3 * 17] = [0, 0, -1.2]
     poses = transition_poses(first, first, 9)
-    angle = poses.reshape(9, 24, 3)[:, 16, 2]
+    np.testing.assert_allclose(poses[0], REST_POSE, atol=1e-12)
+    angle = poses.reshape(10, 24, 3)[:, 16, 2]
     assert np.all(np.diff(angle) < 0)
-    assert angle[4] == pytest.approx(-0.6)  # half-way in the middle
-    others = np.delete(poses.reshape(9, 24, 3), 16, axis=1)
+    assert angle[5] == pytest.approx(-0.6)  # half-way in the middle
+    others = np.delete(poses.reshape(10, 24, 3), 16, axis=1)
     np.testing.assert_allclose(
         others,
-        np.broadcast_to(np.delete(REST_POSE.reshape(24, 3), 16, axis=0), (9, 23, 3)),
+        np.broadcast_to(np.delete(REST_POSE.reshape(24, 3), 16, axis=0), (10, 23, 3)),
         atol=1e-12,
     )
 
@@ -44,8 +45,18 @@ def test_transition_meets_the_sequence_at_its_speed():
     assert np.linalg.norm(last - own) < 0.35 * np.linalg.norm(own)
 
 
+def test_a_body_that_stands_on_its_head_does_so_from_the_beginning():
+    first = np.array(REST_POSE)
+    first[:3] = (Rotation.from_rotvec([0, np.pi, 0]) * Rotation.from_rotvec(first[:3])).as_rotvec()
+    poses = transition_poses(first, first, 20)
+    root = turns(poses).as_matrix().reshape(21, 24, 3, 3)[:, 0]
+    np.testing.assert_allclose(root @ [0, 1, 0], np.tile([0, 0, -1], (21, 1)), atol=1e-12)
+    np.testing.assert_allclose(poses[:, 3:], np.tile(REST_POSE[3:], (21, 1)), atol=1e-12)
+
+
 def test_path_ends_at_speed_and_starts_at_rest():
     path = transition_path(np.array([1.0, 0, 0.9]), np.array([1.1, 0, 0.9]), 40)
+    assert len(path) == 41
     steps = np.diff(path[:, 0])
     assert steps[0] == pytest.approx(0, abs=1e-4)
     assert steps[-1] == pytest.approx(0.1, rel=0.4)
@@ -64,12 +75,24 @@ def test_frames_go_from_the_garments_shape_to_the_sequence(toy_body, record):
     wide = np.array([1.0, -1.0, *np.zeros(8)])
     frames = list(body_frames(toy_body, record, wide, shape_frames=3, pose_frames=4))
     assert len(frames) == 3 + 1 + 4 + 5
-    base = start_position(record, 4)
     for index, shape in ((0, wide), (3, record.shape)):
         rest = posed_vertices(toy_body, shape, REST_POSE[None].copy())[0][0]
-        np.testing.assert_allclose(frames[index], rest + base, atol=1e-5)
+        np.testing.assert_allclose(frames[index], place_at_start(rest, record, 4), atol=1e-5)
     own = posed_vertices(toy_body, record.shape, record.poses, record.trans)[0]
     np.testing.assert_allclose(np.stack(frames[-5:]), own, atol=1e-5)
+
+
+def test_garments_begin_on_the_body_however_it_is_turned(toy_body, record):
+    poses = record.poses.copy()
+    turn = Rotation.from_rotvec([0.4, -1.1, 2.0])
+    poses[:, :3] = (turn * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
+    turned = replace(record, poses=poses)
+    start = next(body_frames(toy_body, turned, record.shape, shape_frames=3, pose_frames=4))
+    rest = posed_vertices(toy_body, record.shape, REST_POSE[None].copy())[0][0]
+    np.testing.assert_allclose(place_at_start(rest, turned, 4), start, atol=1e-5)
+    upright = place_at_start(rest, record, 4)
+    middle = transition_path(record.trans[0], record.trans[1], 4)[0]
+    np.testing.assert_allclose(start, turn.apply(upright - middle) + middle, atol=1e-5)
 
 
 def test_corrections_of_the_first_frame_come_in_gradually(toy_body, record):

@@ -72,23 +72,46 @@ def test_how_far_the_body_faces_itself(anchors):
     assert anchors.room.min() > 1
 
 
-@pytest.mark.parametrize("start", [0.001, 0.0025, 0.005])
-def test_cloth_between_two_parts_of_the_body_keeps_to_the_middle(start):
+def vectors(*rows):
+    return wp.array(np.float32(rows), dtype=wp.vec3, device="cpu")
+
+
+@pytest.fixture
+def between():
+    """Heights of vertices between a floor at 0 and a ceiling that leaves this room above it."""
     start_warp()
 
-    def vectors(*rows):
-        return wp.array(np.float32(rows), dtype=wp.vec3, device="cpu")
+    def touch(heights, room_m, steps=20):
+        place = vectors(*([0, 0, height] for height in heights))
+        before = wp.clone(place)
+        count = len(heights)
+        up, still = vectors(*[[0, 0, 1]] * count), vectors(*[[0, 0, 0]] * count)
+        anchor = wp.zeros(count, dtype=int, device="cpu")
+        room = wp.array(np.full((count, 2), room_m, np.float32), dtype=wp.vec2, device="cpu")
+        clock = wp.zeros(2, dtype=float, device="cpu")
+        friction = wp.zeros(1, dtype=float, device="cpu")
+        inputs = [anchor, still, still, up, up, room, clock, still, 0.004, friction]
+        for _ in range(steps):
+            wp.launch(touch_body, count, inputs=inputs, outputs=[before, place], device="cpu")
+        np.testing.assert_allclose(place.numpy(), before.numpy(), atol=1e-6)  # without speed
+        return place.numpy()[:, 2]
 
-    place, before = vectors([0, 0, start]), vectors([0, 0, start])
-    up, still = vectors([0, 0, 1]), vectors([0, 0, 0])
-    anchor = wp.zeros(1, dtype=int, device="cpu")
-    room = wp.array(np.float32([[0.004, 0.004]]), dtype=wp.vec2, device="cpu")
-    clock = wp.zeros(2, dtype=float, device="cpu")
-    friction = wp.zeros(1, dtype=float, device="cpu")
-    surface = [anchor, still, still, up, up, room, clock, still]
-    for _ in range(10):
-        wp.launch(
-            touch_body, 1, inputs=[*surface, 0.004, friction], outputs=[before, place], device="cpu"
-        )
-    np.testing.assert_allclose(place.numpy(), [[0, 0, 0.002]], atol=1e-6)
-    np.testing.assert_allclose(before.numpy(), [[0, 0, 0.002]], atol=1e-6)  # without speed
+    return touch
+
+
+@pytest.mark.parametrize(
+    ("room_m", "least", "most"),
+    [
+        (0.006, 0.002, 0.003),  # a third for each of two sheets and for what is between them
+        (0.012, 0.004, 0.006),
+        (0.02, 0.004, 0.012),  # the gap, and room for another sheet
+    ],
+)
+def test_cloth_leaves_room_for_a_sheet_on_the_other_side(between, room_m, least, most):
+    heights = between([-0.001, 0.0, 0.5 * (least + most), room_m, room_m + 0.001], room_m, 60)
+    middle = 0.5 * (least + most)
+    np.testing.assert_allclose(heights, [least, least, middle, most, most], atol=1e-6)
+
+
+def test_where_nothing_faces_it_cloth_keeps_the_gap_alone(between):
+    np.testing.assert_allclose(between([0.001, 0.03], 1000.0), [0.004, 0.03], atol=1e-6)
