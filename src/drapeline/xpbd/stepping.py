@@ -13,7 +13,7 @@ from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
 from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
-from drapeline.xpbd.crossings import Crossings
+from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
 from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
@@ -47,6 +47,7 @@ class Numbers:
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
+        untangle_m: how far cloth that passes through cloth is moved in a small step, at most.
         pin_pull: share of the way to where it is held that a pin goes in a small step.
     """
 
@@ -69,6 +70,7 @@ class Numbers:
     friction: float = 0.4
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
+    untangle_m: float = 5.0e-4
     pin_pull: float = 0.3
 
 
@@ -114,6 +116,8 @@ class MovingCloth:
         pulls = _numbers(np.zeros(len(ends)))
         springs = [ends, self._compliances(system.springs, 1)]
         self._measure = _launch(measure_strain, len(ends), [*springs, self._place], [self._strain])
+        opposite = opposite_vertices(system.edges, system.triangles)
+        opposite = wp.array(opposite, dtype=wp.vec2i, device=_DEVICE)
         state = [self._before, self._place]
         self._turn_hinges = _launch(
             turn_hinges,
@@ -177,6 +181,12 @@ class MovingCloth:
                 len(pairs),
                 [self._near_edges.count, self._near_edges.pairs, pairs, layers, mass],
                 [surface.room, numbers.self_gap_m, self._gap_m, *state],
+            ),
+            _launch(
+                untangle,
+                len(pairs),
+                [self._crossings.count, self._crossings.crossed, pairs, opposite, triangles, mass],
+                [numbers.untangle_m, *state],
             ),
             _launch(
                 touch_body,

@@ -5,7 +5,7 @@ import warp as wp
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.crossings import Crossings
+from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles
 from sheet_toys import sheet
 
@@ -72,3 +72,53 @@ def test_a_quads_diagonal_is_none_of_its_edges():
     sides = edges_of_triangles(pairs, triangulate(quads))
     assert ((sides < 0).sum(axis=1) == 1).all()
     assert set(sides[sides >= 0].tolist()) == set(range(len(pairs)))
+
+
+def test_corners_opposite_to_edges():
+    triangles = np.array([[0, 1, 2], [2, 1, 3]])
+    pairs = np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]])
+    np.testing.assert_array_equal(
+        opposite_vertices(pairs, triangles), [[2, -1], [1, -1], [0, 3], [2, -1], [1, -1]]
+    )
+    # Without the diagonal of a quad the others keep theirs.
+    np.testing.assert_array_equal(
+        opposite_vertices(np.delete(pairs, 2, axis=0), triangles),
+        [[2, -1], [1, -1], [2, -1], [1, -1]],
+    )
+
+
+def test_a_bowl_leaves_the_sheet_that_it_pokes_through():
+    """As a whole nothing moves, and nothing gets speed."""
+    start_warp()
+    level = sheet(0.0, rows=9, edge_m=0.02)
+    bowl = sheet(0.0, rows=5, edge_m=0.02).vertices + [0.003, 0.004, 0.0]
+    bowl[:, 2] = 8 * (bowl[:, :2] ** 2).sum(axis=1) - 0.003
+    quads = np.concatenate([level.faces, sheet(0.0, rows=5).faces + 81])
+    points = np.concatenate([level.vertices, bowl]).astype(np.float32)
+    triangles, pairs = triangulate(quads).astype(np.int32), edges(quads).astype(np.int32)
+    inverse = np.repeat([1.0, 2.0], [81, 25]).astype(np.float32)
+    place = vectors(points)
+    before = wp.clone(place)
+    edge, face = vectors(pairs, wp.vec2i), vectors(triangles, wp.vec3i)
+    layers = vectors(np.repeat([0, 1], [81, 25]).astype(np.int32), int)
+    near = NearTriangles(wp.clone(place), face, layers, 2)
+    crossings = Crossings(edge, face)
+    opposite = vectors(opposite_vertices(pairs, triangles), wp.vec2i)
+    left = []
+    for _ in range(15):
+        near.find(place, margin_m=0.012, free_m=0.028)
+        crossings.find(place, near.count, near.near)
+        left.append(int(crossings.count.numpy().sum()))
+        wp.launch(
+            untangle,
+            len(pairs),
+            inputs=[crossings.count, crossings.crossed, edge, opposite, face],
+            outputs=[vectors(inverse, float), 5e-4, before, place],
+            device="cpu",
+        )
+    assert left[0] > 4
+    assert left[-1] == 0
+    moved = place.numpy() - points
+    np.testing.assert_allclose((moved / inverse[:, None]).sum(axis=0), 0, atol=1e-5)
+    assert moved[81:, 2].max() > 1e-3
+    np.testing.assert_allclose(before.numpy() - points, moved, atol=1e-6)
