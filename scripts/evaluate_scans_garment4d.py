@@ -21,7 +21,7 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     models = {model.garment: model for model in map(ReconstructionModel, given.models)}
-    scans = known_scans(given.scans, given.samples, bodies)
+    scans = known_scans(given.scans, params.samples, bodies)
     fitter = Garment4dScanFitter(models, FitTemplate(), params.seed)
     rows, found = compare_scan_fits(scans, fitter, split=params.split, seed=params.seed)
     write_metrics(made.metrics, rows)

@@ -23,7 +23,7 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     models = {f"{Path(path).name}_scan": load_codec(Path(path) / BEST) for path in given.models}
-    scans = known_scans(given.scans, given.samples, bodies)
+    scans = known_scans(given.scans, params.samples, bodies)
     fitter = CodeScanFitter(models, bodies, FitCode())
     rows, found = compare_scan_fits(scans, fitter, split=params.split, seed=params.seed)
     write_metrics(made.metrics, rows)

@@ -26,7 +26,7 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
     bodies = next(iter(models.values())).bodies
-    scans = known_scans(given.scans, given.samples, bodies)
+    scans = known_scans(given.scans, params.samples, bodies)
     fits = BodyFit(**params.body), FitScan(**params.fit), Meshing(**params.meshing)
     fitter = SmplicitScanFitter(models, *fits, params.seed)
     about = {"split": params.split, "seed": params.seed}

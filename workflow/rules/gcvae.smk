@@ -298,8 +298,8 @@ rule compare_gcvae:
 rule evaluate_scans_gcvae:
     input:
         **WHOLE_BODIES,
-        scans=expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES),
-        samples=expand(f"{RESULTS}/samples/{{sample}}", sample=SCANNED_SAMPLES),
+        scans=SCANS,
+        samples=SCANNED + SCANNED_SHARDS,
         models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/static_ppca"],
     output:
         metrics=f"{RESULTS}/metrics/scans_gcvae.tsv",
@@ -315,6 +315,7 @@ rule evaluate_scans_gcvae:
         mem_mb=4000,
         runtime=240,
     params:
+        samples=SCANNED + SCANNED_SHARD_FOLDERS,
         split=EVALUATED_SPLITS[0],
         seed=config["seed"],
         code=source_hash("evaluate_scans_gcvae"),

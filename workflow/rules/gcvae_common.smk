@@ -23,7 +23,7 @@ METRIC_TABLES["metrics"] += [
     *["dvae_unposed_4", DYNAMIC_PPCA],
 ]
 METRIC_TABLES["representations"] += ["representations_gcvae"]
-if SCANNED_SAMPLES:
+if SCANS:
     METRIC_TABLES["scans"] += ["scans_gcvae"]
 METRIC_TABLES["metrics_gcvae_ablations"] = [
     *[*GCVAE_BASELINES, *SVAE_VARIANTS, STATIC_PPCA],

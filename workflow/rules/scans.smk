@@ -1,3 +1,6 @@
+include: "scans_common.smk"
+
+
 SAMPLE_STEPS += [
     SampleStep(
         "scan_sample", f"{RESULTS}/scans/{{sample}}.npz", set(SCANNED_SAMPLES), False
@@ -31,3 +34,30 @@ rule scan_sample:
         code=source_hash("scan_sample"),
     script:
         "../../scripts/scan_sample.py"
+
+
+rule scan_learning:
+    # The same of samples of the learning group.
+    input:
+        **WHOLE_BODIES,
+        samples=SCANNED_SHARDS,
+    output:
+        f"{RESULTS}/scans/learning.npz",
+    log:
+        f"{LOGS}/scan_learning.log",
+    benchmark:
+        f"{BENCHMARKS}/scan_learning.tsv"
+    conda:
+        "../../envs/geometry.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=minutes(15 * len(SCANNED_LEARNING)),
+    params:
+        samples=SCANNED_SHARD_FOLDERS,
+        scans=lookup(dpath="scans/samples", within=config),
+        body=lookup(dpath="scans/body", within=config),
+        seed=config["seed"],
+        code=source_hash("scan_learning"),
+    script:
+        "../../scripts/scan_learning.py"

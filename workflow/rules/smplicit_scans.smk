@@ -1,7 +1,7 @@
 rule evaluate_scans_smplicit:
     input:
-        scans=expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES),
-        samples=expand(f"{RESULTS}/samples/{{sample}}", sample=SCANNED_SAMPLES),
+        scans=SCANS,
+        samples=SCANNED + SCANNED_SHARDS,
         models=expand(f"{SMPLICIT}/{{field}}", field=SMPLICIT_MODELS),
     output:
         metrics=f"{RESULTS}/metrics/scans_smplicit.tsv",
@@ -17,6 +17,7 @@ rule evaluate_scans_smplicit:
         mem_mb=4000,
         runtime=240,
     params:
+        samples=SCANNED + SCANNED_SHARD_FOLDERS,
         split=EVALUATED_SPLITS[0],
         body=lookup(dpath="scans/body", within=config),
         fit=lookup(dpath="smplicit/fit_scans", within=config),

@@ -86,6 +86,20 @@ def plan_learning(
     return shards
 
 
+def some_held_out(
+    shards: Mapping[str, Sequence[SamplePlan]], *, split: str, most: int
+) -> list[tuple[str, str]]:
+    """Shard and id of at most `most` samples of a split, evenly spread over it."""
+    held_out = [
+        (shard, plan.sample)
+        for shard, plans in shards.items()
+        for plan in plans
+        if plan.split == split
+    ]
+    count = min(most, len(held_out))
+    return [held_out[(2 * i + 1) * len(held_out) // (2 * count)] for i in range(count)]
+
+
 def _piece(
     seed: int,
     sample: str,

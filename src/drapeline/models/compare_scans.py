@@ -1,6 +1,7 @@
 """All models compared: garments fitted to the same segmented scans (SMPLicit 4.2 and table 2)."""
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,18 +51,17 @@ def known_scans(
 
     Args:
         scans: files of scans with fitted bodies, as `save_scans` wrote them.
-        samples: folders of the samples that they were taken of.
+        samples: folders of all samples that they were taken of, named by their ids.
         bodies: by gender.
 
     Raises:
         InputError: a file is missing or lacks an array.
     """
-    known = []
-    for path, folder in zip(scans, samples, strict=True):
-        taken = load_scans(path)
-        if taken:
-            with Sample(folder) as sample:
-                known += _known(taken, sample, bodies[sample.gender])
+    known, folders = [], {Path(folder).name: folder for folder in samples}
+    for path in scans:
+        for name, taken in groupby(load_scans(path), lambda pair: pair[0].name.rpartition("_")[0]):
+            with Sample(folders[name]) as sample:
+                known += _known(list(taken), sample, bodies[sample.gender])
     return known
 
 

@@ -5,7 +5,7 @@ from collections import Counter
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.experiment.learning_plan import plan_learning
+from drapeline.experiment.learning_plan import plan_learning, some_held_out
 from drapeline.outfits.garment_types import OUTFIT_TYPES
 
 CLIPS = {f"clip{k}": frames for k, frames in enumerate((150, 150, 150, 64, 46, 150, 91, 150))}
@@ -80,3 +80,14 @@ def test_a_plan_is_the_same_for_a_seed_and_samples_do_not_depend_on_how_many_the
     assert plan(3) == plan(3) != plan(4)
     few, many = (flat(plan(count=count))[:40] for count in (40, 160))
     assert [(p.start, p.speed) for p in few] == [(p.start, p.speed) for p in many]
+
+
+def test_some_held_out_samples_are_spread_over_their_split():
+    shards = plan()
+    held_out = [p.sample for plans in shards.values() for p in plans if p.split == "test"]
+    some = some_held_out(shards, split="test", most=3)
+    places = [held_out.index(sample) for _, sample in some]
+    assert places == [(2 * i + 1) * len(held_out) // 6 for i in range(3)]
+    assert all(sample in {p.sample for p in shards[shard]} for shard, sample in some)
+    assert len(some_held_out(shards, split="test", most=1000)) == len(held_out)
+    assert some_held_out({}, split="test", most=3) == []

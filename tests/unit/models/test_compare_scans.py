@@ -28,12 +28,19 @@ def bodies(toy_body):
 def known(tmp_path_factory, toy_body, bodies):
     """Two scans of a sample; the fitted body is the estimated one."""
     folder = tmp_path_factory.mktemp("scans")
-    sample = Sample(write_tiny_sample(folder, toy_body).folder)
-    scans = scan_sample(sample, toy_body, ScanSettings(points=500), 1)
+    return known_scans(*scanned(folder, toy_body, ["00001"]), bodies)
+
+
+def scanned(folder, body, names):
+    """A file without scans and one with two scans of each sample, and the samples' folders."""
+    folders = [write_tiny_sample(folder / name, body, name).folder for name in names]
+    scans = []
+    for path in folders:
+        with Sample(path) as sample:
+            scans += scan_sample(sample, body, ScanSettings(points=500), 1)
     save_scans(folder / "scans.npz", scans, [scan.estimate for scan in scans])
     save_scans(folder / "none.npz", [], [])
-    files = [folder / "none.npz", folder / "scans.npz"]
-    return known_scans(files, [folder / "rejected", sample.folder], bodies)
+    return [folder / "none.npz", folder / "scans.npz"], [folder / "rejected", *folders]
 
 
 class Raised:
@@ -51,6 +58,14 @@ class Raised:
             }
             for height in self._heights
         }
+
+
+def test_a_file_may_hold_scans_of_several_samples(tmp_path, toy_body, bodies):
+    files, folders = scanned(tmp_path, toy_body, ["00003", "L00002"])
+    several = known_scans(files, folders[::-1], bodies)
+    assert [(one.sample, one.scan.name) for one in several] == [
+        (name, f"{name}_{frame:03d}") for name in ("00003", "L00002") for frame in (1, 4)
+    ]
 
 
 def test_the_truth_is_that_of_the_frame(known):
