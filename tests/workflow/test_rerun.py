@@ -141,7 +141,7 @@ RERUN = {
     "models/smplicit/sheet.py": USE_SMPLICIT,
     "models/smplicit/fit_images.py": FIT_IMAGES | FIT_SCANS,
     "models/smplicit/fit_scans.py": FIT_SCANS,
-    "bodies/scan_fit.py": FIT_SCANS | {"scan_sample"},
+    "bodies/scan_fit.py": FIT_SCANS | {"scan_sample", "scan_learning"},
     "models/compare_scans.py": {
         *("evaluate_scans_gcvae", "evaluate_scans_garment4d", "evaluate_scans_smplicit"),
     },
