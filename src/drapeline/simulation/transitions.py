@@ -16,10 +16,10 @@ _CHUNK = 32
 def transition_poses(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
     """Poses (count + 1, 72) from the rest pose towards a sequence's first frame (CLOTH3D 3.3).
 
-    Joints turn by quaternion interpolation, starting at rest. What they turn to runs into the
-    first frame at the sequence's own speed, so that the cloth is not kicked when it starts. The
-    root joint has its direction from the beginning: a body that lies down or turns round in less
-    than a second would fling what it wears.
+    Joints turn by quaternion interpolation, starting at rest, and run into the first frame at the
+    sequence's own speed, so that the cloth is not kicked when it starts. The root joint has its
+    direction from the beginning: a body that lies down or turns round in less than a second would
+    fling what it wears.
 
     Args:
         first, second: (72,) the first two poses of the sequence, axis-angle in radians.
@@ -30,13 +30,14 @@ def transition_poses(first: np.ndarray, second: np.ndarray, count: int) -> np.nd
     rest, start, follow = (
         Rotation.from_rotvec(np.array(pose).reshape(24, 3)) for pose in (REST_POSE, first, second)
     )
+    way = (rest.inv() * start).as_rotvec()
     turn = (start.inv() * follow).as_rotvec()  # (24, 3) per frame
     poses = np.zeros((count + 1, 24, 3))
     for row in range(count + 1):
-        target = start * Rotation.from_rotvec(-lead[row] * turn)
-        way = (rest.inv() * target).as_rotvec()
-        poses[row] = (rest * Rotation.from_rotvec(share[row] * way)).as_rotvec()
-        poses[row, 0] = target[0].as_rotvec()
+        behind = -lead[row] * turn
+        path = rest * Rotation.from_rotvec(share[row] * way)
+        poses[row] = (path * Rotation.from_rotvec(share[row] * behind)).as_rotvec()
+        poses[row, 0] = (start[0] * Rotation.from_rotvec(behind[0])).as_rotvec()
     return poses.reshape(count + 1, 72)
 
 

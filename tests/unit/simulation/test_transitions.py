@@ -45,6 +45,17 @@ def test_transition_meets_the_sequence_at_its_speed():
     assert np.linalg.norm(last - own) < 0.35 * np.linalg.norm(own)
 
 
+@pytest.mark.parametrize("angle", [2.2, 2.3, 2.4])
+def test_a_joint_keeps_the_direction_in_which_it_turns(angle):
+    """The shortest way to where it was some frames before the sequence is the other one."""
+    first, second = np.array(REST_POSE), np.array(REST_POSE)
+    first[3 * 16 : 3 * 17] = [angle, 0, 0]
+    second[3 * 16 : 3 * 17] = [angle - 0.3, 0, 0]
+    shoulder = turns(transition_poses(first, second, 8)).as_matrix().reshape(9, 24, 3, 3)[:, 16]
+    steps = Rotation.from_matrix(shoulder[:-1].swapaxes(1, 2) @ shoulder[1:]).magnitude()
+    assert steps.max() < 0.8
+
+
 def test_a_body_that_stands_on_its_head_does_so_from_the_beginning():
     first = np.array(REST_POSE)
     first[:3] = (Rotation.from_rotvec([0, np.pi, 0]) * Rotation.from_rotvec(first[:3])).as_rotvec()
