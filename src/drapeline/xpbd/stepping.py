@@ -59,10 +59,10 @@ class Numbers:
     home_reach_m: float = 0.012
     room_m: float = 0.04
     slack_m: float = 0.002
-    margin_m: float = 0.012
-    self_gap_m: float = 0.005
+    margin_m: float = 0.014
+    self_gap_m: float = 0.007
     free_m: float = 0.028
-    edge_margin_m: float = 0.01
+    edge_margin_m: float = 0.012
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002
     sweeps: tuple[float, ...] = (1.0, 1.4)
