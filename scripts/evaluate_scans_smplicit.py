@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from drapeline.bodies.scan_fit import BodyFit
+from drapeline.dataset.shards import samples_of_shards
 from drapeline.metrics.fitted_scans import save_fitted_scans
 from drapeline.metrics.table import write_metrics
 from drapeline.models.compare_scans import (
@@ -26,7 +27,8 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
     bodies = next(iter(models.values())).bodies
-    scans = known_scans(given.scans, params.samples, bodies)
+    samples = [*given.samples, *samples_of_shards(given.learning)]
+    scans = known_scans(given.scans, samples, bodies)
     fits = BodyFit(**params.body), FitScan(**params.fit), Meshing(**params.meshing)
     fitter = SmplicitScanFitter(models, *fits, params.seed)
     about = {"split": params.split, "seed": params.seed}

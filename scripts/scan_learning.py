@@ -1,28 +1,25 @@
-"""Rule `scan_learning`: segmented scans of samples of the learning group, with bodies."""
+"""Rule `scan_learning`: segmented scans of learning samples, with the bodies that fit them."""
 
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.bodies.scan_fit import BodyFit
-from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import read_record
-from drapeline.dataset.scan_bodies import fit_scan_body
-from drapeline.dataset.segmented_scans import ScanSettings, save_scans, scan_sample
+from drapeline.dataset.scan_bodies import scan_samples
+from drapeline.dataset.segmented_scans import ScanSettings
+from drapeline.dataset.shards import samples_of_shards
 from drapeline.frames import GENDERS
-from drapeline.rule_log import progress, rule_log
+from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    given, params, scans, bodies = snakemake.input, snakemake.params, [], []
-    models = {gender: load_body(given[gender]) for gender in GENDERS}
-    settings, fit = ScanSettings(**params.scans), BodyFit(**params.body)
-    accepted = [folder for folder in params.samples if read_record(folder).accepted]
-    for folder in progress(accepted, total=len(accepted), label="samples"):
-        with Sample(folder) as sample:
-            model = models[sample.gender]
-            taken = scan_sample(sample, model, settings, params.seed)
-        scans += taken
-        bodies += [fit_scan_body(scan, model, fit, params.seed) for scan in taken]
-    save_scans(snakemake.output[0], scans, bodies)
+    given, params = snakemake.input, snakemake.params
+    scan_samples(
+        snakemake.output[0],
+        [path for path in samples_of_shards(given.samples) if path.name in params.samples],
+        {gender: load_body(given[gender]) for gender in GENDERS},
+        settings=ScanSettings(**params.scans),
+        fit=BodyFit(**params.body),
+        seed=params.seed,
+    )

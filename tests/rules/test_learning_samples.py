@@ -9,6 +9,7 @@ import pytest
 from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_meta, solver_name
+from drapeline.dataset.segmented_scans import load_scans
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.outfits.templates import build_templates
 from drapeline.simulation.attempts import SimulationSettings
@@ -103,6 +104,28 @@ def test_clouds_are_of_samples_that_wear_what_is_learned(shard, run_rule, tmp_pa
         },
     )
     assert [path.name for path in (tmp_path / "clouds").iterdir()] == ["L00001"]
+
+
+def test_some_of_a_shards_samples_are_scanned(shard, run_rule, tmp_path, baked_bodies):
+    for gender, body in baked_bodies.items():
+        save_body(tmp_path / f"{gender}.npz", body)
+    run_rule(
+        "scan_learning",
+        input={
+            "samples": [shard],
+            **{gender: tmp_path / f"{gender}.npz" for gender in baked_bodies},
+        },
+        output=[tmp_path / "scans.npz"],
+        params={
+            "samples": ["L00002"],
+            "scans": {"frames": 1, "points": 800},
+            "body": {"steps": 1, "joint_steps": 1, "points": 200},
+            "seed": 0,
+        },
+    )
+    ((scan, _),) = load_scans(tmp_path / "scans.npz")
+    assert scan.name.startswith("L00002_")
+    assert {*scan.garments} == {"Top", "Trousers"}
 
 
 def test_garments_are_registered_by_sample(shard, run_rule, tmp_path, baked_bodies):

@@ -46,7 +46,7 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
     sample, scans = scanned
     run_rule(
         "evaluate_scans_smplicit",
-        input={"scans": [scans], "samples": [sample], "models": [skirt]},
+        input={"scans": [scans], "samples": [sample], "learning": [], "models": [skirt]},
         output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown.npz"},
         params={
             "split": "test",

@@ -24,7 +24,7 @@ from drapeline.dataset.record import outfit_text, read_meta
 from drapeline.errors import InputError
 from drapeline.experiment.checks import refuse_contradictions, require_splits
 from drapeline.experiment.config import fill_settings
-from drapeline.experiment.learning_plan import plan_learning, some_held_out
+from drapeline.experiment.learning_plan import plan_learning
 from drapeline.experiment.resources import asked_mb, asked_minutes, cloth_factor
 from drapeline.experiment.samples import plan_samples
 from drapeline.experiment.shards import shard_samples

@@ -1,6 +1,6 @@
 METRIC_TABLES["metrics"] += METRIC_TABLES["representations"] + METRIC_TABLES["scans"]
 DEFAULT_TARGETS += [f"{RESULTS}/metrics.tsv", f"{RESULTS}/report/representations.html"]
-if SCANS:
+if SCAN_FILES:
     DEFAULT_TARGETS += [f"{RESULTS}/report/scans.html", f"{RESULTS}/report/scans.png"]
 
 
@@ -81,7 +81,7 @@ rule tabulate_scans:
 
 rule plot_scans:
     input:
-        scans=SCANS,
+        scans=SCAN_FILES,
         fits=[
             f"{RESULTS}/{table.removeprefix('scans_')}/fitted_scans.npz"
             for table in METRIC_TABLES["scans"]

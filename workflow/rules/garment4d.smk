@@ -329,8 +329,7 @@ rule compare_garment4d:
 rule evaluate_scans_garment4d:
     input:
         **WHOLE_BODIES,
-        scans=SCANS,
-        samples=SCANNED + SCANNED_SHARDS,
+        **KNOWN_SCANS,
         models=expand(f"{G4D}/{{garment}}/posed", garment=G4D_GARMENTS),
     output:
         metrics=f"{RESULTS}/metrics/scans_garment4d.tsv",
@@ -346,7 +345,6 @@ rule evaluate_scans_garment4d:
         mem_mb=4000,
         runtime=240,
     params:
-        samples=SCANNED + SCANNED_SHARD_FOLDERS,
         split=EVALUATED_SPLITS[0],
         seed=config["seed"],
         code=source_hash("evaluate_scans_garment4d"),

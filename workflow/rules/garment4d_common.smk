@@ -47,7 +47,7 @@ POSED_VARIANTS = posed_variants(config["garment4d"]["posed"])
 POSED_MODELS = {"default": ["posed"], "ablations": list(POSED_VARIANTS)}
 METRIC_TABLES["metrics"] += [f"garment4d_{garment}_default" for garment in G4D_GARMENTS]
 METRIC_TABLES["representations"] += ["representations_garment4d"]
-if SCANS:
+if SCAN_FILES:
     METRIC_TABLES["scans"] += ["scans_garment4d"]
 METRIC_TABLES["metrics_garment4d_ablations"] = [
     f"garment4d_{garment}_ablations" for garment in G4D_GARMENTS

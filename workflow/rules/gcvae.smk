@@ -298,8 +298,7 @@ rule compare_gcvae:
 rule evaluate_scans_gcvae:
     input:
         **WHOLE_BODIES,
-        scans=SCANS,
-        samples=SCANNED + SCANNED_SHARDS,
+        **KNOWN_SCANS,
         models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/static_ppca"],
     output:
         metrics=f"{RESULTS}/metrics/scans_gcvae.tsv",
@@ -315,7 +314,6 @@ rule evaluate_scans_gcvae:
         mem_mb=4000,
         runtime=240,
     params:
-        samples=SCANNED + SCANNED_SHARD_FOLDERS,
         split=EVALUATED_SPLITS[0],
         seed=config["seed"],
         code=source_hash("evaluate_scans_gcvae"),

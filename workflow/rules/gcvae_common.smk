@@ -23,7 +23,7 @@ METRIC_TABLES["metrics"] += [
     *["dvae_unposed_4", DYNAMIC_PPCA],
 ]
 METRIC_TABLES["representations"] += ["representations_gcvae"]
-if SCANS:
+if SCAN_FILES:
     METRIC_TABLES["scans"] += ["scans_gcvae"]
 METRIC_TABLES["metrics_gcvae_ablations"] = [
     *[*GCVAE_BASELINES, *SVAE_VARIANTS, STATIC_PPCA],

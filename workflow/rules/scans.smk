@@ -37,7 +37,7 @@ rule scan_sample:
 
 
 rule scan_learning:
-    # The same of samples of the learning group.
+    # Segmented scans of samples of the learning group, and the bodies that fit them.
     input:
         **WHOLE_BODIES,
         samples=SCANNED_SHARDS,
@@ -54,7 +54,7 @@ rule scan_learning:
         mem_mb=1500,
         runtime=minutes(15 * len(SCANNED_LEARNING)),
     params:
-        samples=SCANNED_SHARD_FOLDERS,
+        samples=[sample for _, sample in SCANNED_LEARNING],
         scans=lookup(dpath="scans/samples", within=config),
         body=lookup(dpath="scans/body", within=config),
         seed=config["seed"],

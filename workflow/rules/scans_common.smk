@@ -1,3 +1,5 @@
+from drapeline.experiment.learning_plan import some_held_out
+
 # Held-out samples whose scans all models are fitted to.
 SCANNED_SAMPLES = [
     sample
@@ -6,16 +8,21 @@ SCANNED_SAMPLES = [
 ]
 # Those of the learning group: shard and sample.
 SCANNED_LEARNING = some_held_out(
-    LEARNING, split=EVALUATED_SPLITS[0], most=config["scans"]["learning"]
+    config["seed"],
+    LEARNING,
+    split=EVALUATED_SPLITS[0],
+    most=config["scans"]["learning"],
 )
-SCANS = expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES)
+SCANNED_SHARDS = expand(
+    f"{LEARNED}/samples/{{shard}}",
+    shard=sorted({shard for shard, _ in SCANNED_LEARNING}),
+)
+SCAN_FILES = expand(f"{RESULTS}/scans/{{sample}}.npz", sample=SCANNED_SAMPLES)
 if SCANNED_LEARNING:
-    SCANS += [f"{RESULTS}/scans/learning.npz"]
-SCANNED_SHARDS = [
-    f"{LEARNED}/samples/{shard}"
-    for shard in dict.fromkeys(shard for shard, _ in SCANNED_LEARNING)
-]
-SCANNED_SHARD_FOLDERS = [
-    f"{LEARNED}/samples/{shard}/{sample}" for shard, sample in SCANNED_LEARNING
-]
-SCANNED = expand(f"{RESULTS}/samples/{{sample}}", sample=SCANNED_SAMPLES)
+    SCAN_FILES += [f"{RESULTS}/scans/learning.npz"]
+# Inputs of the rules that fit models to scans, with the truth.
+KNOWN_SCANS = {
+    "scans": SCAN_FILES,
+    "samples": expand(f"{RESULTS}/samples/{{sample}}", sample=SCANNED_SAMPLES),
+    "learning": SCANNED_SHARDS,
+}

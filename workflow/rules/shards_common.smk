@@ -4,7 +4,8 @@ SHARD_SETTINGS = {
         key: config[key]
         for key in ("seed", "body", "outfits", "simulation", "registration")
     },
-    **{key: config[key] for key in ("renders", "scans")},
+    "renders": config["renders"],
+    "scans": {key: config["scans"][key] for key in ("samples", "body")},
     "lock_feet": config["motions"]["lock_feet"],
     "garment4d": {
         key: config["garment4d"][key]

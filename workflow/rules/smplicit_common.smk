@@ -27,7 +27,7 @@ PICTURED_SAMPLES = [
 ]
 if PICTURED_SAMPLES:
     METRIC_TABLES["metrics"] += ["smplicit_images"]
-if SCANS:
+if SCAN_FILES:
     METRIC_TABLES["scans"] += ["scans_smplicit"]
 SEGMENTED = config["smplicit"]["scans"]
 # Models with simulated garments both to learn displacements from and to evaluate them on.

@@ -1,7 +1,6 @@
 rule evaluate_scans_smplicit:
     input:
-        scans=SCANS,
-        samples=SCANNED + SCANNED_SHARDS,
+        **KNOWN_SCANS,
         models=expand(f"{SMPLICIT}/{{field}}", field=SMPLICIT_MODELS),
     output:
         metrics=f"{RESULTS}/metrics/scans_smplicit.tsv",
@@ -17,7 +16,6 @@ rule evaluate_scans_smplicit:
         mem_mb=4000,
         runtime=240,
     params:
-        samples=SCANNED + SCANNED_SHARD_FOLDERS,
         split=EVALUATED_SPLITS[0],
         body=lookup(dpath="scans/body", within=config),
         fit=lookup(dpath="smplicit/fit_scans", within=config),

@@ -1,9 +1,14 @@
 """The bodies in segmented scans."""
 
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.scan_fit import BodyFit, fit_body
-from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_record
+from drapeline.dataset.segmented_scans import ScanSettings, SegmentedScan, save_scans, scan_sample
 from drapeline.seeding import rng_for
 
 
@@ -18,3 +23,32 @@ def fit_scan_body(scan: SegmentedScan, model: BodyModel, settings: BodyFit, seed
     """
     rng = rng_for(seed, "scan body", scan.name)
     return fit_body(model, scan.points, scan.skin, scan.estimate, scan.joints, settings, rng)
+
+
+def scan_samples(
+    path: str | Path,
+    samples: Iterable[str | Path],
+    models: Mapping[str, BodyModel],
+    *,
+    settings: ScanSettings,
+    fit: BodyFit,
+    seed: int,
+) -> None:
+    """Write scans of simulated samples and the bodies that fit them; of rejected ones, none.
+
+    Args:
+        path: the `.npz`.
+        samples: their folders.
+        models: of bodies, by gender.
+        settings: of the scans.
+        fit: of the bodies.
+        seed: of noise, points and estimates.
+    """
+    scans, bodies = [], []
+    for folder in filter(lambda folder: read_record(folder).accepted, samples):
+        with Sample(folder) as sample:
+            model = models[sample.gender]
+            taken = scan_sample(sample, model, settings, seed)
+        scans += taken
+        bodies += [fit_scan_body(scan, model, fit, seed) for scan in taken]
+    save_scans(path, scans, bodies)

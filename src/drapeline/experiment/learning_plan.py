@@ -1,6 +1,7 @@
 """The list of samples that only networks learn from and are tested on: many, and varied."""
 
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 
 from drapeline.dataset.splits import SplitItem, split_samples
 from drapeline.errors import InputError
@@ -87,17 +88,25 @@ def plan_learning(
 
 
 def some_held_out(
-    shards: Mapping[str, Sequence[SamplePlan]], *, split: str, most: int
+    seed: int, shards: Mapping[str, Sequence[SamplePlan]], *, split: str, most: int
 ) -> list[tuple[str, str]]:
-    """Shard and id of at most `most` samples of a split, evenly spread over it."""
-    held_out = [
-        (shard, plan.sample)
-        for shard, plans in shards.items()
-        for plan in plans
-        if plan.split == split
-    ]
-    count = min(most, len(held_out))
-    return [held_out[(2 * i + 1) * len(held_out) // (2 * count)] for i in range(count)]
+    """Shard and id of some samples of a split, drawn from its clips in turn.
+
+    Args:
+        seed: of the draw.
+        shards: shard -> plans of its samples.
+        split: "train", "val" or "test".
+        most: samples to draw; fewer if there are no more.
+    """
+    by_clip: dict[str, list[tuple[str, str]]] = {}
+    for shard, plans in shards.items():
+        for plan in plans:
+            if plan.split == split:
+                by_clip.setdefault(plan.sequence, []).append((shard, plan.sample))
+    for clip, held_out in by_clip.items():
+        rng_for(seed, "held out", clip).shuffle(held_out)
+    turns = zip_longest(*by_clip.values())
+    return [drawn for turn in turns for drawn in turn if drawn is not None][:most]
 
 
 def _piece(

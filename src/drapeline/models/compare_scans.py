@@ -11,6 +11,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
+from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_scans import BODY, TRUE, Fits, scan_class
 from drapeline.metrics.garment import area_distances_mm
@@ -55,11 +56,13 @@ def known_scans(
         bodies: by gender.
 
     Raises:
-        InputError: a file is missing or lacks an array.
+        InputError: a file is missing, lacks an array, or has a scan of another sample.
     """
     known, folders = [], {Path(folder).name: folder for folder in samples}
     for path in scans:
         for name, taken in groupby(load_scans(path), lambda pair: pair[0].name.rpartition("_")[0]):
+            if name not in folders:
+                raise DamagedFile(path, f"has a scan of '{name}', expected one of {len(folders)}")
             with Sample(folders[name]) as sample:
                 known += _known(list(taken), sample, bodies[sample.gender])
     return known

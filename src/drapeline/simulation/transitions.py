@@ -17,9 +17,9 @@ def transition_poses(first: np.ndarray, second: np.ndarray, count: int) -> np.nd
     """Poses (count + 1, 72) from the rest pose towards a sequence's first frame (CLOTH3D 3.3).
 
     Joints turn by quaternion interpolation, starting at rest, and run into the first frame at the
-    sequence's own speed, so that the cloth is not kicked when it starts. The root joint has its
-    direction from the beginning: a body that lies down or turns round in less than a second would
-    fling what it wears.
+    sequence's own speed, so that the cloth is not kicked when it starts. Unlike in the
+    paper, the root joint is at once where it is a few frames before the sequence: a body that lies
+    down or turns round in less than a second would fling what it wears.
 
     Args:
         first, second: (72,) the first two poses of the sequence, axis-angle in radians.
@@ -93,7 +93,16 @@ def body_frames(
 
 
 def place_at_start(points: np.ndarray, record: BodySequence, pose_frames: int) -> np.ndarray:
-    """Where points (P, 3) that belong to the body at rest, root-relative, are in frame 0."""
+    """Where points of the body at rest, or on it, are in frame 0.
+
+    Args:
+        points: (P, 3) metres, relative to the root joint, in the rest pose.
+        record: the body in motion.
+        pose_frames: of the transition.
+
+    Returns:
+        (P, 3) float32 metres in the world.
+    """
     poses, path = _transition(record, pose_frames)
     root, rest = (Rotation.from_rotvec(np.array(pose[:3])) for pose in (poses[0], REST_POSE))
     return ((root * rest.inv()).apply(points) + path[0]).astype(np.float32)

@@ -226,6 +226,7 @@ def touch_body(
     there = from_place[i] + way * clock[0] + carry[0]
     height = wp.dot(p - here, normal)
     free = room[i][0] + (room[i][1] - room[i][0]) * clock[1]
+    # Another sheet may lie on the other side, and needs as much room as this one.
     least = wp.min(gap, SHARE_OF_ROOM * free)
     most = wp.max(free - 2.0 * gap, 0.5 * free)
     depth = least - height
@@ -252,7 +253,7 @@ class BodySurface:
 
     Each vertex keeps to the limb that it lies on at rest, and touches others only where it is away
     from that one. Where the body faces itself closely, as between an arm and the chest, there is
-    less room than the gap asks for on both sides; cloth keeps to the middle there.
+    less room than the gap asks for on both sides; cloth keeps to its own half.
 
     Args:
         body: what the cloth collides with.

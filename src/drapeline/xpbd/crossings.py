@@ -115,7 +115,7 @@ def untangle(
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
-    """Move edges and the triangles that they pass through so that the line they share shrinks.
+    """Move edges and the triangles that they pass through so that the intersection shrinks.
 
     Volino and Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour
     Minimization", equation 3. It gives no speed.

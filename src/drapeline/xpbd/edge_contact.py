@@ -118,6 +118,7 @@ def touch_edges(
         gap = own_gap
         if layers[i] != layers[a]:
             gap = layer_gap
+        # Vertices so close to one another have much the same room.
         gap = narrowed(gap, room[i])
         normal = wp.cross(d, e)
         square = wp.length_sq(normal)

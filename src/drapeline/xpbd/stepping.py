@@ -33,7 +33,7 @@ class Numbers:
         searches_min, searches_max: such searches in a frame.
         reach_m: how far from the body its nearest point is looked for.
         home_reach_m: how far from the limb that cloth lies on it touches no other.
-        room_m: how far from itself the body may be where cloth keeps to the middle.
+        room_m: how far from itself the body may be where sheets of cloth share the room.
         slack_m: how far cloth slides over the body before that point is looked for again.
         margin_m: how far from cloth other cloth is looked for.
         self_gap_m: distance between parts of a garment.

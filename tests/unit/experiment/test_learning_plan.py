@@ -82,12 +82,21 @@ def test_a_plan_is_the_same_for_a_seed_and_samples_do_not_depend_on_how_many_the
     assert [(p.start, p.speed) for p in few] == [(p.start, p.speed) for p in many]
 
 
-def test_some_held_out_samples_are_spread_over_their_split():
-    shards = plan()
-    held_out = [p.sample for plans in shards.values() for p in plans if p.split == "test"]
-    some = some_held_out(shards, split="test", most=3)
-    places = [held_out.index(sample) for _, sample in some]
-    assert places == [(2 * i + 1) * len(held_out) // 6 for i in range(3)]
-    assert all(sample in {p.sample for p in shards[shard]} for shard, sample in some)
-    assert len(some_held_out(shards, split="test", most=1000)) == len(held_out)
-    assert some_held_out({}, split="test", most=3) == []
+def test_some_held_out_samples_are_of_all_clips_and_kinds_of_their_split():
+    """Samples take turns over clips, genders and outfits, so that every n-th may be all alike."""
+    shards = plan(count=208, clips=dict.fromkeys([f"clip{k}" for k in range(13)], 150))
+    held_out = [one for one in flat(shards) if one.split == "test"]
+    some = some_held_out(1, shards, split="test", most=12)
+    of = {(shard, one.sample): one for shard, plans in shards.items() for one in plans}
+    drawn = [of[chosen] for chosen in some]
+    assert len({one.sample for one in drawn}) == 12
+    assert {one.split for one in drawn} == {"test"}
+    clips = Counter(one.sequence for one in drawn)
+    assert set(clips) == {one.sequence for one in held_out}
+    assert max(clips.values()) - min(clips.values()) <= 1
+    assert {one.mirrored for one in drawn} == {False, True}
+    assert {one.gender for one in drawn} == {"female", "male"}
+    assert some == some_held_out(1, shards, split="test", most=12)
+    assert some != some_held_out(2, shards, split="test", most=12)
+    assert len(some_held_out(1, shards, split="test", most=1000)) == len(held_out)
+    assert some_held_out(1, {}, split="test", most=3) == []

@@ -7,6 +7,7 @@ import pytest
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.segmented_scans import ScanSettings, save_scans, scan_sample
+from drapeline.errors import DamagedFile
 from drapeline.metrics.fitted_scans import BODY, TRUE
 from drapeline.metrics.table import ALL, find_value
 from drapeline.models.compare_scans import (
@@ -66,6 +67,12 @@ def test_a_file_may_hold_scans_of_several_samples(tmp_path, toy_body, bodies):
     assert [(one.sample, one.scan.name) for one in several] == [
         (name, f"{name}_{frame:03d}") for name in ("00003", "L00002") for frame in (1, 4)
     ]
+
+
+def test_a_scan_of_a_sample_that_is_not_given_is_refused(tmp_path, toy_body, bodies):
+    files, folders = scanned(tmp_path, toy_body, ["00003"])
+    with pytest.raises(DamagedFile, match=r"scans\.npz: has a scan of '00003', expected one of 1"):
+        known_scans(files, folders[:1], bodies)
 
 
 def test_the_truth_is_that_of_the_frame(known):

@@ -18,6 +18,7 @@ from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.report.colours import garment_colour
 from drapeline.report.html import html_table, write_page
 from drapeline.report.models.clouds import cloud_parts
+from drapeline.report.models.garment4d.steps import spread_frames
 from drapeline.report.models.scene import Scene, fit_scene
 from drapeline.rule_log import progress
 
@@ -83,7 +84,8 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
     """
     rows = read_metrics(metrics)
     parts = [
-        "<p>Segmented scans of simulated samples of the test split, with noise. The body is"
+        "<p>Segmented scans of simulated samples of the test split, all of the dataset's and some"
+        " of the learning group's, with noise. The body is"
         " estimated wrongly on purpose and fitted to each scan first; all models but the start get"
         " the same points and the same fitted body, and wear their garments in the same way. Mean"
         " distances over the area of the surfaces in mm, with 95 % intervals over samples. Models"
@@ -142,7 +144,7 @@ def plot_scans(
         path: the PNG.
         scans: files of scans.
         fits: files of fits, by whatever models.
-        most: rows.
+        most: rows; of more scans, some that are evenly spread.
 
     Raises:
         InputError: a file is missing or lacks an array.
@@ -152,7 +154,8 @@ def plot_scans(
         for name, variants in load_fitted_scans(file).items():
             found.setdefault(name, {}).update(variants)
     every = [one for file in scans for one in load_scans(file)]
-    shown = [scan for scan, _ in every if BODY in found.get(scan.name, {})][:most]
+    fitted = [scan for scan, _ in every if BODY in found.get(scan.name, {})]
+    shown = [fitted[k] for k in spread_frames(len(fitted), most)]
     if not shown:
         save_contact_sheet(path, [(text_card("Nothing to show", _NOTHING, (640, 200)), "")], 1)
         return
