@@ -2,7 +2,8 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -218,16 +219,21 @@ def check_arrays(arrays: Mapping[str, np.ndarray], table: Mapping[str, str], **s
         odd = sorted(arrays.keys() ^ table.keys())[0]
         raise HeaderError(f"'{odd}' is {'unknown' if odd in arrays else 'missing'}")
     declared = Declared(sizes)
-    for check in ("header", "values"):
-        for key, array in arrays.items():
-            try:
-                if check == "header":
-                    header = Header(array.dtype, array.shape, fortran=False, size=0)
-                    declared.check_header(table[key], header)
-                else:
-                    declared.check_values(table[key], array)
-            except HeaderError as error:
-                raise HeaderError(f"'{key}' {error}") from error
+    for key, array in arrays.items():
+        with _naming(key):
+            header = Header(array.dtype, array.shape, fortran=False, size=0)
+            declared.check_header(table[key], header)
+    for key, array in arrays.items():
+        with _naming(key):
+            declared.check_values(table[key], array)
+
+
+@contextmanager
+def _naming(key: str) -> Iterator[None]:
+    try:
+        yield
+    except HeaderError as error:
+        raise HeaderError(f"'{key}' {error}") from error
 
 
 def _check_text(array: np.ndarray) -> None:

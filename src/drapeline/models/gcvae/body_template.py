@@ -106,11 +106,12 @@ def _check(flat: Mapping[str, np.ndarray]) -> None:
         table[f"faces/{name}"] = "int<v * 3"
         table |= {f"edges/{name}/{k}": f"int<{nodes[k]} * 2" for k in range(count)}
         table |= {f"parents/{name}/{k}": f"int<{nodes[k + 1]} {nodes[k]}" for k in range(count - 1)}
-        last = flat.get(f"parents/{name}/{count - 2}")
-        if last is None or not last.size:
-            raise HeaderError(f"'parents/{name}' has no level below the last")
+        if count < 2:
+            raise HeaderError(f"'edges/{name}' has {count} levels, expected two or more")
+        last = flat.get(f"parents/{name}/{count - 2}", np.zeros(0, int))
         # Every node of the last level has children, which are no fewer.
-        sizes[nodes[-1]] = min(int(last.max()) + 1, len(last))
+        if last.dtype.kind in "iu":
+            sizes[nodes[-1]] = min(int(last.max(initial=-1)) + 1, last.size)
     check_arrays(flat, table, **sizes)
 
 

@@ -43,6 +43,18 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
         load_codec(tmp_path / "best.ckpt")
 
 
+def test_a_checkpoint_whose_graphs_lack_their_levels_is_refused(tmp_path):
+    save_model(tmp_path / "model", StaticPpca(PpcaSettings(latent=5), toy_template()))
+    path = tmp_path / "model/best.ckpt"
+    saved = torch.load(path, weights_only=True)
+    template = saved["drapeline"]["body_template"]
+    for key in [key for key in template if key.startswith(("edges/body", "parents/body"))]:
+        del template[key]
+    torch.save(saved, path)
+    with pytest.raises(DamagedFile, match=r"best\.ckpt: .*'edges/body' has 0 levels, expected two"):
+        load_codec(path)
+
+
 @pytest.mark.parametrize("name", ["parents/body/0", "edges/body/1", "faces/skirt"])
 def test_a_checkpoint_whose_graphs_name_nodes_that_are_not_there_is_refused(tmp_path, name):
     save_model(tmp_path / "model", StaticPpca(PpcaSettings(latent=5), toy_template()))
