@@ -18,7 +18,6 @@ MODULES = sorted(
 
 # Modules that the tests of another one, or of a rule, cover.
 COVERED_BY = {
-    "dataset/scan_bodies": "rules/test_smplicit_scans.py",
     "generation/body": "rules/test_body_rules.py",
     "generation/outfit": "rules/test_outfit_rules.py",
     "generation/sample": "rules/test_learning_samples.py",
