@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence, collision_faces
@@ -111,7 +112,8 @@ def simulate_outfit(
     garments, motion = dressed.outfit.garments, dressed.motion
     reports: list[dict[str, Any]] = []
     status: dict[str, Any] = {"status": "rejected", "reason": motion.reason}
-    with atomic_folder(output_dir) as folder:
+    # On several threads some processors' matrix products, as of the body, round differently.
+    with threadpool_limits(1, user_api="blas"), atomic_folder(output_dir) as folder:
         limit = 0 if motion.outcome == "rejected" else settings.attempts
         for number in range(limit):
             attempt = plan_attempt(

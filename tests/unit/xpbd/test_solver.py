@@ -45,8 +45,7 @@ def test_a_sample_of_two_layers_is_the_same_to_the_byte_whatever_the_threads(tmp
     dressed = replace(dressed, outfit=replace(dressed.outfit, garments=(skirt(), outer)))
     bounds = dict.fromkeys(HealthBounds.__dataclass_fields__, 9.0) | {"stretch_low": 0.0}
     for threads in (1, 2):
-        # Some processors' matrix products, as of the body, round differently on two threads.
-        with threadpool_limits(1):
+        with threadpool_limits(threads):
             status = simulate_outfit(
                 tmp_path / str(threads),
                 dressed,

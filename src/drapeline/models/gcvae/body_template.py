@@ -111,7 +111,7 @@ def _check(flat: Mapping[str, np.ndarray]) -> None:
         last = flat.get(f"parents/{name}/{count - 2}", np.zeros(0, int))
         # Every node of the last level has children, which are no fewer.
         if last.dtype.kind in "iu":
-            sizes[nodes[-1]] = min(int(last.max(initial=-1)) + 1, last.size)
+            sizes[nodes[-1]] = min(int(last.max()) + 1, last.size) if last.size else 0
     check_arrays(flat, table, **sizes)
 
 
