@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from cloth_toys import FRAMES, Follower, dress, skirt
 from drapeline.bodies.sequence import body_sequence_vertices, collision_faces
@@ -214,7 +215,7 @@ def test_what_a_solver_is_given(simulate, dressed):
     np.testing.assert_allclose(moved, np.tile(moved[0], (len(moved), 1)), atol=1e-6)
     assert garment.edge_length_m == mean_edge_length(skirt().vertices, skirt().faces)
     bodies = [*body_sequence_vertices(dressed.body, dressed.motion, world=True)]
-    assert {tuple(v) for v in last.tolist()} <= {tuple(v) for v in bodies[-1].tolist()}
+    assert KDTree(bodies[-1]).query(last)[0].max() < 1e-5
     # Hands, head and feet are out of reach, and half of the rest is left out.
     share = len(body.faces) / len(collision_faces(dressed.body, dressed.motion))
     assert 0.35 < share < 0.45

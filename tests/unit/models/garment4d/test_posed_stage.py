@@ -122,4 +122,4 @@ def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(sequences, 
         others, _ = posed.losses({**batch, "target": 2 * batch["target"]})
     torch.testing.assert_close(terms["laplacian"], others["laplacian"])
     assert float(terms["laplacian"]) > 0
-    assert float(terms["vertices"]) != pytest.approx(float(others["vertices"]))
+    assert float(others["vertices"]) > 1.1 * float(terms["vertices"])
