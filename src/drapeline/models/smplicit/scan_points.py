@@ -25,10 +25,12 @@ class FieldPoints(NamedTuple):
     Attributes:
         places: (P, 3) metres.
         distance_m: (P,) from the garment.
+        weight: (P,) how much each counts.
     """
 
     places: np.ndarray
     distance_m: np.ndarray
+    weight: np.ndarray
 
 
 def field_points(
@@ -40,6 +42,7 @@ def field_points(
     cloth: int,
     around: int,
     spread_m: float,
+    bare_weight: float,
 ) -> FieldPoints:
     """Points that a garment's field is compared with.
 
@@ -53,6 +56,7 @@ def field_points(
             shows skin or cloth that the garment would cover, up to 25 cm above it but mostly less,
             half of them close to the garment.
         spread_m: standard deviation of the distance of those in space.
+        bare_weight: of a point where the scan shows what the garment would cover; of others 1.
 
     Raises:
         InputError: fewer than 50 points are the garment's.
@@ -73,7 +77,9 @@ def field_points(
     off = np.concatenate(parts)
     on_it = _some(own, cloth, rng)
     distance = np.concatenate([np.zeros(len(on_it)), cloud_distances(off, own)])
-    return FieldPoints(np.concatenate([on_it, off]).astype(np.float64), distance)
+    weight = np.ones(len(distance))
+    weight[len(on_it) + len(near) :] = bare_weight
+    return FieldPoints(np.concatenate([on_it, off]).astype(np.float64), distance, weight)
 
 
 def _some(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -1,3 +1,5 @@
+import copy
+
 import numpy as np
 import pytest
 import torch
@@ -26,7 +28,7 @@ def around_hips(count):
 @pytest.fixture(scope="module")
 def terms(fitting_model):
     places = around_hips(40)
-    points = FieldPoints(places, np.linspace(0, 0.05, 40))
+    points = FieldPoints(places, np.linspace(0, 0.05, 40), np.linspace(1, 3, 40))
     return GarmentTerms(fitting_model, "Skirt", points, "male", FitScan())
 
 
@@ -63,6 +65,24 @@ def test_slopes_of_the_field_are_those_of_autograd(terms, fitting_model):
     ):
         scale = float(expected.abs().max())
         np.testing.assert_allclose(found, expected.numpy(), atol=1e-3 * scale)
+
+
+def test_a_point_counts_by_its_weight(terms):
+    """A point that counts twice is as good as the point and another one in its place."""
+    once = np.ones(40)
+    twice = np.where(np.arange(40) == 7, 2.0, once)
+    residual, w = np.linspace(-0.5, 0.8, 40), np.zeros(5)
+    again = np.append(residual, residual[7])
+
+    def weighted(weight):
+        other = copy.copy(terms)
+        other.points = terms.points._replace(weight=weight)
+        return other
+
+    single, double = weighted(np.ones(41)), weighted(twice)
+    assert double.loss(residual, w) == pytest.approx(single.loss(again, w) * 41 / 40)
+    squares = single.weights(again) * again**2 * 41 / 40
+    assert (double.weights(residual) * residual**2).sum() == pytest.approx(squares.sum())
 
 
 @pytest.mark.parametrize("neighbours", [1, 4])

@@ -34,7 +34,9 @@ def look(shown, garment, cloth=50, around=60):
     rng = np.random.default_rng(0)
     # Below everything, and upright.
     body = np.array([[0.0, 0, -0.1]]), np.array([[0.0, 0, 1.0]])
-    return field_points(shown, garment, body, rng, cloth=cloth, around=around, spread_m=0.01)
+    return field_points(
+        shown, garment, body, rng, cloth=cloth, around=around, spread_m=0.01, bare_weight=3
+    )
 
 
 def test_between_the_points_of_a_cloud_its_plane_goes_on():
@@ -62,6 +64,7 @@ def test_fields_are_zero_at_the_garment_and_known_beside_it():
     np.testing.assert_allclose(points.distance_m[130:], np.abs(above[:, 2]), atol=0.03)
     space = points.places[100:130]
     np.testing.assert_allclose(points.distance_m[100:130], np.abs(space[:, 2]), atol=0.03)
+    np.testing.assert_array_equal(points.weight, np.repeat([1, 3], [130, 60]))
 
 
 def test_what_covers_the_garment_tells_nothing():
