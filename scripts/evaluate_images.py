@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING
 import torch
 
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_record
+from drapeline.dataset.shards import samples_of_shards
 from drapeline.metrics.table import write_metrics
-from drapeline.models.smplicit.evaluate_images import (
-    PictureEvaluation,
-    PictureSettings,
-    take_pictures,
-)
+from drapeline.models.smplicit.evaluate_images import PictureEvaluation, take_pictures
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.rule_log import rule_log
@@ -24,8 +22,19 @@ with rule_log(snakemake.log[0]):
     given, params, made = snakemake.input, snakemake.params, snakemake.output
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
-    taken = PictureSettings(**params.pictures)
-    pictures = take_pictures([*map(Sample, given.samples)], models, taken, params.seed)
+    chosen = [p for p in samples_of_shards(given.learning) if p.name in params.learning]
+    groups = ((given.samples, params.pictures), (chosen, len(chosen)))
+    pictures = [
+        picture
+        for folders, count in groups
+        for picture in take_pictures(
+            [Sample(folder) for folder in folders if read_record(folder).accepted],
+            models,
+            count=count,
+            size_px=params.size_px,
+            seed=params.seed,
+        )
+    ]
     evaluation = PictureEvaluation(
         models, fit=FitImage(**params.fit), meshing=Meshing(**params.meshing), seed=params.seed
     )

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -88,13 +89,19 @@ def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, toy_body, t
         write_tiny_sample(tmp_path / name, toy_body, name, "test", seed=seed).folder
         for seed, name in enumerate(("00001", "00002"))
     ]
+    shard = tmp_path / "shard"
+    for seed, name in enumerate(("L00001", "L00002"), 2):
+        made = write_tiny_sample(tmp_path / name, toy_body, name, "test", seed=seed).folder
+        shutil.move(made, shard / name)
     run_rule(
         "evaluate_images",
-        input={"models": [skirt], "samples": samples},
+        input={"models": [skirt], "samples": samples, "learning": [shard]},
         output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown"},
         params={
             "split": "test",
-            "pictures": {"count": 2, "size_px": 48},
+            "pictures": 2,
+            "size_px": 48,
+            "learning": ["L00002"],
             "fit": FIT,
             "meshing": MESHING,
             "seed": 0,
@@ -102,10 +109,11 @@ def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, toy_body, t
     )
     with open(tmp_path / "metrics.tsv") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
-    # A picture of each sample.
-    assert {row["n"] for row in rows if row["metric"] == "silhouette_iou"} == {"2"}
+    # A picture of each sample, and of the one of the learning group that was asked for.
+    assert {row["n"] for row in rows if row["metric"] == "silhouette_iou"} == {"3"}
     files = sorted((tmp_path / "shown").iterdir())
-    assert [load_fitted_picture(file).name for file in files] == ["00001_003", "00002_003"]
+    names = [load_fitted_picture(file).name for file in files]
+    assert names == ["00001_003", "00002_003", "L00002_003"]
 
     def height(most):
         run_rule(

@@ -15,17 +15,28 @@ SMPLICIT_COMPARED = [
 ]
 if SMPLICIT_COMPARED:
     METRIC_TABLES["representations"] += ["representations_smplicit"]
+
+
+def is_learned(planned):
+    """Whether a planned sample wears a garment that a model here learns."""
+    garments = planned.outfit_type.split("+")
+    return any(MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS for garment in garments)
+
+
 # Held-out samples whose garments are looked for in pictures of them.
 PICTURED_SAMPLES = [
     sample
     for sample, planned in SAMPLES.items()
-    if planned.split == EVALUATED_SPLITS[0]
-    and any(
-        MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS
-        for garment in planned.outfit_type.split("+")
-    )
+    if planned.split == EVALUATED_SPLITS[0] and is_learned(planned)
 ]
-if PICTURED_SAMPLES:
+# Those of the learning group: shard and sample.
+PICTURED_LEARNING = some_held_out(
+    config["seed"],
+    {shard: [*filter(is_learned, plans)] for shard, plans in LEARNING.items()},
+    split=EVALUATED_SPLITS[0],
+    most=config["smplicit"]["evaluate_images"]["learning"],
+)
+if PICTURED_SAMPLES or PICTURED_LEARNING:
     METRIC_TABLES["metrics"] += ["smplicit_images"]
 if SCAN_FILES:
     METRIC_TABLES["scans"] += ["scans_smplicit"]

@@ -1,4 +1,4 @@
-if PICTURED_SAMPLES:
+if PICTURED_SAMPLES or PICTURED_LEARNING:
     DEFAULT_TARGETS += [f"{RESULTS}/report/smplicit_images.png"]
 
 
@@ -60,6 +60,10 @@ rule evaluate_images:
     input:
         models=expand(f"{SMPLICIT}/{{field}}", field=SMPLICIT_MODELS),
         samples=expand(f"{RESULTS}/samples/{{sample}}", sample=PICTURED_SAMPLES),
+        learning=expand(
+            f"{LEARNED}/samples/{{shard}}",
+            shard=sorted({shard for shard, _ in PICTURED_LEARNING}),
+        ),
     output:
         metrics=f"{RESULTS}/metrics/smplicit_images.tsv",
         shown=directory(f"{SMPLICIT}/evaluated_images"),
@@ -75,7 +79,9 @@ rule evaluate_images:
         runtime=120,
     params:
         split=EVALUATED_SPLITS[0],
-        pictures=lookup(dpath="smplicit/evaluate_images", within=config),
+        pictures=lookup(dpath="smplicit/evaluate_images/count", within=config),
+        size_px=lookup(dpath="smplicit/evaluate_images/size_px", within=config),
+        learning=[sample for _, sample in PICTURED_LEARNING],
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
         seed=config["seed"],

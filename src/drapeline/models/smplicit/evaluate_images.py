@@ -51,19 +51,6 @@ Outfit = dict[str, FittedGarment]
 
 
 @dataclass(frozen=True)
-class PictureSettings:
-    """The pictures that are taken of samples.
-
-    Attributes:
-        count: of all samples together.
-        size_px: width and height.
-    """
-
-    count: int = 4
-    size_px: int = 256
-
-
-@dataclass(frozen=True)
 class KnownPicture:
     """A picture of a simulated sample.
 
@@ -109,7 +96,9 @@ def class_of_garment(garment: str) -> str:
 def take_pictures(
     samples: Sequence[Sample],
     models: Mapping[str, SmplicitModel],
-    settings: PictureSettings,
+    *,
+    count: int,
+    size_px: int,
     seed: int,
 ) -> list[KnownPicture]:
     """Pictures, spread over samples, their frames, and the sides of the people.
@@ -117,14 +106,15 @@ def take_pictures(
     Args:
         samples: simulated.
         models: by their names of `FIELD_MODELS`; garments of others are only in the way.
-        settings: how many, and their size.
+        count: of pictures.
+        size_px: their width and height.
         seed: draws the first side of each sample, and how high the cameras are.
     """
-    shares = Counter(index * len(samples) // settings.count for index in range(settings.count))
+    shares = Counter(index * len(samples) // count for index in range(count) if samples)
     return [
-        _take_picture(samples[number], models, (index, count), settings.size_px, seed)
-        for number, count in shares.items()
-        for index in range(count)
+        _take_picture(samples[number], models, (index, share), size_px, seed)
+        for number, share in shares.items()
+        for index in range(share)
     ]
 
 

@@ -7,7 +7,6 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.models.smplicit.evaluate_images import (
     PictureEvaluation,
-    PictureSettings,
     class_of_garment,
     measure_outfit,
     silhouette_iou,
@@ -22,7 +21,7 @@ from gallery_toys import TubeField, save_toy_model, training_codes
 from tiny_sample import write_tiny_sample
 
 QUICK = FitImage(points=20000, rays=20, starts=3, rounds=1, steps=2)
-SETTINGS = PictureSettings(count=2, size_px=64)
+SETTINGS = {"count": 2, "size_px": 64}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +38,7 @@ def tiny(tmp_path_factory, toy_body):
 
 @pytest.fixture(scope="module")
 def pictures(models, tiny):
-    return take_pictures([Sample(tiny.folder)], models, SETTINGS, seed=3)
+    return take_pictures([Sample(tiny.folder)], models, **SETTINGS, seed=3)
 
 
 def outfit_of(meshes):
@@ -83,7 +82,7 @@ def test_pictures_are_spread_over_samples(models, toy_body, tmp_path, count, exp
         Sample(write_tiny_sample(tmp_path / str(index), toy_body, f"0000{index}").folder)
         for index in range(3)
     ]
-    pictures = take_pictures(samples, models, PictureSettings(count=count, size_px=8), seed=0)
+    pictures = take_pictures(samples, models, count=count, size_px=8, seed=0)
     assert [int(known.sample) for known in pictures] == expected
     assert len({known.picture.name for known in pictures}) == count
 
@@ -99,7 +98,7 @@ def test_bodies_fill_the_picture(pictures):
         seen = known.picture.classes > 0
         rows, columns = np.nonzero(seen)
         longest = max(np.ptp(rows), np.ptp(columns))
-        assert 0.6 * SETTINGS.size_px < longest < SETTINGS.size_px - 1
+        assert 0.6 * SETTINGS["size_px"] < longest < SETTINGS.size_px - 1
 
 
 def test_the_truth_measures_as_such(pictures):
@@ -165,7 +164,7 @@ def test_what_is_shown_is_what_was_found(evaluated, pictures):
 
 def test_pictures_without_garments_are_refused(models, tiny):
     other = {"trousers": models["skirt"]}
-    pictures = take_pictures([Sample(tiny.folder)], other, SETTINGS, seed=3)
+    pictures = take_pictures([Sample(tiny.folder)], other, **SETTINGS, seed=3)
     evaluation = PictureEvaluation(other, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
     with pytest.raises(InputError, match="no picture of the val split .* the models trousers"):
         evaluation.run(pictures, "val")
