@@ -163,14 +163,9 @@ class GarmentTerms:
             w: (Z,) of the code.
         """
         decoder = self._decoder
-        shape = torch.from_numpy(shape.astype(np.float32))
-        points = torch.from_numpy(places.astype(np.float32))[None]
+        first, weight = self._first(places, shape)
         with torch.no_grad():
-            clusters = self._mean_places + torch.tensordot(shape, self._basis, 1)
-            z = self.prior.codes(torch.from_numpy(w.astype(np.float32))[None])
-            z_cut, z_style = z.split([decoder.cut, decoder.style], 1)
-            weight, bias = decoder.fold(clusters[None])
-            first = points @ weight.mT + bias[:, None]
+            z_cut, z_style = self._codes_of(w[None])
             base, slopes = decoder.base(z_cut, z_style), decoder.base_slopes(z_style)[0]
         with torch.enable_grad():
             hidden = decoder.query_of(first.requires_grad_(True)) + base[:, None]
@@ -178,10 +173,33 @@ class GarmentTerms:
             by_first, by_hidden = torch.autograd.grad(predicted.sum(), (first, hidden))
         return Look(
             (predicted.detach()[0] - self._true).numpy().astype(np.float64),
-            (by_first[0] @ weight[0]).numpy().astype(np.float64),
+            (by_first[0] @ weight).numpy().astype(np.float64),
             (by_first[0] @ self._bias_by_shape.T).numpy().astype(np.float64),
             (by_hidden[0] @ slopes @ self.prior.factor).numpy().astype(np.float64),
         )
+
+    def _first(self, places: np.ndarray, shape: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+        """(1, P, H) what the first query layer gives at points, and (H, 3) its weights."""
+        shape = torch.from_numpy(shape.astype(np.float32))
+        points = torch.from_numpy(places.astype(np.float32))[None]
+        with torch.no_grad():
+            clusters = self._mean_places + torch.tensordot(shape, self._basis, 1)
+            weight, bias = self._decoder.fold(clusters[None])
+            return points @ weight.mT + bias[:, None], weight[0]
+
+    def _codes_of(self, every: np.ndarray) -> tuple[torch.Tensor, ...]:
+        """z_cut and z_style of some w (S, Z)."""
+        z = self.prior.codes(torch.from_numpy(every.astype(np.float32)))
+        return z.split([self._decoder.cut, self._decoder.style], 1)
+
+    def losses(self, places: np.ndarray, shape: np.ndarray, every: np.ndarray) -> list[float]:
+        """The `loss` of each of some w (S, Z) at points (P, 3) at rest, on a body of a shape."""
+        decoder = self._decoder
+        with torch.no_grad():
+            query = decoder.query_of(self._first(places, shape)[0])
+            predicted = [decoder.joint(query + one) for one in decoder.base(*self._codes_of(every))]
+        residuals = [(one[0] - self._true).numpy().astype(np.float64) for one in predicted]
+        return [self.loss(residual, w) for residual, w in zip(residuals, every, strict=True)]
 
     def weights(self, residual: np.ndarray) -> np.ndarray:
         """(P,) of the squares of residuals."""
@@ -197,8 +215,7 @@ class GarmentTerms:
         """(Z,) w of the training code, or of their mean, with the least loss."""
         starts = torch.from_numpy(spread_codes(self._codes, self._settings.starts))
         every = self.prior.whiten(starts).numpy().astype(np.float64)
-        losses = [self.loss(self.look(places, shape, w).residual, w) for w in every]
-        return every[int(np.argmin(losses))]
+        return every[int(np.argmin(self.losses(places, shape, every)))]
 
     def fit(self, places: np.ndarray, shape: np.ndarray, w: np.ndarray) -> np.ndarray:
         """(Z,) w that fits points at rest, from a start, on a body that stays as it is."""

@@ -46,6 +46,14 @@ def test_the_field_is_the_models(terms, fitting_model):
     np.testing.assert_allclose(terms.look(places, shape, w).residual, expected, atol=1e-4)
 
 
+def test_losses_of_several_codes_are_those_of_each(terms):
+    places, shape = around_hips(40) - STATE.trans, np.linspace(-1, 1, 10)
+    every = 3 * np.random.default_rng(4).normal(size=(3, 5))
+    expected = [terms.loss(terms.look(places, shape, w).residual, w) for w in every]
+    np.testing.assert_allclose(terms.losses(places, shape, every), expected, rtol=1e-5)
+    assert np.ptp(expected) > 1e-3 * max(expected)
+
+
 def test_slopes_of_the_field_are_those_of_autograd(terms, fitting_model):
     places, shape, w = around_hips(40) - STATE.trans, np.linspace(-1, 1, 10), np.full(5, 0.3)
     network = fitting_model.network
