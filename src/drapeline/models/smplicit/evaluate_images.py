@@ -1,7 +1,8 @@
 """How well garments are found in pictures: renders of held-out simulated samples, with known truth.
 
 A picture is the exact segmentation of a frame, seen from somewhere; body and camera are known. The
-fitted garments stand beside those of the mean code and of the training code with the least loss.
+fitted garments stand beside those of the mean code of their type and of the training code with the
+least loss.
 """
 
 import time
@@ -22,6 +23,7 @@ from drapeline.models.smplicit.fit_images import FitImage, rank_codes
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
     Wearer,
+    codes_of_class,
     dress,
     fit_picture,
     garment_view,
@@ -226,7 +228,11 @@ class PictureEvaluation:
             seconds = time.process_time() - start
             found = {"fitted": fitted, "nearest": self._nearest(known)}
             found["mean_code"] = self._dress(
-                known, {name: self._model(name).mean_code for name in known.person.garments}
+                known,
+                {
+                    name: codes_of_class(self._model(name), name).mean(axis=0)
+                    for name in known.person.garments
+                },
             )
             rows = {name: measure_outfit(known, outfit) for name, outfit in found.items()}
             for name, part in rows.items():
@@ -255,8 +261,9 @@ class PictureEvaluation:
                 model, [view], [known.wearer], [label], self._fit, self._seed
             )
             rng = rng_for(self._seed, "nearest", label)
-            ranked = rank_codes(model.network, seen, places, model.codes.z, self._fit, rng)
-            codes[name] = model.codes.z[ranked[0]]
+            every = codes_of_class(model, name)
+            ranked = rank_codes(model.network, seen, places, every, self._fit, rng)
+            codes[name] = every[ranked[0]]
         return self._dress(known, codes)
 
     def _rows(

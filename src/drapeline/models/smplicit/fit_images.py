@@ -141,8 +141,8 @@ def image_loss(
 
     Args:
         model: trained.
-        evidence: of B garments.
-        places: (B, K, 3) clusters of the wearers.
+        evidence: of B garments, or of one for all codes.
+        places: (B, K, 3) clusters of the wearers, or of one.
         z: (B, D) codes.
         settings: weights.
     """
@@ -243,15 +243,12 @@ def rank_codes(
         torch.full((1, len(off)), len(points.off) / (len(points.on) * len(off))),
     )
     with torch.no_grad():
+        # What does not depend on the code is computed once for a batch.
         losses = [
-            image_loss(model, _of_all(evidence, len(z)), place.expand(len(z), -1, -1), z, settings)
+            image_loss(model, evidence, place[None], z, settings)
             for z in torch.from_numpy(codes.astype(np.float32)).split(_BATCH)
         ]
     return torch.cat(losses).argsort(stable=True).numpy()
-
-
-def _of_all(evidence: Evidence, count: int) -> Evidence:
-    return Evidence(*(part.expand(count, *part.shape[1:]) for part in evidence))
 
 
 def _least(

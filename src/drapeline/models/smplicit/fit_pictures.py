@@ -17,6 +17,7 @@ from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
+from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.worn import Wearing, wear
 from drapeline.rendering.camera import Camera
 from drapeline.seeding import rng_for
@@ -112,18 +113,32 @@ def look_at_points(
     return seen
 
 
+def codes_of_class(model: "SmplicitModel", name: str) -> np.ndarray:
+    """(n, cut + style) training codes of what a class may be: for upper bodies, of any type."""
+    garment = GARMENT_CLASSES[name].garment
+    upper = GARMENT_TYPES[garment].region == "upper"
+    return model.codes.z if upper else model.codes_of(garment)
+
+
 def fit_codes_to_views(
     model: "SmplicitModel",
+    codes: np.ndarray,
     views: Sequence[View],
     wearers: Sequence[Wearer],
     names: Sequence[str],
     settings: FitImage,
     seed: int,
 ) -> np.ndarray:
-    """(B, cut + style) codes of garments of one model, fitted together; see `look_at_garments`."""
+    """(B, cut + style) codes of garments of one model, fitted together.
+
+    Args:
+        model: of all of them.
+        codes: (n, cut + style) of the training garments that starts and the prior are taken from.
+        views, wearers, names, settings, seed: see `look_at_garments`, as for errors.
+    """
     seen, places = look_at_garments(model, views, wearers, names, settings, seed)
     rng = rng_for(seed, "evidence", *names)
-    return fit_garments(model.network, model.codes.z, seen, places, settings, rng).numpy()
+    return fit_garments(model.network, codes, seen, places, settings, rng).numpy()
 
 
 def look_at_garments(
@@ -185,14 +200,17 @@ def fit_picture(
         )
     bodies = [_posed(person, models) for person in picture.people]
     codes: dict[tuple[int, str], np.ndarray] = {}
-    for key, model in models.items():
-        own = [(i, name) for i, name in wanted if GARMENT_CLASSES[name].model == key]
-        if own:
-            views = [garment_view(picture, picture.people[i], name, bodies[i]) for i, name in own]
-            wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
-            names = [f"{picture.name}, person {i + 1}, {name}" for i, name in own]
-            found = fit_codes_to_views(model, views, wearers, names, settings, seed)
-            codes.update(zip(own, found, strict=True))
+    for kind in dict.fromkeys(name for _, name in wanted):
+        model, own = (
+            models[GARMENT_CLASSES[kind].model],
+            [pair for pair in wanted if pair[1] == kind],
+        )
+        views = [garment_view(picture, picture.people[i], kind, bodies[i]) for i, _ in own]
+        wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
+        names = [f"{picture.name}, person {i + 1}, {kind}" for i, _ in own]
+        known = codes_of_class(model, kind)
+        found = fit_codes_to_views(model, known, views, wearers, names, settings, seed)
+        codes.update(zip(own, found, strict=True))
     return [
         dress(
             body,

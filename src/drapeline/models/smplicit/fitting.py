@@ -18,6 +18,7 @@ from drapeline.bodies.rest_body import SHAPES
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.scans import to_scans
 from drapeline.dataset.segmented_scans import segment_scans
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
@@ -58,6 +59,7 @@ class FittingModel(SmplicitModel):
         self,
         shown: np.ndarray,
         camera: Camera,
+        garment: str | None = None,
         *,
         gender: str,
         shape: Sequence[float],
@@ -71,6 +73,7 @@ class FittingModel(SmplicitModel):
         Args:
             shown: (H, W) bool, the garment's pixels.
             camera: of the picture.
+            garment: its type, any of `garments` if None.
             gender, shape: of the wearer.
             pose: (72,) axis-angle, rad; its root rotation leads to the world of the camera.
             trans: (3,) the root joint there, metres.
@@ -79,8 +82,8 @@ class FittingModel(SmplicitModel):
             seed: of the points that the fit looks at.
 
         Raises:
-            InputError: an argument has another size, no pixel shows the garment, or those that do
-                are not near the body.
+            InputError: an argument has another size, the model has not learned the type, no pixel
+                shows the garment, or those that do are not near the body.
         """
         wearer = Wearer(gender, finite("shape", shape, SHAPES))
         check_gender(gender)
@@ -88,7 +91,12 @@ class FittingModel(SmplicitModel):
         body = pose_body(self.bodies[gender], wearer.shape, *at)
         unsure = np.zeros_like(shown) if unsure is None else unsure
         views, settings = [View(shown, unsure, camera, body)], FitImage()
-        (z,) = fit_codes_to_views(self, views, [wearer], [self.name], settings, seed)
+        if garment is not None and garment not in self.garments:
+            raise InputError(
+                f"garment: {garment!r:.60}, expected one of {', '.join(self.garments)}"
+            )
+        codes = self.codes.z if garment is None else self.codes_of(garment)
+        (z,) = fit_codes_to_views(self, codes, views, [wearer], [self.name], settings, seed)
         return dress(body, wearer, {self.name: (self, z)}, settings.wearing, Meshing())[self.name]
 
     def fit_points(

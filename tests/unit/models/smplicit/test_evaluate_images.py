@@ -98,7 +98,7 @@ def test_bodies_fill_the_picture(pictures):
         seen = known.picture.classes > 0
         rows, columns = np.nonzero(seen)
         longest = max(np.ptp(rows), np.ptp(columns))
-        assert 0.6 * SETTINGS["size_px"] < longest < SETTINGS.size_px - 1
+        assert 0.6 * SETTINGS["size_px"] < longest < SETTINGS["size_px"] - 1
 
 
 def test_the_truth_measures_as_such(pictures):

@@ -56,6 +56,16 @@ def test_the_loss_is_equation_6(model, clearance):
     np.testing.assert_allclose(loss, expected, rtol=1e-9)
 
 
+def test_many_codes_are_compared_on_one_garment(model):
+    found = Evidence(*(part[:1] for part in evidence()))
+    places, z = given(model)
+    with torch.no_grad():
+        together = image_loss(model, found, places[:1], z, FitImage())
+        alone = [image_loss(model, found, places[:1], one[None], FitImage()) for one in z]
+    torch.testing.assert_close(together, torch.cat(alone))
+    assert together[0] != together[1]
+
+
 def test_its_gradient_is_true(model):
     found = evidence()
     places, z = given(model)

@@ -1,12 +1,15 @@
+import copy
+
 import numpy as np
 import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.fit_pictures import fit_picture
+from drapeline.models.smplicit.fit_pictures import codes_of_class, fit_picture
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import CLASSES, Person, Picture
+from drapeline.outfits.garment_types import GARMENTS
 from gallery_toys import TubeField
 from smplicit_toys import toy_camera
 
@@ -38,6 +41,22 @@ def test_every_person_gets_the_garments_that_the_picture_shows(fitting_model, sk
     # At rest it is worn as it is.
     assert len(first["skirt"].sheet.faces)
     assert first["skirt"].posed.vertices == pytest.approx(first["skirt"].sheet.vertices, abs=1e-4)
+
+
+def test_starts_are_garments_of_the_types_that_a_class_may_be(fitting_model):
+    def codes_of(name, types):
+        codes = fitting_model.codes._replace(
+            z=np.arange(8.0).reshape(4, 2),
+            garment=np.array([GARMENTS.index(garment) for garment in types]),
+        )
+        model = copy.copy(fitting_model)
+        model.codes = codes
+        return codes_of_class(model, name)[:, 0].tolist()
+
+    whole = ("Dress", "Jumpsuit", "Dress", "Jumpsuit")
+    assert codes_of("dress", whole) == [0, 4]
+    assert codes_of("jumpsuit", whole) == [2, 6]
+    assert codes_of("upper", ("Top", "Tshirt", "Top", "Top")) == [0, 2, 4, 6]
 
 
 def test_missing_models_are_named(fitting_model, skirt):

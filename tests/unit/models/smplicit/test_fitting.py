@@ -27,6 +27,7 @@ def test_a_garment_is_fitted_and_worn(fitting_model, skirt, toy_body):
         ({"trans": [50.0, 0, 0]}, "do body and camera belong to the picture"),
         ({"pose": [0.0] * 3}, "pose: .* expected 72 finite numbers"),
         ({"gender": "other"}, "gender: 'other', expected one of female, male"),
+        ({"garment": "Dress"}, "garment: 'Dress', expected one of Skirt"),
     ],
 )
 def test_wrong_arguments_are_named(fitting_model, skirt, changes, message):
