@@ -30,6 +30,20 @@ def stages(toy_body, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def supers(run_rule, stages):
+    """Files of the finer bodies that garments are registered to, by gender, and their topology."""
+    genders = ("female", "male")
+    made = {name: stages / f"super_{name}.npz" for name in (*genders, "topology")}
+    run_rule(
+        "build_super_body",
+        input={gender: stages / f"{gender}.npz" for gender in genders},
+        output=made,
+        params={"vertices": 4000},
+    )
+    return made
+
+
+@pytest.fixture(scope="module")
 def plans():
     shares = {"val": 0.25, "test": 0.25}
     return plan_static(3, 4, 4, shares, 1.0, OUTFIT_TYPES, male_skirts=False)["000"]
@@ -67,24 +81,13 @@ def settling(**bounds):
     }
 
 
-def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
+def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
     make(run_rule, stages, plans)
     outfits = load_static(stages / "000.npz")
     assert [(o.name, o.split) for o in outfits] == [(p.name, p.split) for p in plans]
     run_rule(
-        "build_super_body",
-        input={gender: stages / f"{gender}.npz" for gender in ("female", "male")},
-        output={
-            "female": stages / "super_female.npz",
-            "male": stages / "super_male.npz",
-            "topology": stages / "topology.npz",
-        },
-        params={"vertices": 4000},
-    )
-    supers = {gender: stages / f"super_{gender}.npz" for gender in ("female", "male")}
-    run_rule(
         "register_static",
-        input={"outfits": stages / "000.npz", "topology": stages / "topology.npz", **supers},
+        input={"outfits": stages / "000.npz", **supers},
         output={"offsets": stages / "offsets.npz", "errors": stages / "offsets.tsv"},
         wildcards={"shard": "000"},
     )
@@ -98,7 +101,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
         assert values[garment, "rebuilt_to_garment_mean_mm"] < 3
         assert values[garment, "area_lost_percent"] < 3
         assert values[garment, "holes_after"] == values[garment, "islands_after"] == 0
-    bodies = {gender: load_body(path) for gender, path in supers.items()}
+    bodies = {gender: load_body(supers[gender]) for gender in ("female", "male")}
     collect_static(stages / "data", [stages / "offsets.npz"], bodies)
     data = StaticData(stages / "data")
     assert len(data) == 6
@@ -111,7 +114,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, plans):
     assert not splits["train"] & splits["val"]
     run_rule(
         "plot_registration",
-        input={"outfits": [stages / "000.npz"], "topology": stages / "topology.npz", **supers},
+        input={"outfits": [stages / "000.npz"], **supers},
         output=[stages / "registration.png"],
         params={"rays": 0.02},
     )
@@ -144,18 +147,13 @@ def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stage
     assert 0 < np.mean(sunk) < 0.2, sunk
 
 
-def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, plans):
-    make(run_rule, stages, plans)
-    (stages / "000.json").unlink()
-    with pytest.raises(SystemExit, match=r"drapeline: .*000.json: no such file"):
+def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, supers, plans):
+    make(run_rule, stages, plans, "alone")
+    (stages / "alone.json").unlink()
+    with pytest.raises(SystemExit, match=r"drapeline: .*alone.json: no such file"):
         run_rule(
             "register_static",
-            input={
-                "outfits": stages / "000.npz",
-                "topology": stages / "topology.npz",
-                "female": stages / "super_female.npz",
-                "male": stages / "super_male.npz",
-            },
+            input={"outfits": stages / "alone.npz", **supers},
             output={"offsets": stages / "new.npz", "errors": stages / "new.tsv"},
         )
     assert not (stages / "new.npz").exists()
