@@ -36,8 +36,6 @@ COVERED_BY = {
     "report/registration/hierarchy_sheet": "rules/test_build_hierarchy.py",
     "report/registration/registration_sheet": "rules/test_make_static_outfits.py",
     "simulation/solver": "unit/simulation/test_simulate.py",
-    "xpbd/cloth_contact": "unit/xpbd/test_crossings.py",
-    "xpbd/edge_contact": "unit/xpbd/test_crossings.py",
 }
 
 

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+import warp as wp
+
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.cloth_contact import touch_cloth
+from drapeline.xpbd.contact import RELEASED_M
+
+OWN_GAP, LAYER_GAP = 0.007, 0.004
+# The last vertex is over the middle of a triangle whose corners, and itself, weigh 1, 2, 3 and 4.
+CORNERS = np.array([[0.0, 0, 0], [0.03, 0, 0], [0, 0.03, 0]])
+MASS = np.array([1.0, 2, 3, 4])
+FAR = (1e3, 1e3)
+
+
+def touch(height, *, before=None, side=1, layer=0, room=FAR, friction=0.0, slid=0.0):
+    """Places (4, 3) after a contact and what they count as before it.
+
+    The vertex comes from the height `before`, and slides along x by `slid`.
+    """
+    start_warp()
+    middle = CORNERS.mean(axis=0)
+    old = np.concatenate([CORNERS, [middle + [0, 0, height if before is None else before]]])
+    new = np.concatenate([CORNERS, [middle + [slid, 0, height]]])
+    state = [wp.array(part.astype(np.float32), dtype=wp.vec3, device="cpu") for part in (old, new)]
+    wp.launch(
+        touch_cloth,
+        dim=4,
+        inputs=[
+            wp.array([0, 0, 0, 1], dtype=int, device="cpu"),
+            wp.array(np.int32([[0], [0], [0], [side]]), dtype=int, device="cpu"),
+            wp.array(np.int32([[0, 1, 2]]), dtype=wp.vec3i, device="cpu"),
+            wp.array([0, 0, 0, layer], dtype=int, device="cpu"),
+            wp.array((1 / MASS).astype(np.float32), dtype=float, device="cpu"),
+            wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
+            *(OWN_GAP, LAYER_GAP, friction),
+        ],
+        outputs=state,
+        device="cpu",
+    )
+    before, place = (part.numpy().astype(float) for part in state)
+    return place, before, new
+
+
+def past(place):
+    """(3,) way from where the last vertex touched the triangle to the vertex."""
+    return place[3] - place[:3].mean(axis=0)
+
+
+@pytest.mark.parametrize(
+    ("layer", "room", "gap"),
+    [
+        (0, FAR, OWN_GAP),
+        (1, FAR, LAYER_GAP),
+        # Where the body faces itself sheets have a third of the room, at either end of the frame.
+        (0, (0.009, 0.03), 0.003),
+        (1, (0.03, 0.006), 0.002),
+        (1, (0.03, 0.03), LAYER_GAP),
+    ],
+)
+@pytest.mark.parametrize("side", [1, -1])
+def test_what_came_too_close_is_moved_to_the_gap(layer, room, gap, side):
+    place, _, new = touch(side * 0.001, before=side * 0.02, side=side, layer=layer, room=room)
+    assert past(place)[2] == pytest.approx(side * gap, abs=1e-6)
+    # Nothing from outside pushes.
+    np.testing.assert_allclose(MASS @ (place - new), 0, atol=1e-7)
+
+
+def test_what_has_passed_through_comes_back():
+    place, *_ = touch(-0.002, before=0.01)
+    assert past(place)[2] == pytest.approx(OWN_GAP, abs=1e-6)
+
+
+@pytest.mark.parametrize(("height", "room"), [(0.0071, FAR), (0.0031, (0.009, 0.009))])
+def test_what_is_beyond_the_gap_is_left(height, room):
+    place, _, new = touch(height, before=0.02, room=room)
+    np.testing.assert_allclose(place, new, atol=1e-9)
+
+
+def test_old_depth_goes_slowly_and_gives_no_speed():
+    place, before, new = touch(0.001)
+    assert past(place)[2] == pytest.approx(0.001 + RELEASED_M, abs=1e-6)
+    np.testing.assert_allclose(place - before, 0, atol=1e-7)
+    assert np.abs(place - new).max() > 1e-5
+
+
+def test_friction_holds_a_share_of_the_push():
+    # So little that the vertex stays over the middle of the triangle.
+    slid, push = 1e-4, OWN_GAP - 0.001
+    for friction, held in ((0.0, 0.0), (0.01, 0.01 * push), (0.5, slid)):
+        place, *_ = touch(0.001, before=0.02, slid=slid, friction=friction)
+        assert past(place)[0] == pytest.approx(slid - held, abs=2e-6)

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+import warp as wp
+
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.contact import RELEASED_M
+from drapeline.xpbd.edge_contact import touch_edges
+
+OWN_GAP, LAYER_GAP = 0.007, 0.004
+MASS = np.array([1.0, 2, 3, 4])
+FAR = (1e3, 1e3)
+
+
+def touch(height, *, before=None, side=1, layer=0, room=FAR, shift=0.0):
+    """Places (4, 3) after a contact and what they count as before it.
+
+    An edge along y, shifted along x, crosses another along x at a height; it was at the height
+    `before`. Seen along the normal of the kernel, d x e, the first edge is at `side`.
+    """
+    start_warp()
+    new = np.array([[-0.01, 0, 0], [0.02, 0, 0], [shift, -0.02, height], [shift, 0.01, height]])
+    old = new.copy()
+    old[2:, 2] = height if before is None else before
+    state = [wp.array(part.astype(np.float32), dtype=wp.vec3, device="cpu") for part in (old, new)]
+    wp.launch(
+        touch_edges,
+        dim=2,
+        inputs=[
+            wp.array([1, 0], dtype=int, device="cpu"),
+            wp.array(np.int32([[2 * side], [0]]), dtype=int, device="cpu"),
+            wp.array(np.int32([[0, 1], [2, 3]]), dtype=wp.vec2i, device="cpu"),
+            wp.array([0, 0, layer, layer], dtype=int, device="cpu"),
+            wp.array((1 / MASS).astype(np.float32), dtype=float, device="cpu"),
+            wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
+            *(OWN_GAP, LAYER_GAP),
+        ],
+        outputs=state,
+        device="cpu",
+    )
+    before, place = (part.numpy().astype(float) for part in state)
+    return place, before, new
+
+
+def rise(place, at=(1 / 3, 2 / 3)):
+    """Height of the second edge over the first, where they crossed."""
+    under = place[0] + at[0] * (place[1] - place[0])
+    return (place[2] + at[1] * (place[3] - place[2]) - under)[2]
+
+
+@pytest.mark.parametrize(
+    ("layer", "room", "gap"),
+    [
+        (0, FAR, OWN_GAP),
+        (1, FAR, LAYER_GAP),
+        # Where the body faces itself sheets have a third of the room, at either end of the frame.
+        (0, (0.009, 0.03), 0.003),
+        (1, (0.03, 0.006), 0.002),
+    ],
+)
+@pytest.mark.parametrize("side", [1, -1])
+def test_edges_that_came_too_close_are_moved_to_the_gap(layer, room, gap, side):
+    # The first is below the second, so along d x e, which points up, it is on the negative side.
+    place, _, new = touch(side * 0.001, before=side * 0.02, side=-side, layer=layer, room=room)
+    assert rise(place) == pytest.approx(side * gap, abs=1e-6)
+    np.testing.assert_allclose(MASS @ (place - new), 0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("height", "shift", "room"),
+    [(0.0071, 0.0, FAR), (0.001, 0.021, FAR), (0.0031, 0.0, (0.009, 0.009))],
+)
+def test_edges_that_do_not_meet_are_left(height, shift, room):
+    place, _, new = touch(height, before=0.02, side=-1, shift=shift, room=room)
+    np.testing.assert_allclose(place, new, atol=1e-9)
+
+
+def test_old_depth_goes_slowly_and_gives_no_speed():
+    place, before, _ = touch(0.001, side=-1)
+    assert rise(place) == pytest.approx(0.001 + RELEASED_M, abs=1e-6)
+    np.testing.assert_allclose((place - before)[:, 2], 0, atol=1e-7)
