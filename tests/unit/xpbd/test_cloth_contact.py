@@ -1,45 +1,34 @@
 import numpy as np
 import pytest
-import warp as wp
 
-from drapeline.geometry.warp_mesh import start_warp
+from contact_toys import FAR, LAYER_GAP, MASS, OWN_GAP, after_contact
 from drapeline.xpbd.cloth_contact import touch_cloth
 from drapeline.xpbd.contact import RELEASED_M
 
-OWN_GAP, LAYER_GAP = 0.007, 0.004
-# The last vertex is over the middle of a triangle whose corners, and itself, weigh 1, 2, 3 and 4.
+# The last vertex is over the middle of a triangle whose corners are the others.
 CORNERS = np.array([[0.0, 0, 0], [0.03, 0, 0], [0, 0.03, 0]])
-MASS = np.array([1.0, 2, 3, 4])
-FAR = (1e3, 1e3)
 
 
 def touch(height, *, before=None, side=1, layer=0, room=FAR, friction=0.0, slid=0.0):
-    """Places (4, 3) after a contact and what they count as before it.
+    """Places (4, 3) after a contact, those that count as before it, and those that it found.
 
     The vertex comes from the height `before`, and slides along x by `slid`.
     """
-    start_warp()
     middle = CORNERS.mean(axis=0)
     old = np.concatenate([CORNERS, [middle + [0, 0, height if before is None else before]]])
     new = np.concatenate([CORNERS, [middle + [slid, 0, height]]])
-    state = [wp.array(part.astype(np.float32), dtype=wp.vec3, device="cpu") for part in (old, new)]
-    wp.launch(
+    near, layers = [0, 0, 0, side], [0, 0, 0, layer]
+    found = after_contact(
         touch_cloth,
-        dim=4,
-        inputs=[
-            wp.array([0, 0, 0, 1], dtype=int, device="cpu"),
-            wp.array(np.int32([[0], [0], [0], [side]]), dtype=int, device="cpu"),
-            wp.array(np.int32([[0, 1, 2]]), dtype=wp.vec3i, device="cpu"),
-            wp.array([0, 0, 0, layer], dtype=int, device="cpu"),
-            wp.array((1 / MASS).astype(np.float32), dtype=float, device="cpu"),
-            wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
-            *(OWN_GAP, LAYER_GAP, friction),
-        ],
-        outputs=state,
-        device="cpu",
+        near,
+        [[0, 1, 2]],
+        old,
+        new,
+        layers=layers,
+        room=room,
+        friction=(friction,),
     )
-    before, place = (part.numpy().astype(float) for part in state)
-    return place, before, new
+    return *found, new
 
 
 def past(place):

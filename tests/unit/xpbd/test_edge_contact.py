@@ -1,44 +1,23 @@
 import numpy as np
 import pytest
-import warp as wp
 
-from drapeline.geometry.warp_mesh import start_warp
+from contact_toys import FAR, LAYER_GAP, MASS, OWN_GAP, after_contact
 from drapeline.xpbd.contact import RELEASED_M
 from drapeline.xpbd.edge_contact import touch_edges
 
-OWN_GAP, LAYER_GAP = 0.007, 0.004
-MASS = np.array([1.0, 2, 3, 4])
-FAR = (1e3, 1e3)
-
 
 def touch(height, *, before=None, side=1, layer=0, room=FAR, shift=0.0):
-    """Places (4, 3) after a contact and what they count as before it.
+    """Places (4, 3) after a contact, those that count as before it, and those that it found.
 
     An edge along y, shifted along x, crosses another along x at a height; it was at the height
     `before`. Seen along the normal of the kernel, d x e, the first edge is at `side`.
     """
-    start_warp()
     new = np.array([[-0.01, 0, 0], [0.02, 0, 0], [shift, -0.02, height], [shift, 0.01, height]])
     old = new.copy()
     old[2:, 2] = height if before is None else before
-    state = [wp.array(part.astype(np.float32), dtype=wp.vec3, device="cpu") for part in (old, new)]
-    wp.launch(
-        touch_edges,
-        dim=2,
-        inputs=[
-            wp.array([1, 0], dtype=int, device="cpu"),
-            wp.array(np.int32([[2 * side], [0]]), dtype=int, device="cpu"),
-            wp.array(np.int32([[0, 1], [2, 3]]), dtype=wp.vec2i, device="cpu"),
-            wp.array([0, 0, layer, layer], dtype=int, device="cpu"),
-            wp.array((1 / MASS).astype(np.float32), dtype=float, device="cpu"),
-            wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
-            *(OWN_GAP, LAYER_GAP),
-        ],
-        outputs=state,
-        device="cpu",
-    )
-    before, place = (part.numpy().astype(float) for part in state)
-    return place, before, new
+    near, layers = [2 * side, 0], [0, 0, layer, layer]
+    edges = [[0, 1], [2, 3]]
+    return *after_contact(touch_edges, near, edges, old, new, layers=layers, room=room), new
 
 
 def rise(place, at=(1 / 3, 2 / 3)):

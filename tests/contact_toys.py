@@ -1,0 +1,44 @@
+"""One contact of a few vertices of cloth, as the kernels of the fast solver see it."""
+
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.warp_mesh import start_warp
+
+OWN_GAP, LAYER_GAP = 0.007, 0.004
+MASS = np.array([1.0, 2, 3, 4])
+FAR = (1e3, 1e3)
+
+
+def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=()):
+    """Places (4, 3) after a contact, and those that count as before it.
+
+    Args:
+        kernel: `touch_cloth` or `touch_edges`.
+        near: what each vertex or edge is near to, by the kernel's numbers; 0 for nothing.
+        parts: triangles (F, 3) or edges (E, 2).
+        old, new: (4, 3) places before the step and now, of vertices that weigh `MASS`.
+        layers: (4,) of the vertices.
+        room: where the body faces itself.
+        friction: of the kernel, if it has one.
+    """
+    start_warp()
+    near = np.array(near, np.int32)
+    state = [wp.array(np.float32(part), dtype=wp.vec3, device="cpu") for part in (old, new)]
+    wp.launch(
+        kernel,
+        dim=len(near),
+        inputs=[
+            wp.array((near != 0).astype(np.int32), dtype=int, device="cpu"),
+            wp.array(near[:, None], dtype=int, device="cpu"),
+            wp.array(np.int32(parts), dtype=wp.types.vector(len(parts[0]), int), device="cpu"),
+            wp.array(np.int32(layers), dtype=int, device="cpu"),
+            wp.array(np.float32(1 / MASS), dtype=float, device="cpu"),
+            wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
+            *(OWN_GAP, LAYER_GAP, *friction),
+        ],
+        outputs=state,
+        device="cpu",
+    )
+    before, place = (part.numpy().astype(float) for part in state)
+    return place, before
