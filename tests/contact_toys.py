@@ -8,6 +8,15 @@ from drapeline.geometry.warp_mesh import start_warp
 OWN_GAP, LAYER_GAP = 0.007, 0.004
 MASS = np.array([1.0, 2, 3, 4])
 FAR = (1e3, 1e3)
+# The layer of one of two sheets, the room, and how far apart they are kept.
+GAPS = [
+    (0, FAR, OWN_GAP),
+    (1, FAR, LAYER_GAP),
+    # Where the body faces itself sheets have a third of the room, at either end of the frame.
+    (0, (0.009, 0.03), 0.003),
+    (1, (0.03, 0.006), 0.002),
+    (1, (0.03, 0.03), LAYER_GAP),
+]
 
 
 def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=()):

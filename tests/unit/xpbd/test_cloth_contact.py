@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from contact_toys import FAR, LAYER_GAP, MASS, OWN_GAP, after_contact
+from contact_toys import FAR, GAPS, MASS, OWN_GAP, after_contact
 from drapeline.xpbd.cloth_contact import touch_cloth
 from drapeline.xpbd.contact import RELEASED_M
 
@@ -36,17 +36,7 @@ def past(place):
     return place[3] - place[:3].mean(axis=0)
 
 
-@pytest.mark.parametrize(
-    ("layer", "room", "gap"),
-    [
-        (0, FAR, OWN_GAP),
-        (1, FAR, LAYER_GAP),
-        # Where the body faces itself sheets have a third of the room, at either end of the frame.
-        (0, (0.009, 0.03), 0.003),
-        (1, (0.03, 0.006), 0.002),
-        (1, (0.03, 0.03), LAYER_GAP),
-    ],
-)
+@pytest.mark.parametrize(("layer", "room", "gap"), GAPS)
 @pytest.mark.parametrize("side", [1, -1])
 def test_what_came_too_close_is_moved_to_the_gap(layer, room, gap, side):
     place, _, new = touch(side * 0.001, before=side * 0.02, side=side, layer=layer, room=room)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from contact_toys import FAR, LAYER_GAP, MASS, OWN_GAP, after_contact
+from contact_toys import FAR, GAPS, MASS, after_contact
 from drapeline.xpbd.contact import RELEASED_M
 from drapeline.xpbd.edge_contact import touch_edges
 
@@ -26,16 +26,7 @@ def rise(place, at=(1 / 3, 2 / 3)):
     return (place[2] + at[1] * (place[3] - place[2]) - under)[2]
 
 
-@pytest.mark.parametrize(
-    ("layer", "room", "gap"),
-    [
-        (0, FAR, OWN_GAP),
-        (1, FAR, LAYER_GAP),
-        # Where the body faces itself sheets have a third of the room, at either end of the frame.
-        (0, (0.009, 0.03), 0.003),
-        (1, (0.03, 0.006), 0.002),
-    ],
-)
+@pytest.mark.parametrize(("layer", "room", "gap"), GAPS)
 @pytest.mark.parametrize("side", [1, -1])
 def test_edges_that_came_too_close_are_moved_to_the_gap(layer, room, gap, side):
     # The first is below the second, so along d x e, which points up, it is on the negative side.
