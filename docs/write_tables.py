@@ -76,7 +76,7 @@ FIELD_VARIANTS = {
 PICTURES = {
     "smplicit_images_fitted": "fitted code",
     "smplicit_images_nearest": "training code with the least loss",
-    "smplicit_images_mean_code": "mean code",
+    "smplicit_images_mean_code": "mean code of the class",
 }
 SCANS = {
     "smplicit_scan_start": "SMPLicit, mean code on the estimated body",

@@ -8,6 +8,7 @@ import torch
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.dataset.shards import samples_of_shards
+from drapeline.errors import InputError
 from drapeline.metrics.table import write_metrics
 from drapeline.models.smplicit.evaluate_images import PictureEvaluation, take_pictures
 from drapeline.models.smplicit.fit_images import FitImage
@@ -22,19 +23,19 @@ with rule_log(snakemake.log[0]):
     given, params, made = snakemake.input, snakemake.params, snakemake.output
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
-    chosen = [p for p in samples_of_shards(given.learning) if p.name in params.learning]
-    groups = ((given.samples, params.pictures), (chosen, len(chosen)))
-    pictures = [
-        picture
-        for folders, count in groups
-        for picture in take_pictures(
-            [Sample(folder) for folder in folders if read_record(folder).accepted],
-            models,
-            count=count,
-            size_px=params.size_px,
-            seed=params.seed,
+    chosen = [p for p in samples_of_shards(given.learning) if p.name in params.learning_samples]
+    dataset, learning = (
+        [Sample(folder) for folder in folders if read_record(folder).accepted]
+        for folders in (given.samples, chosen)
+    )
+    if not dataset and not learning:
+        raise InputError(
+            f"all {len(given.samples) + len(chosen)} samples of the {params.split} split that"
+            " pictures were wanted of were rejected, expected one that is accepted"
         )
-    ]
+    about = {"size_px": params.size_px, "seed": params.seed}
+    pictures = take_pictures(dataset, models, count=params.dataset_pictures, **about)
+    pictures += take_pictures(learning, models, count=len(learning), **about)
     evaluation = PictureEvaluation(
         models, fit=FitImage(**params.fit), meshing=Meshing(**params.meshing), seed=params.seed
     )

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.metrics.fitted_pictures import load_fitted_picture
 from drapeline.rendering.raytracer import ray_share
+from drapeline.report.models.garment4d.steps import spread_frames
 from drapeline.report.models.smplicit.fitted_pictures import plot_known_pictures
 from drapeline.rule_log import rule_log
 
@@ -12,5 +13,6 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
-    files = sorted(Path(snakemake.input[0]).glob("*.npz"))[: snakemake.params.most]
-    plot_known_pictures(snakemake.output[0], [load_fitted_picture(file) for file in files])
+    files = sorted(Path(snakemake.input[0]).glob("*.npz"))
+    shown = [files[k] for k in spread_frames(len(files), snakemake.params.most)]
+    plot_known_pictures(snakemake.output[0], [load_fitted_picture(file) for file in shown])

@@ -83,36 +83,50 @@ def test_a_picture_of_unlearned_garments_is_refused(run_rule, skirt, picture, tm
     assert not (tmp_path / "made/street").exists()
 
 
-@pytest.mark.portable
-def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, toy_body, tmp_path):
-    samples = [
-        write_tiny_sample(tmp_path / name, toy_body, name, "test", seed=seed).folder
-        for seed, name in enumerate(("00001", "00002"))
-    ]
-    shard = tmp_path / "shard"
-    for seed, name in enumerate(("L00001", "L00002"), 2):
-        made = write_tiny_sample(tmp_path / name, toy_body, name, "test", seed=seed).folder
-        shutil.move(made, shard / name)
+def evaluate(run_rule, skirt, folder, samples, learning):
+    """Rows of the table, and names of the pictures, of samples and of some of a shard's."""
     run_rule(
         "evaluate_images",
-        input={"models": [skirt], "samples": samples, "learning": [shard]},
-        output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown"},
+        input={"models": [skirt], "samples": samples, "learning": [folder / "shard"]},
+        output={"metrics": folder / "metrics.tsv", "shown": folder / "shown"},
         params={
             "split": "test",
-            "pictures": 2,
+            "dataset_pictures": 2,
             "size_px": 48,
-            "learning": ["L00002"],
+            "learning_samples": learning,
             "fit": FIT,
             "meshing": MESHING,
             "seed": 0,
         },
     )
-    with open(tmp_path / "metrics.tsv") as stream:
+    with open(folder / "metrics.tsv") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
+    files = sorted((folder / "shown").iterdir())
+    return rows, [load_fitted_picture(file).name for file in files]
+
+
+@pytest.fixture
+def pictured(toy_body, tmp_path):
+    """Writes a sample: of the dataset, or in a shard of the learning group; returns its folder."""
+
+    def write(name, **values):
+        made = write_tiny_sample(tmp_path / name, toy_body, name, "test", **values).folder
+        if name.startswith("L"):
+            made = shutil.move(made, tmp_path / "shard" / name)
+        return made
+
+    (tmp_path / "shard").mkdir()
+    return write
+
+
+@pytest.mark.portable
+def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, pictured, tmp_path):
+    samples = [pictured(name, seed=seed) for seed, name in enumerate(("00001", "00002"))]
+    for seed, name in enumerate(("L00001", "L00002"), 2):
+        pictured(name, seed=seed)
+    rows, names = evaluate(run_rule, skirt, tmp_path, samples, ["L00002"])
     # A picture of each sample, and of the one of the learning group that was asked for.
     assert {row["n"] for row in rows if row["metric"] == "silhouette_iou"} == {"3"}
-    files = sorted((tmp_path / "shown").iterdir())
-    names = [load_fitted_picture(file).name for file in files]
     assert names == ["00001_003", "00002_003", "L00002_003"]
 
     def height(most):
@@ -126,3 +140,14 @@ def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, toy_body, t
             return image.height
 
     assert height(2) > 1.6 * height(1)
+
+
+@pytest.mark.portable
+def test_rejected_samples_are_not_pictured(run_rule, skirt, pictured, tmp_path):
+    rejected = [pictured("00001", status="rejected"), pictured("L00001", status="rejected")]
+    pictured("L00002")
+    _, names = evaluate(run_rule, skirt, tmp_path, rejected[:1], ["L00001", "L00002"])
+    # Once, although two were asked for.
+    assert names == ["L00002_003"]
+    with pytest.raises(SystemExit, match="all 2 samples of the test split .* were rejected"):
+        evaluate(run_rule, skirt, tmp_path, rejected[:1], ["L00001"])

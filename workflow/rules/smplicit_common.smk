@@ -1,5 +1,6 @@
 import re
 
+from drapeline.experiment.learning_plan import some_held_out
 from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 
@@ -17,7 +18,7 @@ if SMPLICIT_COMPARED:
     METRIC_TABLES["representations"] += ["representations_smplicit"]
 
 
-def is_learned(planned):
+def wears_known_garment(planned):
     """Whether a planned sample wears a garment that a model here learns."""
     garments = planned.outfit_type.split("+")
     return any(MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS for garment in garments)
@@ -27,12 +28,12 @@ def is_learned(planned):
 PICTURED_SAMPLES = [
     sample
     for sample, planned in SAMPLES.items()
-    if planned.split == EVALUATED_SPLITS[0] and is_learned(planned)
+    if planned.split == EVALUATED_SPLITS[0] and wears_known_garment(planned)
 ]
 # Those of the learning group: shard and sample.
 PICTURED_LEARNING = some_held_out(
     config["seed"],
-    {shard: [*filter(is_learned, plans)] for shard, plans in LEARNING.items()},
+    {shard: [*filter(wears_known_garment, plans)] for shard, plans in LEARNING.items()},
     split=EVALUATED_SPLITS[0],
     most=config["smplicit"]["evaluate_images"]["learning"],
 )

@@ -76,12 +76,15 @@ rule evaluate_images:
     threads: 1
     resources:
         mem_mb=3000,
-        runtime=120,
+        runtime=minutes(
+            30
+            * (config["smplicit"]["evaluate_images"]["count"] + len(PICTURED_LEARNING))
+        ),
     params:
         split=EVALUATED_SPLITS[0],
-        pictures=lookup(dpath="smplicit/evaluate_images/count", within=config),
+        dataset_pictures=lookup(dpath="smplicit/evaluate_images/count", within=config),
         size_px=lookup(dpath="smplicit/evaluate_images/size_px", within=config),
-        learning=[sample for _, sample in PICTURED_LEARNING],
+        learning_samples=[sample for _, sample in PICTURED_LEARNING],
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
         seed=config["seed"],

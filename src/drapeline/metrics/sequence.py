@@ -34,10 +34,10 @@ class MovingBody(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Measures of one sequence.
+    """Measures of one sequence, or of one garment in a scan or picture of it.
 
     Attributes:
-        sequence: its name; sequences with the same name are resampled together.
+        sequence: its name; what has the same name is resampled together.
         garment: its type.
         measures: metric -> value; NaN where a metric is not defined.
         source: cloth solver that moved the garment, if one did.
@@ -179,11 +179,12 @@ def canonical_measures(
 
 
 def sequence_summary(
-    measured: Sequence[Measured], *, variant: str, split: str, seed: int
+    measured: Sequence[Measured], *, variant: str, split: str, seed: int, model: str = MODEL
 ) -> list[MetricRow]:
     """Rows of the table of metrics: means over sequences, with intervals from resampling them.
 
-    Each sequence has the same weight, however long it is.
+    Each sequence has the same weight, however long it is. Where several solvers moved the garments
+    there are rows of all and of each.
 
     Args:
         measured: sequences of a split by one variant.
@@ -195,11 +196,11 @@ def sequence_summary(
         row
         for source, own in by_source(measured).items()
         for row in summary_rows(
-            rng_for(seed, "intervals", MODEL, variant, split, source),
+            rng_for(seed, "intervals", model, variant, split, source),
             [one.measures for one in own],
             [one.garment for one in own],
             [one.sequence for one in own],
-            model=MODEL,
+            model=model,
             variant=variant,
             split=split,
             seed=seed,

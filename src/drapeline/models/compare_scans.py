@@ -10,17 +10,18 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import solver_name
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_scans import BODY, TRUE, Fits, scan_class
 from drapeline.metrics.garment import area_distances_mm
 from drapeline.metrics.properties import measure_properties
-from drapeline.metrics.table import ALL, MetricRow, summary_rows
+from drapeline.metrics.sequence import Measured, sequence_summary
+from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.contract import ScanFitter
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.rule_log import progress
-from drapeline.seeding import rng_for
 
 MODEL = "scan"
 
@@ -32,6 +33,7 @@ class KnownScan(NamedTuple):
         scan: with what is known of it.
         body: fitted to it.
         sample: name of the sample.
+        source: cloth solver that moved the garments.
         true: garment -> simulated triangles, in the scan's world.
         classes: garment -> one of `CLASSES`.
         true_body: (V, 3) vertices of the simulated body.
@@ -40,6 +42,7 @@ class KnownScan(NamedTuple):
     scan: SegmentedScan
     body: BodyState
     sample: str
+    source: str
     true: dict[str, Mesh]
     classes: dict[str, str]
     true_body: np.ndarray
@@ -77,7 +80,7 @@ def _known(
         rest[name] = Mesh(mesh.vertices, triangulate(mesh.faces))
         properties = measure_properties(region, rest[name], body, shape)
         classes[name] = scan_class(region, properties)
-    known = []
+    known, source = [], solver_name(sample.meta or {})
     for scan, fitted in taken:
         frame = scan.frame
         true = {
@@ -86,7 +89,7 @@ def _known(
         }
         pose = sample.info.poses[frame].astype(np.float64)
         vertices, _ = posed_vertices(body, shape, pose[None])
-        known.append(KnownScan(scan, fitted, sample.id, true, classes, vertices[0]))
+        known.append(KnownScan(scan, fitted, sample.id, source, true, classes, vertices[0]))
     return known
 
 
@@ -104,8 +107,7 @@ def compare_scan_fits(
     Returns:
         Rows, and scan's name -> fits.
     """
-    measures: dict[str, list[dict[str, float]]] = {}
-    of: dict[str, list[tuple[str, str]]] = {}
+    measured: dict[str, list[Measured]] = {}
     found: dict[str, Fits] = {}
     for known in progress(scans, total=len(scans), label="scans"):
         fits = found[known.scan.name] = fitter.fit(known.scan, known.body)
@@ -113,12 +115,13 @@ def compare_scan_fits(
             for name, mesh in garments.items():
                 to_true, to_surface = area_distances_mm(mesh, known.true[name])
                 row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
-                measures.setdefault(variant, []).append(row)
-                of.setdefault(variant, []).append((known.classes[name], known.sample))
-    rows = []
-    for variant, part in measures.items():
-        classes, samples = zip(*of[variant], strict=True)
-        rows += _summary(part, classes, samples, variant, split, seed)
+                one = Measured(known.sample, known.classes[name], row, known.source)
+                measured.setdefault(variant, []).append(one)
+    rows = [
+        row
+        for variant, part in measured.items()
+        for row in sequence_summary(part, variant=variant, split=split, seed=seed, model=MODEL)
+    ]
     return rows, found
 
 
@@ -148,12 +151,11 @@ def body_rows(
     """
     rows = []
     for variant, every in states.items():
-        measures = [
-            {"vertex_error_mm": body_error_mm(known, state, bodies[known.scan.gender])}
-            for known, state in zip(scans, every, strict=True)
-        ]
-        samples = [known.sample for known in scans]
-        made = _summary(measures, [BODY] * len(scans), samples, variant, split, seed)
+        measured = []
+        for known, state in zip(scans, every, strict=True):
+            error = body_error_mm(known, state, bodies[known.scan.gender])
+            measured.append(Measured(known.sample, BODY, {"vertex_error_mm": error}, known.source))
+        made = sequence_summary(measured, variant=variant, split=split, seed=seed, model=MODEL)
         rows += [row for row in made if row.garment == ALL]
     return rows
 
@@ -162,23 +164,3 @@ def body_error_mm(known: KnownScan, state: BodyState, body: BodyModel) -> float:
     """Mean distance between the vertices of the simulated body and of one in a state."""
     found, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
     return float(1000 * np.linalg.norm(found[0] - known.true_body, axis=1).mean())
-
-
-def _summary(
-    measures: Sequence[Mapping[str, float]],
-    classes: Sequence[str],
-    samples: Sequence[str],
-    variant: str,
-    split: str,
-    seed: int,
-) -> list[MetricRow]:
-    return summary_rows(
-        rng_for(seed, "intervals", MODEL, variant, split),
-        measures,
-        classes,
-        samples,
-        model=MODEL,
-        variant=variant,
-        split=split,
-        seed=seed,
-    )

@@ -94,6 +94,22 @@ def test_distances_are_those_of_the_fits_by_class(known):
     assert set(found) == {one.scan.name for one in known}
 
 
+def test_garments_of_several_solvers_have_rows_of_their_own_besides_those_of_all(known):
+    blender, xpbd = (
+        one._replace(source=name) for one, name in zip(known, ("blender", "xpbd"), strict=True)
+    )
+    fitter = Raised(known, [0.02])
+
+    def found(scans, source=""):
+        rows, _ = compare_scan_fits(scans, fitter, split="test", seed=3)
+        return find_value(rows, "raised_0.02", "test", ALL, "surface_to_true_mm", source)
+
+    both, own = found([blender, xpbd]), found([blender, xpbd], "xpbd")
+    assert own.value == found([xpbd]).value != both.value
+    assert both.n == 2 * own.n
+    assert found([xpbd], "xpbd") is None
+
+
 def test_bodies_are_compared_by_their_vertices(known, bodies):
     away = [
         one.scan.estimate._replace(trans=one.scan.estimate.trans + [0, 0, 10.0]) for one in known

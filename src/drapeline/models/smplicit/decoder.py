@@ -52,7 +52,7 @@ class Conditioned(NamedTuple):
 
     Attributes:
         query_weight: (B or 1, H, 3) of the first query layer, for the point alone.
-        query_bias: (B, H) with what the clusters add.
+        query_bias: (B or 1, H) with what the clusters add.
         base: (B, H0) what style and cut add to the first joint layer.
     """
 
@@ -104,8 +104,8 @@ class Decoder(torch.nn.Module):
         Or (B, P, outputs), where there is more than one.
 
         Args:
-            points: (B, P, 3) metres, in the rest pose.
-            places: (B, K, 3) of the body's clusters.
+            points: (B or 1, P, 3) metres, in the rest pose.
+            places: (B or 1, K, 3) of the body's clusters.
             z_cut, z_style: (B, cut) and (B, style).
         """
         return self.distances(points, self.condition(places, z_cut, z_style))
@@ -142,7 +142,7 @@ class Decoder(torch.nn.Module):
         return torch.cat([by_cut.expand(len(slopes), -1, -1), by_style @ slopes], 2)
 
     def distances(self, points: torch.Tensor, given: Conditioned) -> torch.Tensor:
-        """(B, P) distances of points (B, P, 3) for what `condition` gave."""
+        """(B, P) distances of points (B or 1, P, 3) for what `condition` gave."""
         query = self.query(points, given.query_weight, given.query_bias)
         return self.joint(query + given.base[:, None])
 

@@ -1,8 +1,8 @@
 """How well garments are found in pictures: renders of held-out simulated samples, with known truth.
 
 A picture is the exact segmentation of a frame, seen from somewhere; body and camera are known. The
-fitted garments stand beside those of the mean code of their type and of the training code with the
-least loss.
+fitted garments stand beside those of the mean code of their class and of the training code of it
+with the least loss.
 """
 
 import time
@@ -14,11 +14,13 @@ import numpy as np
 
 from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import solver_name
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.sequence import Measured, sequence_summary
+from drapeline.metrics.table import MetricRow
 from drapeline.models.smplicit.fit_images import FitImage, rank_codes
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
@@ -59,6 +61,7 @@ class KnownPicture:
     Attributes:
         picture: of one person.
         sample: its name.
+        source: cloth solver that moved the garments.
         body: at rest and posed.
         true: class -> simulated garment, in the world of the camera.
         garments: class -> garment type.
@@ -66,6 +69,7 @@ class KnownPicture:
 
     picture: Picture
     sample: str
+    source: str
     body: PosedBody
     true: dict[str, Mesh]
     garments: dict[str, str]
@@ -106,13 +110,15 @@ def take_pictures(
     """Pictures, spread over samples, their frames, and the sides of the people.
 
     Args:
-        samples: simulated.
+        samples: simulated and accepted; without any there are no pictures.
         models: by their names of `FIELD_MODELS`; garments of others are only in the way.
         count: of pictures.
         size_px: their width and height.
         seed: draws the first side of each sample, and how high the cameras are.
     """
-    shares = Counter(index * len(samples) // count for index in range(count) if samples)
+    if not samples:
+        return []
+    shares = Counter(index * len(samples) // count for index in range(count))
     return [
         _take_picture(samples[number], models, (index, share), size_px, seed)
         for number, share in shares.items()
@@ -154,7 +160,8 @@ def _take_picture(
     )
     person = Person(sample.gender, shape, pose, trans, camera, ~nobody, nobody, seen)
     picture = Picture(f"{sample.id}_{frame:03d}", classes, None, (person,))
-    return KnownPicture(picture, sample.id, body, true, types)
+    source = solver_name(sample.meta or {})
+    return KnownPicture(picture, sample.id, source, body, true, types)
 
 
 def _camera(
@@ -252,7 +259,7 @@ class PictureEvaluation:
         return dress(known.body, known.wearer, chosen, self._fit.wearing, self._meshing)
 
     def _nearest(self, known: KnownPicture) -> Outfit:
-        """Of each garment the training code with the least loss."""
+        """Of each garment the training code of its class with the least loss."""
         codes = {}
         for name in known.person.garments:
             model, label = self._model(name), f"{known.picture.name}, {name}"
@@ -273,20 +280,17 @@ class PictureEvaluation:
         split: str,
     ) -> list[MetricRow]:
         of = [(known, name) for known in pictures for name in known.person.garments]
-        return [
-            row
-            for name, part in measures.items()
-            for row in summary_rows(
-                rng_for(self._seed, "intervals", "images", name, split),
-                part,
-                [known.garments[garment] for known, garment in of],
-                [known.sample for known, _ in of],
-                model=MODEL,
-                variant=f"{MODEL}_images_{name}",
-                split=split,
-                seed=self._seed,
+        rows = []
+        for variant, part in measures.items():
+            measured = [
+                Measured(known.sample, known.garments[name], values, known.source)
+                for (known, name), values in zip(of, part, strict=True)
+            ]
+            name = f"{MODEL}_images_{variant}"
+            rows += sequence_summary(
+                measured, variant=name, split=split, seed=self._seed, model=MODEL
             )
-        ]
+        return rows
 
 
 def silhouette_iou(found: np.ndarray, true: np.ndarray, name: str) -> float:

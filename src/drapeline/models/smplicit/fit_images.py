@@ -72,7 +72,7 @@ class FitImage:
 
 
 class CodePrior(NamedTuple):
-    """How the codes of a model's garments are spread: z = mean + factor w.
+    """How the codes of some garments are spread: z = mean + factor w.
 
     Attributes:
         mean: (D,).

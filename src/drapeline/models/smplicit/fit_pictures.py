@@ -17,7 +17,6 @@ from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
-from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.worn import Wearing, wear
 from drapeline.rendering.camera import Camera
 from drapeline.seeding import rng_for
@@ -115,9 +114,8 @@ def look_at_points(
 
 def codes_of_class(model: "SmplicitModel", name: str) -> np.ndarray:
     """(n, cut + style) training codes of what a class may be: for upper bodies, of any type."""
-    garment = GARMENT_CLASSES[name].garment
-    upper = GARMENT_TYPES[garment].region == "upper"
-    return model.codes.z if upper else model.codes_of(garment)
+    key, garment = GARMENT_CLASSES[name]
+    return model.codes.z if key == "upper" else model.codes_of(garment)
 
 
 def fit_codes_to_views(
@@ -201,10 +199,8 @@ def fit_picture(
     bodies = [_posed(person, models) for person in picture.people]
     codes: dict[tuple[int, str], np.ndarray] = {}
     for kind in dict.fromkeys(name for _, name in wanted):
-        model, own = (
-            models[GARMENT_CLASSES[kind].model],
-            [pair for pair in wanted if pair[1] == kind],
-        )
+        model = models[GARMENT_CLASSES[kind].model]
+        own = [(i, name) for i, name in wanted if name == kind]
         views = [garment_view(picture, picture.people[i], kind, bodies[i]) for i, _ in own]
         wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
         names = [f"{picture.name}, person {i + 1}, {kind}" for i, _ in own]

@@ -49,9 +49,9 @@ class FitScan:
     Attributes:
         cloth, around: points on each garment and off it, see `field_points`.
         spread_m: of those in space.
-        bare_weight: of points off the garment where the scan shows skin or cloth that it would
-            cover. Cloth in motion is wider than any at rest; without this weight codes of larger
-            garments are preferred.
+        uncovered_weight: of points off the garment where the scan shows skin or cloth that it would
+            cover; that of others is 1. Cloth in motion is wider than any at rest, so that with
+            equal weights larger garments would fit.
         starts: training codes that are tried as a start, beside their mean.
         steps: for codes alone.
         joint_steps: for body and codes.
@@ -63,11 +63,11 @@ class FitScan:
     cloth: int = 500
     around: int = 750
     spread_m: float = 0.02
-    bare_weight: float = 3.0
+    uncovered_weight: float = 3.0
     starts: int = 32
     steps: int = 15
     joint_steps: int = 8
-    weight: float = 100.0
+    weight: float = 180.0
     field_m: float = 0.005
     neighbours: int = 1
 
@@ -204,12 +204,14 @@ class GarmentTerms:
     def weights(self, residual: np.ndarray) -> np.ndarray:
         """(P,) of the squares of residuals."""
         total = self._settings.weight * self._network.d_max_m / self._settings.field_m
-        return total * self.points.weight * absolute_weights(residual, _FLOOR) / len(residual)
+        share = self.points.weight / self.points.weight.sum()
+        return total * share * absolute_weights(residual, _FLOOR)
 
     def loss(self, residual: np.ndarray, w: np.ndarray) -> float:
         """What steps of the code alone make smaller."""
         total = self._settings.weight * self._network.d_max_m / self._settings.field_m
-        return float(total * (self.points.weight * np.abs(residual)).mean() + (w**2).sum() / 2)
+        mean = np.average(np.abs(residual), weights=self.points.weight)
+        return float(total * mean + (w**2).sum() / 2)
 
     def best_start(self, places: np.ndarray, shape: np.ndarray) -> np.ndarray:
         """(Z,) w of the training code, or of their mean, with the least loss."""
@@ -316,7 +318,7 @@ def fit_scan(
                 cloth=settings.cloth,
                 around=settings.around,
                 spread_m=settings.spread_m,
-                bare_weight=settings.bare_weight,
+                uncovered_weight=settings.uncovered_weight,
             ),
             scan.gender,
             settings,

@@ -82,8 +82,8 @@ class FittingModel(SmplicitModel):
             seed: of the points that the fit looks at.
 
         Raises:
-            InputError: an argument has another size, the model has not learned the type, no pixel
-                shows the garment, or those that do are not near the body.
+            InputError: an argument has another size, the model is not for that type, no pixel shows
+                the garment, or those that do are not near the body.
         """
         wearer = Wearer(gender, finite("shape", shape, SHAPES))
         check_gender(gender)

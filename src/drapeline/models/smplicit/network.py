@@ -129,7 +129,13 @@ class GarmentField(TrainableModule):
         self.log_means("val", {"distance_mm": distance}, len(z))
 
     def predict(self, points: torch.Tensor, places: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
-        """(B, P) distances of points (B, P, 3) in units of d_max, for codes z (B, cut + style)."""
+        """(B, P) distances of points in units of d_max.
+
+        Args:
+            points: (B or 1, P, 3) metres; those of one garment are for all codes.
+            places: (B or 1, K, 3) clusters of the wearers.
+            z: (B, cut + style) codes.
+        """
         z_cut, z_style = z.split([self.decoder.cut, self.decoder.style], 1)
         return self.decoder(points, places, z_cut, z_style)
 

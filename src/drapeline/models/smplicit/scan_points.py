@@ -42,7 +42,7 @@ def field_points(
     cloth: int,
     around: int,
     spread_m: float,
-    bare_weight: float,
+    uncovered_weight: float,
 ) -> FieldPoints:
     """Points that a garment's field is compared with.
 
@@ -56,7 +56,7 @@ def field_points(
             shows skin or cloth that the garment would cover, up to 25 cm above it but mostly less,
             half of them close to the garment.
         spread_m: standard deviation of the distance of those in space.
-        bare_weight: of a point where the scan shows what the garment would cover; of others 1.
+        uncovered_weight: of a point where the scan shows what the garment would cover; of others 1.
 
     Raises:
         InputError: fewer than 50 points are the garment's.
@@ -78,7 +78,7 @@ def field_points(
     on_it = _some(own, cloth, rng)
     distance = np.concatenate([np.zeros(len(on_it)), cloud_distances(off, own)])
     weight = np.ones(len(distance))
-    weight[len(on_it) + len(near) :] = bare_weight
+    weight[len(on_it) + len(near) :] = uncovered_weight
     return FieldPoints(np.concatenate([on_it, off]).astype(np.float64), distance, weight)
 
 

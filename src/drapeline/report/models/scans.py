@@ -92,8 +92,12 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
         " are compared on the garments that they know, so rows with other numbers of garments are"
         " not about the same garments.</p>"
     ]
+    sources = sorted({row.source for row in rows} - {""})
     for metric, title in _WAYS.items():
         parts += [f"<h2>{title} (mm)</h2>", html_table(_table(rows, metric))]
+        for source in sources:
+            own = [row._replace(source="") for row in rows if row.source == source]
+            parts += [f"<h3>On the samples of {source} alone</h3>", html_table(_table(own, metric))]
     parts += [
         "<h2>Bodies: mean distance of vertices (mm)</h2>",
         html_table(_bodies(rows)),

@@ -35,7 +35,7 @@ def look(shown, garment, cloth=50, around=60):
     # Below everything, and upright.
     body = np.array([[0.0, 0, -0.1]]), np.array([[0.0, 0, 1.0]])
     return field_points(
-        shown, garment, body, rng, cloth=cloth, around=around, spread_m=0.01, bare_weight=3
+        shown, garment, body, rng, cloth=cloth, around=around, spread_m=0.01, uncovered_weight=3
     )
 
 

@@ -26,8 +26,8 @@ def scan(name="00007_015"):
     )
 
 
-def row(variant, garment, value, metric="surface_to_true_mm"):
-    return metric_row(variant, garment, metric, value, model="scan", split="test")
+def row(variant, garment, value, metric="surface_to_true_mm", source=""):
+    return metric_row(variant, garment, metric, value, model="scan", split="test", source=source)
 
 
 def test_fits_have_a_row_each_and_the_papers_figures_a_table_of_their_own(tmp_path):
@@ -53,6 +53,18 @@ def test_fits_have_a_row_each_and_the_papers_figures_a_table_of_their_own(tmp_pa
     assert "0.32" not in ours + back
     assert "43.2" in back
     assert ours.count("<tr") == 3
+
+
+def test_garments_of_several_solvers_have_tables_of_their_own(tmp_path):
+    values = {"": 12.34, "blender": 56.78, "xpbd": 9.87}
+    rows = [row("smplicit_scan_joint", "all", value, source=name) for name, value in values.items()]
+    write_metrics(tmp_path / "metrics.tsv", rows)
+    write_scans_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
+    every, blender, xpbd, *_ = (tmp_path / "page.html").read_text().split("<table")[1:]
+    assert "12.3" in every
+    assert "samples of blender alone" in every
+    assert "56.8" in blender
+    assert "9.9" in xpbd
 
 
 def test_a_sheet_has_a_row_for_each_scan_and_no_more_than_asked(tmp_path):

@@ -43,6 +43,20 @@ def test_every_number_is_where_it_belongs(tmp_path):
     assert "88.0" not in page
 
 
+def test_pictures_of_several_solvers_have_tables_of_their_own(tmp_path):
+    values = {"": 0.5, "blender": 0.6, "xpbd": 0.4}
+    rows = [
+        row("smplicit_images_fitted", "silhouette_iou", value, source=name)
+        for name, value in values.items()
+    ]
+    write_metrics(tmp_path / "metrics.tsv", rows)
+    write_smplicit_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
+    page = (tmp_path / "page.html").read_text()
+    tables = re.findall(r"<tbody>(.*?)</tbody>", page, re.DOTALL)
+    assert [re.findall(r">(\d+)<", table)[-1] for table in tables] == ["50", "60", "40"]
+    assert page.index("samples of blender alone") < page.index("samples of xpbd alone")
+
+
 def test_nothing_measured_is_said(tmp_path):
     write_metrics(tmp_path / "metrics.tsv", [])
     write_smplicit_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
