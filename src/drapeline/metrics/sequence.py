@@ -191,6 +191,7 @@ def sequence_summary(
         variant: name in the table.
         split: of the sequences.
         seed: recorded in the rows; also draws the intervals.
+        model: name in the table.
     """
     return [
         row

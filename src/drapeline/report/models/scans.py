@@ -1,6 +1,7 @@
 """All models fitted to the same segmented scans: tables like SMPLicit's table 2, and a sheet."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from drapeline.report.html import html_table, write_page
 from drapeline.report.models.clouds import cloud_parts
 from drapeline.report.models.garment4d.steps import spread_frames
 from drapeline.report.models.scene import Scene, fit_scene
+from drapeline.report.models.sources import tables_by_source
 from drapeline.rule_log import progress
 
 _SPLIT = "test"
@@ -92,12 +94,9 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
         " are compared on the garments that they know, so rows with other numbers of garments are"
         " not about the same garments.</p>"
     ]
-    sources = sorted({row.source for row in rows} - {""})
     for metric, title in _WAYS.items():
         parts += [f"<h2>{title} (mm)</h2>", html_table(_table(rows, metric))]
-        for source in sources:
-            own = [row._replace(source="") for row in rows if row.source == source]
-            parts += [f"<h3>On the samples of {source} alone</h3>", html_table(_table(own, metric))]
+        parts += tables_by_source(rows, partial(_table, metric=metric))
     parts += [
         "<h2>Bodies: mean distance of vertices (mm)</h2>",
         html_table(_bodies(rows)),

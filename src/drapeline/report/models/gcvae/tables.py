@@ -11,6 +11,7 @@ from pathlib import Path
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_metrics
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.models.sources import tables_by_source
 from drapeline.storage import atomic_file
 
 OURS, THEIRS = "This dataset", "CLOTH3D (other data)"
@@ -113,7 +114,7 @@ def write_gcvae_page(path: str | Path, metrics: str | Path) -> None:
         ),
         "<h2>Table 4: garments in motion, surface error in mm / normals error in degrees</h2>",
         html_table(_table_4(rows)),
-        *_by_source(every),
+        *tables_by_source(every, _table_4),
         f"<h2>{THEIRS}</h2>",
         "<p>As printed. The paper's garments, bodies, registration and number of samples are"
         " different, its normals error is in radians and too large to be the mean angle that its"
@@ -232,15 +233,6 @@ def _table_4(rows: Sequence[MetricRow]) -> list[dict[str, object]]:
         line["Frames"] = Cell(whole[0].n, "number")
         table.append(line)
     return table
-
-
-def _by_source(rows: Sequence[MetricRow]) -> list[str]:
-    """Table 4 on the samples of each cloth solver; nothing if there is only one."""
-    parts = []
-    for source in sorted({row.source for row in rows} - {""}):
-        own = [row._replace(source="") for row in rows if row.source == source]
-        parts += [f"<h3>On the samples of {source} alone</h3>", html_table(_table_4(own))]
-    return parts
 
 
 _TABLE_4 = ("surface_error_mm", "normal_error_deg")

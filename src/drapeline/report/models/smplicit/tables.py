@@ -5,6 +5,7 @@ from pathlib import Path
 
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, read_metrics
 from drapeline.report.html import Cell, html_table, write_page
+from drapeline.report.models.sources import tables_by_source
 
 MODELS = {
     "upper": "Upper body: t-shirts and tops",
@@ -76,8 +77,8 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
         html_table(metric_table(rows, _FIELD)),
         "<p>Distances are clipped; the errors are those of clipped distances.</p>",
         "<h2>Garments found in pictures</h2>",
-        html_table(metric_table(rows, _PICTURES, _PICTURED)),
-        *_by_source(rows),
+        html_table(_pictures(rows)),
+        *tables_by_source([row for row in rows if "_images_" in row.variant], _pictures),
         "<p>Simulated samples of the test split, of the dataset and of the learning group, in"
         " motion. Body and camera are known, and the fit sees the segmentation alone. The mean code"
         " here is that of the garment's class, such as all dresses. The training code of the class"
@@ -86,14 +87,8 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
     )
 
 
-def _by_source(rows: Sequence[MetricRow]) -> list[str]:
-    """Garments in pictures, by the solver that moved them, where there are several."""
-    parts = []
-    for source in sorted({row.source for row in rows if "_images_" in row.variant} - {""}):
-        own = [row._replace(source="") for row in rows if row.source == source]
-        table = html_table(metric_table(own, _PICTURES, _PICTURED))
-        parts += [f"<h3>On the samples of {source} alone</h3>", table]
-    return parts
+def _pictures(rows: Sequence[MetricRow]) -> list[dict[str, object]]:
+    return metric_table(rows, _PICTURES, _PICTURED)
 
 
 def metric_table(
