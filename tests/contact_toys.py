@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.launches import BusyLaunch
 
 OWN_GAP, LAYER_GAP = 0.007, 0.004
 MASS = np.array([1.0, 2, 3, 4])
@@ -34,11 +35,10 @@ def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=(
     start_warp()
     near = np.array(near, np.int32)
     state = [wp.array(np.float32(part), dtype=wp.vec3, device="cpu") for part in (old, new)]
-    wp.launch(
+    launch = BusyLaunch(
         kernel,
-        dim=len(near),
+        wp.array((near != 0).astype(np.int32), dtype=int, device="cpu"),
         inputs=[
-            wp.array((near != 0).astype(np.int32), dtype=int, device="cpu"),
             wp.array(near[:, None], dtype=int, device="cpu"),
             wp.array(np.int32(parts), dtype=wp.types.vector(len(parts[0]), int), device="cpu"),
             wp.array(np.int32(layers), dtype=int, device="cpu"),
@@ -47,7 +47,8 @@ def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=(
             *(OWN_GAP, LAYER_GAP, *friction),
         ],
         outputs=state,
-        device="cpu",
     )
+    launch.find()
+    launch.launch()
     before, place = (part.numpy().astype(float) for part in state)
     return place, before

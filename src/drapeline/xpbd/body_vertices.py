@@ -76,6 +76,7 @@ def _find_covers(
 
 @wp.kernel
 def lift_covers(
+    busy: wp.array(dtype=int),  # which of the body's vertices are covered
     count: wp.array(dtype=int),
     covers: wp.array2d(dtype=int),
     from_place: wp.array(dtype=wp.vec3),
@@ -95,9 +96,7 @@ def lift_covers(
 
     They stick to it or slide (Coulomb).
     """
-    i = wp.tid()
-    if count[i] == 0:
-        return
+    i = busy[wp.tid()]
     way = to_place[i] - from_place[i]
     p = from_place[i] + way * clock[1]
     o = from_place[i] + way * clock[0] + carry[0]

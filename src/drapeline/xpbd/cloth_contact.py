@@ -4,6 +4,14 @@ import numpy as np
 import warp as wp
 
 from drapeline.xpbd.contact import RELEASED_M, held_slip, narrowed
+from drapeline.xpbd.lanes import (
+    LANES,
+    NOT_NEGATIVE,
+    LaneIndices,
+    Lanes,
+    dot_lanes,
+    lay_in_lanes,
+)
 
 wp.set_module_options({"enable_backward": False})
 
@@ -31,12 +39,47 @@ def _box_faces(
     upper[face] = wp.max(wp.max(a, b), wp.max(c, d))
 
 
+@wp.func
+def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float):
+    # Of a triangle that p is near to: 1 above it, -1 beneath it; 0 if it is not near.
+    a = place[c[0]]
+    ab = place[c[1]] - a
+    ac = place[c[2]] - a
+    normal = wp.cross(ab, ac)
+    square = wp.length_sq(normal)
+    height = wp.dot(p - a, normal)
+    side = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
+    if height * height < margin * margin * square and square > 1.0e-14:
+        bb = wp.dot(ab, ab)
+        cc = wp.dot(ac, ac)
+        bc = wp.dot(ab, ac)
+        pb = wp.dot(p - a, ab)
+        pc = wp.dot(p - a, ac)
+        u = (cc * pb - bc * pc) / square
+        v = (bb * pc - bc * pb) / square
+        if u > -0.4 and v > -0.4 and u + v < 1.4:
+            side = 1
+            if height < 0.0:
+                side = -1
+    return side
+
+
+@wp.func
+def _outside(x: Lanes, low: float, high: float):
+    # How far a coordinate in each lane is outside of a range, negative within it.
+    return wp.max(Lanes(low) - x, x - Lanes(high))
+
+
 @wp.kernel
 def _find_near_triangles(
     tree: wp.uint64,
-    place: wp.array(dtype=wp.vec3),
-    rest: wp.array(dtype=wp.vec3),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    patches: wp.array(dtype=LaneIndices),  # vertices of a garment that are looked up together
+    sizes: wp.array(dtype=int),
+    rest: wp.array2d(dtype=Lanes),
     rest_centres: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
     triangles: wp.array(dtype=wp.vec3i),
     halves: int,
     layers: wp.array(dtype=int),
@@ -45,40 +88,48 @@ def _find_near_triangles(
     count: wp.array(dtype=int),
     near: wp.array2d(dtype=int),  # number of the triangle + 1, negative beneath it
 ):
-    i = wp.tid()
-    p = place[i]
+    patch = wp.tid()
+    vertices = patches[patch]
+    x = Lanes()
+    y = Lanes()
+    z = Lanes()
+    for k in range(LANES):
+        i = vertices[k] & NOT_NEGATIVE
+        p = place[i]
+        x[k] = p[0]
+        y[k] = p[1]
+        z[k] = p[2]
+        count[i] = 0
+    layer = layers[vertices[0]]
     half = wp.vec3(margin, margin, margin)
-    query = wp.bvh_query_aabb(tree, p - half, p + half)
-    face = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
-    found = int(0)  # noqa: RUF046, UP018
+    low = wp.vec3(wp.min(x), wp.min(y), wp.min(z)) - half
+    high = wp.vec3(wp.max(x), wp.max(y), wp.max(z)) + half
+    query = wp.bvh_query_aabb(tree, low, high)
+    face = int(0)  # noqa: RUF046, UP018
     while wp.bvh_query_next(query, face):
-        other = layers[triangles[halves * face][0]]
-        # Parts of a garment that are close at rest are held apart by the cloth itself.
-        if layers[i] != other or wp.length_sq(rest[i] - rest_centres[face]) > free * free:
-            for k in range(halves):
-                number = halves * face + k
-                c = triangles[number]
-                a = place[c[0]]
-                ab = place[c[1]] - a
-                ac = place[c[2]] - a
-                normal = wp.cross(ab, ac)
-                square = wp.length_sq(normal)
-                height = wp.dot(p - a, normal)
-                if height * height < margin * margin * square and square > 1.0e-14:
-                    bb = wp.dot(ab, ab)
-                    cc = wp.dot(ac, ac)
-                    bc = wp.dot(ab, ac)
-                    pb = wp.dot(p - a, ab)
-                    pc = wp.dot(p - a, ac)
-                    u = (cc * pb - bc * pc) / square
-                    v = (bb * pc - bc * pb) / square
-                    if u > -0.4 and v > -0.4 and u + v < 1.4 and found < _MOST:
-                        if height < 0.0:
-                            near[i, found] = -(number + 1)
-                        else:
-                            near[i, found] = number + 1
-                        found += 1
-    count[i] = found
+        low = lower[face] - half
+        high = upper[face] + half
+        away = wp.max(
+            wp.max(_outside(x, low[0], high[0]), _outside(y, low[1], high[1])),
+            _outside(z, low[2], high[2]),
+        )
+        if layers[triangles[halves * face][0]] == layer:
+            # Parts of a garment that are close at rest are held apart by the cloth itself.
+            centre = rest_centres[face]
+            u = rest[patch, 0] - Lanes(centre[0])
+            v = rest[patch, 1] - Lanes(centre[1])
+            w = rest[patch, 2] - Lanes(centre[2])
+            away = wp.max(away, Lanes(free * free) - dot_lanes(u, v, w, u, v, w))
+        if wp.min(away) <= 0.0:
+            for m in range(sizes[patch]):
+                if away[m] <= 0.0:
+                    i = vertices[m]
+                    for k in range(halves):
+                        number = halves * face + k
+                        side = _side(place[i], place, triangles[number], margin)
+                        if side != 0 and count[i] < _MOST:
+                            near[i, count[i]] = side * (number + 1)
+                            count[i] = count[i] + 1
 
 
 @wp.kernel
@@ -103,6 +154,7 @@ def _sum_relative_ways(
 
 @wp.kernel
 def touch_cloth(
+    busy: wp.array(dtype=int),  # numbers of the vertices that are near to any
     count: wp.array(dtype=int),
     near: wp.array2d(dtype=int),
     triangles: wp.array(dtype=wp.vec3i),
@@ -116,7 +168,7 @@ def touch_cloth(
     place: wp.array(dtype=wp.vec3),
 ):
     """Push vertices and triangles apart that are closer than the gap, with friction."""
-    i = wp.tid()
+    i = busy[wp.tid()]
     for k in range(count[i]):
         number = near[i, k]
         side = float(1.0)  # noqa: UP018
@@ -188,7 +240,7 @@ class NearTriangles:
     """
 
     def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
-        self._rest, self.triangles, self._layers, self.halves = rest, triangles, layers, halves
+        self.triangles, self._layers, self.halves = triangles, layers, halves
         faces = len(triangles) // halves
         self._lower, self._upper = (
             wp.zeros(faces, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
@@ -197,6 +249,13 @@ class NearTriangles:
         self.tree = wp.Bvh(self._lower, self._upper)
         centres = (self._lower.numpy() + self._upper.numpy()) / 2
         self._centres = wp.array(centres, dtype=wp.vec3, device=_DEVICE)
+        points, patches = rest.numpy(), _make_patches(rest.numpy(), layers.numpy())
+        sizes, at_rest = (patches >= 0).sum(axis=1), lay_in_lanes(points, patches)
+        self._sizes = wp.array(sizes, dtype=int, device=_DEVICE)
+        self._rest = wp.array(at_rest, dtype=Lanes, device=_DEVICE)
+        self._patches = wp.array(
+            np.where(patches < 0, patches[:, :1], patches), dtype=LaneIndices, device=_DEVICE
+        )
         self._sums = wp.zeros(2, dtype=float, device=_DEVICE)
         self.count = wp.zeros(len(rest), dtype=int, device=_DEVICE)
         self.near = wp.zeros((len(rest), _SLOTS), dtype=int, device=_DEVICE)
@@ -205,11 +264,14 @@ class NearTriangles:
         """Find them again for cloth at `place`, but for those within `free_m` at rest."""
         self._box(place)
         self.tree.refit()
-        cloth = [place, self._rest, self._centres, self.triangles, self.halves, self._layers]
         wp.launch(
             _find_near_triangles,
-            dim=len(place),
-            inputs=[self.tree.id, *cloth, margin_m, free_m],
+            dim=len(self._sizes),
+            inputs=[
+                *(self.tree.id, self._lower, self._upper),
+                *(self._patches, self._sizes, self._rest, self._centres, place),
+                *(self.triangles, self.halves, self._layers, margin_m, free_m),
+            ],
             outputs=[self.count, self.near],
             device=_DEVICE,
         )
@@ -235,3 +297,25 @@ class NearTriangles:
             outputs=[self._lower, self._upper],
             device=_DEVICE,
         )
+
+
+def _make_patches(points: np.ndarray, layers: np.ndarray) -> np.ndarray:
+    """Numbers (P, LANES) of vertices (V, 3) of a layer that lie together; -1 for an empty lane."""
+    patches = np.concatenate(
+        [
+            np.pad(part, (0, LANES - len(part)), constant_values=-1)[None]
+            for layer in np.unique(layers)
+            for part in _bisect(points, np.flatnonzero(layers == layer))
+        ]
+    )
+    return patches.astype(np.int32)
+
+
+def _bisect(points: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
+    """Parts of at most LANES of the points (V, 3) with the chosen numbers, all but one full."""
+    if len(chosen) <= LANES:
+        return [chosen]
+    axis = np.argmax(np.ptp(points[chosen], axis=0))
+    half = LANES * -(-len(chosen) // (2 * LANES))
+    order = chosen[np.argpartition(points[chosen, axis], half - 1)]
+    return [*_bisect(points, order[:half]), *_bisect(points, order[half:])]

@@ -1,4 +1,4 @@
-"""Constraints in an order in which those next to one another share no vertex."""
+"""Constraints of one colour share no vertex, so that several can be solved at once."""
 
 import numpy as np
 import warp as wp

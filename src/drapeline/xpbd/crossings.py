@@ -105,6 +105,7 @@ def _along(p: wp.vec3, e: wp.vec3, n: wp.vec3, opposite: wp.vec3):
 
 @wp.kernel
 def untangle(
+    busy: wp.array(dtype=int),  # numbers of the edges that pass through any
     count: wp.array(dtype=int),
     crossed: wp.array2d(dtype=int),
     edges: wp.array(dtype=wp.vec2i),
@@ -120,7 +121,7 @@ def untangle(
     Volino and Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour
     Minimization", equation 3. It gives no speed.
     """
-    edge = wp.tid()
+    edge = busy[wp.tid()]
     for k in range(count[edge]):
         i = edges[edge][0]
         j = edges[edge][1]

@@ -87,6 +87,7 @@ def _find_near_edges(
 
 @wp.kernel
 def touch_edges(
+    busy: wp.array(dtype=int),  # numbers of the edges that are near to any
     count: wp.array(dtype=int),
     pairs: wp.array2d(dtype=int),
     edges: wp.array(dtype=wp.vec2i),
@@ -99,7 +100,7 @@ def touch_edges(
     place: wp.array(dtype=wp.vec3),
 ):
     """Push edges apart that are closer than the gap."""
-    edge = wp.tid()
+    edge = busy[wp.tid()]
     ends = edges[edge]
     i = ends[0]
     j = ends[1]

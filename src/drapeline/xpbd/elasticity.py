@@ -7,6 +7,7 @@ import warp as wp
 
 from drapeline.geometry.mesh import edges, face_edges, triangulate
 from drapeline.outfits.fabrics import Fabric
+from drapeline.xpbd.lanes import LANES, NOT_NEGATIVE, LaneIndices, Lanes, dot_lanes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -15,6 +16,7 @@ _DIAGONAL_SHARE = 0.5
 # Time in which damping alone would stop bending, which Blender damps as well.
 _BENDING_DAMPING_S = 0.02
 _SHORT_M = 1e-4
+_SHORTEST_M = wp.constant(1.0e-7)
 _STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
 
 
@@ -200,78 +202,132 @@ def _lengths(ways: np.ndarray, least: float = _SHORT_M) -> np.ndarray:
     return np.maximum(np.linalg.norm(ways, axis=1), least)
 
 
+@wp.func
+def _difference(values: wp.array(dtype=wp.vec3), i: LaneIndices, j: LaneIndices):
+    # Of the values at two vertices in each lane, by axis.
+    x = Lanes()
+    y = Lanes()
+    z = Lanes()
+    for k in range(LANES):
+        way = values[i[k] & NOT_NEGATIVE] - values[j[k] & NOT_NEGATIVE]
+        x[k] = way[0]
+        y[k] = way[1]
+        z[k] = way[2]
+    return x, y, z
+
+
+@wp.func
+def _weighted_sum(
+    values: wp.array(dtype=wp.vec3),
+    corners: wp.array2d(dtype=LaneIndices),
+    weights: wp.array2d(dtype=Lanes),
+    row: int,
+):
+    # Of the values at the corners in each lane, by axis.
+    x = Lanes()
+    y = Lanes()
+    z = Lanes()
+    for corner in range(4):
+        which = corners[row, corner]
+        u = Lanes()
+        v = Lanes()
+        w = Lanes()
+        for k in range(LANES):
+            value = values[which[k] & NOT_NEGATIVE]
+            u[k] = value[0]
+            v[k] = value[1]
+            w[k] = value[2]
+        weight = weights[row, corner]
+        x += wp.cw_mul(weight, u)
+        y += wp.cw_mul(weight, v)
+        z += wp.cw_mul(weight, w)
+    return x, y, z
+
+
+@wp.func
+def _length(square: Lanes):
+    length = Lanes()
+    for k in range(LANES):
+        length[k] = wp.sqrt(square[k]) + _SHORTEST_M
+    return length
+
+
 @wp.kernel
 def pull_springs(
-    pairs: wp.array(dtype=wp.vec2i),
-    # length at rest; compliance over step^2; compliance times damping over step
-    numbers: wp.array(dtype=wp.vec3),
+    ends: wp.array2d(dtype=LaneIndices),
+    # length at rest; compliance over step^2; compliance times damping over step; share of what is
+    # missing that a push of 1 makes up for, inverted
+    numbers: wp.array2d(dtype=Lanes),
     inverse_mass: wp.array(dtype=float),
     sweep: int,
     share: float,  # of the way to where it is content
-    pull: wp.array(dtype=float),  # of the sweeps before in this step
+    pull: wp.array(dtype=Lanes),  # of the sweeps before in this step
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
     """Pull or push the ends of springs towards their lengths at rest."""
-    spring = wp.tid()
-    i = pairs[spring][0]
-    j = pairs[spring][1]
-    number = numbers[spring]
-    masses = inverse_mass[i] + inverse_mass[j]
-    way = place[i] - place[j]
-    length = wp.length(way)
-    if length > 1.0e-7 and masses > 0.0:
-        way = way / length
-        rate = wp.dot(way, (place[i] - before[i]) - (place[j] - before[j]))
-        push = -(length - number[0] + number[2] * rate)
-        if sweep > 0:
-            push = push - number[1] * pull[spring]
-        push = share * push / ((1.0 + number[2]) * masses + number[1])
-        if sweep > 0:
-            pull[spring] = pull[spring] + push
-        else:
-            pull[spring] = push
-        place[i] = place[i] + way * (push * inverse_mass[i])
-        place[j] = place[j] - way * (push * inverse_mass[j])
+    row = wp.tid()
+    i = ends[row, 0]
+    j = ends[row, 1]
+    x, y, z = _difference(place, i, j)
+    u, v, w = _difference(before, i, j)
+    square = dot_lanes(x, y, z, x, y, z)
+    length = _length(square)
+    rate = wp.cw_div(square - dot_lanes(x, y, z, u, v, w), length)
+    push = numbers[row, 0] - length - wp.cw_mul(numbers[row, 2], rate)
+    if sweep > 0:
+        push = push - wp.cw_mul(numbers[row, 1], pull[row])
+    push = share * wp.cw_mul(push, numbers[row, 3])
+    if sweep > 0:
+        pull[row] = pull[row] + push
+    else:
+        pull[row] = push
+    push = wp.cw_div(push, length)
+    x = wp.cw_mul(x, push)
+    y = wp.cw_mul(y, push)
+    z = wp.cw_mul(z, push)
+    for k in range(LANES):
+        # In turn: an empty lane has the ends of a full one, and moves them by nothing.
+        way = wp.vec3(x[k], y[k], z[k])
+        a = i[k] & NOT_NEGATIVE
+        b = j[k] & NOT_NEGATIVE
+        place[a] = place[a] + way * inverse_mass[a]
+        place[b] = place[b] - way * inverse_mass[b]
 
 
 @wp.kernel
 def turn_hinges(
-    corners: wp.array(dtype=wp.vec4i),
-    weights: wp.array(dtype=wp.vec4),
-    numbers: wp.array(dtype=wp.vec3),  # as of springs
+    corners: wp.array2d(dtype=LaneIndices),
+    weights: wp.array2d(dtype=Lanes),
+    numbers: wp.array2d(dtype=Lanes),  # as of springs
     inverse_mass: wp.array(dtype=float),
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
     """Turn hinges towards their angles at rest."""
-    hinge = wp.tid()
-    c = corners[hinge]
-    w = weights[hinge]
-    number = numbers[hinge]
-    bend = place[c[0]] * w[0] + place[c[1]] * w[1] + place[c[2]] * w[2] + place[c[3]] * w[3]
-    masses = (
-        inverse_mass[c[0]] * w[0] * w[0]
-        + inverse_mass[c[1]] * w[1] * w[1]
-        + inverse_mass[c[2]] * w[2] * w[2]
-        + inverse_mass[c[3]] * w[3] * w[3]
-    )
-    length = wp.length(bend)
-    if length > 1.0e-7 and masses > 0.0:
-        way = bend / length
-        old = before[c[0]] * w[0] + before[c[1]] * w[1] + before[c[2]] * w[2] + before[c[3]] * w[3]
-        push = -(length - number[0] + number[2] * wp.dot(way, bend - old))
-        push = push / ((1.0 + number[2]) * masses + number[1])
-        place[c[0]] = place[c[0]] + way * (push * w[0] * inverse_mass[c[0]])
-        place[c[1]] = place[c[1]] + way * (push * w[1] * inverse_mass[c[1]])
-        place[c[2]] = place[c[2]] + way * (push * w[2] * inverse_mass[c[2]])
-        place[c[3]] = place[c[3]] + way * (push * w[3] * inverse_mass[c[3]])
+    row = wp.tid()
+    x, y, z = _weighted_sum(place, corners, weights, row)
+    u, v, w = _weighted_sum(before, corners, weights, row)
+    square = dot_lanes(x, y, z, x, y, z)
+    length = _length(square)
+    rate = wp.cw_div(square - dot_lanes(x, y, z, u, v, w), length)
+    push = numbers[row, 0] - length - wp.cw_mul(numbers[row, 2], rate)
+    push = wp.cw_div(wp.cw_mul(push, numbers[row, 3]), length)
+    x = wp.cw_mul(x, push)
+    y = wp.cw_mul(y, push)
+    z = wp.cw_mul(z, push)
+    for corner in range(4):
+        which = corners[row, corner]
+        weight = weights[row, corner]
+        for k in range(LANES):
+            i = which[k] & NOT_NEGATIVE
+            place[i] = place[i] + wp.vec3(x[k], y[k], z[k]) * (weight[k] * inverse_mass[i])
 
 
 @wp.kernel
 def measure_strain(
     pairs: wp.array(dtype=wp.vec2i),
-    numbers: wp.array(dtype=wp.vec3),
+    rest_lengths: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
     strain: wp.array(dtype=float),
 ):
@@ -279,6 +335,6 @@ def measure_strain(
     spring = wp.tid()
     i = pairs[spring][0]
     j = pairs[spring][1]
-    stretch = wp.length(place[i] - place[j]) / numbers[spring][0]
+    stretch = wp.length(place[i] - place[j]) / rest_lengths[spring]
     wp.atomic_max(strain, i, stretch)
     wp.atomic_max(strain, j, stretch)

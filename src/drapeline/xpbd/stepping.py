@@ -15,7 +15,15 @@ from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
-from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
+from drapeline.xpbd.elasticity import (
+    Hinges,
+    Springs,
+    measure_strain,
+    pull_springs,
+    turn_hinges,
+)
+from drapeline.xpbd.lanes import LaneIndices, Lanes, lay_in_lanes
+from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
 from drapeline.xpbd.system import join_garments
 
@@ -108,35 +116,86 @@ class MovingCloth:
         self._crossings = Crossings(pairs, triangles)
         self._commands = self._record(triangles, layers, pairs)
 
-    def _record(self, triangles: wp.array, layers: wp.array, pairs: wp.array) -> list[wp.Launch]:
+    def _record(
+        self, triangles: wp.array, layers: wp.array, pairs: wp.array
+    ) -> list[wp.Launch | BusyLaunch]:
         """What a small step launches, in order; nothing where there is nothing to do."""
         system, numbers, surface = self._system, self._numbers, self._surface
-        mass = _numbers(system.inverse_masses)
-        ends = wp.array(system.springs.pairs, dtype=wp.vec2i, device=_DEVICE)
-        pulls = _numbers(np.zeros(len(ends)))
-        springs = [ends, self._compliances(system.springs, 1)]
-        self._measure = _launch(measure_strain, len(ends), [*springs, self._place], [self._strain])
-        opposite = opposite_vertices(system.edges, system.triangles)
-        opposite = wp.array(opposite, dtype=wp.vec2i, device=_DEVICE)
-        state = [self._before, self._place]
-        self._turn_hinges = _launch(
-            turn_hinges,
-            len(system.hinges.vertices),
+        mass, state = _numbers(system.inverse_masses), [self._before, self._place]
+        springs, hinges = system.springs, system.hinges
+        self._measure = record(
+            measure_strain,
+            len(springs.pairs),
             [
-                wp.array(system.hinges.vertices, dtype=wp.vec4i, device=_DEVICE),
-                wp.array(system.hinges.weights.astype(np.float32), dtype=wp.vec4, device=_DEVICE),
-                self._compliances(system.hinges, numbers.hinge_every),
+                wp.array(springs.pairs, dtype=wp.vec2i, device=_DEVICE),
+                _numbers(springs.lengths_m),
+                self._place,
+            ],
+            [self._strain],
+        )
+        masses = system.inverse_masses[springs.pairs].sum(axis=1)
+        pulling = [
+            _lanes(springs.pairs, system.spring_lanes, LaneIndices),
+            self._responses(springs, masses, system.spring_lanes, 1),
+            mass,
+        ]
+        pulls = wp.zeros(len(system.spring_lanes), dtype=Lanes, device=_DEVICE)
+        masses = (system.inverse_masses[hinges.vertices] * hinges.weights**2).sum(axis=1)
+        self._turn_hinges = record(
+            turn_hinges,
+            len(system.hinge_lanes),
+            [
+                _lanes(hinges.vertices, system.hinge_lanes, LaneIndices),
+                _lanes(hinges.weights, system.hinge_lanes, Lanes),
+                self._responses(hinges, masses, system.hinge_lanes, numbers.hinge_every),
             ],
             [mass, *state],
         )
+        opposite = opposite_vertices(system.edges, system.triangles)
+        opposite = wp.array(opposite, dtype=wp.vec2i, device=_DEVICE)
+        self._contacts = [
+            BusyLaunch(
+                lift_covers,
+                self._covered.count,
+                [
+                    *(self._covered.covers, self._covered.from_place, self._covered.to_place),
+                    *(self._covered.up, triangles, mass, self._clock),
+                ],
+                [
+                    *(self._carry, numbers.cover_gap_m, numbers.cover_margin_m),
+                    *(self._friction, *state),
+                ],
+            ),
+            BusyLaunch(
+                touch_cloth,
+                self._near.count,
+                [self._near.near, triangles, layers, mass],
+                [
+                    *(surface.room, numbers.self_gap_m, self._gap_m, numbers.cloth_friction),
+                    *state,
+                ],
+            ),
+            BusyLaunch(
+                touch_edges,
+                self._near_edges.count,
+                [self._near_edges.pairs, pairs, layers, mass],
+                [surface.room, numbers.self_gap_m, self._gap_m, *state],
+            ),
+            BusyLaunch(
+                untangle,
+                self._crossings.count,
+                [self._crossings.crossed, pairs, opposite, triangles, mass],
+                [numbers.untangle_m, *state],
+            ),
+        ]
         launches = [
-            _launch(
+            record(
                 predict,
                 len(self._place),
                 [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
                 [self._step_s, *state],
             ),
-            _launch(
+            record(
                 hold,
                 len(system.pinned),
                 [
@@ -146,49 +205,17 @@ class MovingCloth:
                 [self._pin_start, self._pin_end, self._clock, self._place],
             ),
             *(
-                _launch(
+                record(
                     pull_springs,
-                    len(ends),
-                    [*springs, mass, sweep, share],
+                    len(system.spring_lanes),
+                    [*pulling, sweep, share],
                     [pulls, *state],
                 )
                 for sweep, share in enumerate(numbers.sweeps)
             ),
             self._turn_hinges,
-            _launch(
-                lift_covers,
-                len(self._covered.count),
-                [
-                    *(self._covered.count, self._covered.covers, self._covered.from_place),
-                    *(self._covered.to_place, self._covered.up, triangles, mass, self._clock),
-                ],
-                [
-                    *(self._carry, numbers.cover_gap_m, numbers.cover_margin_m),
-                    *(self._friction, *state),
-                ],
-            ),
-            _launch(
-                touch_cloth,
-                len(self._place),
-                [self._near.count, self._near.near, triangles, layers, mass],
-                [
-                    *(surface.room, numbers.self_gap_m, self._gap_m, numbers.cloth_friction),
-                    *state,
-                ],
-            ),
-            _launch(
-                touch_edges,
-                len(pairs),
-                [self._near_edges.count, self._near_edges.pairs, pairs, layers, mass],
-                [surface.room, numbers.self_gap_m, self._gap_m, *state],
-            ),
-            _launch(
-                untangle,
-                len(pairs),
-                [self._crossings.count, self._crossings.crossed, pairs, opposite, triangles, mass],
-                [numbers.untangle_m, *state],
-            ),
-            _launch(
+            *self._contacts,
+            record(
                 touch_body,
                 len(self._place),
                 [
@@ -197,19 +224,30 @@ class MovingCloth:
                 ],
                 [self._clock, self._carry, self._gap_m, self._friction, *state],
             ),
-            _launch(take_speed, len(self._place), state, [self._step_s, self._speed]),
+            record(take_speed, len(self._place), state, [self._step_s, self._speed]),
         ]
         return [launch for launch in launches if launch is not None]
 
-    def _compliances(self, constraints: Springs | Hinges, every: int) -> wp.array:
-        """What the kernels of springs and hinges take, solved every so many small steps."""
+    def _responses(
+        self, constraints: Springs | Hinges, masses: np.ndarray, lanes: np.ndarray, every: int
+    ) -> wp.array:
+        """Numbers that springs and hinges are solved with, by lane, every so many small steps.
+
+        Args:
+            constraints: C springs or hinges.
+            masses: (C,) sums of inverse masses that they act on.
+            lanes: (R, LANES), see `fill_lanes`.
+            every: small steps from one solution to the next.
+        """
         compliance = 1 / constraints.stiffness_n_m
-        rows = [
-            constraints.lengths_m,
-            compliance / (every * self._step_s**2),
-            compliance * constraints.damping_kg_s / self._step_s,
-        ]
-        return _vectors(np.stack(rows, axis=1))
+        damping = compliance * constraints.damping_kg_s / self._step_s
+        compliance = compliance / (every * self._step_s**2)
+        ease = 1 / ((1 + damping) * masses + compliance)
+        rows = lay_in_lanes(
+            np.stack([constraints.lengths_m, compliance, damping, ease], axis=1), lanes
+        )
+        rows[:, 3][lanes < 0] = 0
+        return wp.array(rows.astype(np.float32), dtype=Lanes, device=_DEVICE)
 
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
@@ -226,6 +264,9 @@ class MovingCloth:
             if step == 0:
                 margin_m = self._numbers.cover_margin_m
                 self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
+            if step % every == 0:
+                for contact in self._contacts:
+                    contact.find()
             for command in self._commands:
                 if command is not self._turn_hinges or step % self._numbers.hinge_every == 0:
                     command.launch()
@@ -282,15 +323,13 @@ class MovingCloth:
         self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
 
 
-def _launch(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
-    return wp.launch(
-        kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE, record_cmd=True
-    )
-
-
 def _vectors(rows: np.ndarray) -> wp.array:
     return wp.array(np.ascontiguousarray(rows, dtype=np.float32), dtype=wp.vec3, device=_DEVICE)
 
 
 def _numbers(values: np.ndarray) -> wp.array:
     return wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=float, device=_DEVICE)
+
+
+def _lanes(values: np.ndarray, lanes: np.ndarray, dtype: type) -> wp.array:
+    return wp.array(lay_in_lanes(values, lanes), dtype=dtype, device=_DEVICE)

@@ -10,6 +10,7 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.colouring import colour_constraints
 from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
+from drapeline.xpbd.lanes import fill_lanes
 
 Constraints = TypeVar("Constraints", Springs, Hinges)
 
@@ -27,6 +28,7 @@ class ClothSystem:
         layers: (V,) int32, number of a vertex's garment, from inner to outer.
         starts: (G + 1,) where each garment begins.
         springs, hinges: in order of their colours; springs along edges before diagonals.
+        spring_lanes, hinge_lanes: (R, LANES), which of them are solved at once, see `fill_lanes`.
         pinned: (P,) int32, vertices that are held.
         pin_weights: (P,) 0-1.
     """
@@ -40,6 +42,8 @@ class ClothSystem:
     starts: np.ndarray
     springs: Springs
     hinges: Hinges
+    spring_lanes: np.ndarray
+    hinge_lanes: np.ndarray
     pinned: np.ndarray
     pin_weights: np.ndarray
 
@@ -63,6 +67,12 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
     hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
     pairs = [edges(g.faces) for g in garments]
     diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
+    joined_springs, spring_lanes = _join_constraints(
+        springs, "pairs", starts, np.concatenate(diagonal)
+    )
+    joined_hinges, hinge_lanes = _join_constraints(
+        hinges, "vertices", starts, np.zeros(sum(len(h.vertices) for h in hinges), dtype=bool)
+    )
     return ClothSystem(
         vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
         inverse_masses=1 / np.concatenate(masses),
@@ -71,10 +81,10 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
         edges=_join(pairs, starts),
         layers=np.repeat(np.arange(len(garments), dtype=np.int32), sizes),
         starts=starts,
-        springs=_join_constraints(springs, "pairs", starts, np.concatenate(diagonal)),
-        hinges=_join_constraints(
-            hinges, "vertices", starts, np.zeros(sum(len(h.vertices) for h in hinges))
-        ),
+        springs=joined_springs,
+        hinges=joined_hinges,
+        spring_lanes=spring_lanes,
+        hinge_lanes=hinge_lanes,
         pinned=_join([g.pins.vertices for g in garments], starts),
         pin_weights=np.concatenate([g.pins.weights for g in garments]),
     )
@@ -98,15 +108,20 @@ def _join(numbers: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
 
 
 def _join_constraints(
-    parts: Sequence[Constraints], ends: str, starts: np.ndarray, group: np.ndarray
-) -> Constraints:
-    """Constraints of all garments by group (C,), and in each of these in the order of colours."""
+    parts: Sequence[Constraints], ends: str, starts: np.ndarray, later: np.ndarray
+) -> tuple[Constraints, np.ndarray]:
+    """Constraints of all garments in the order of their colours, and their lanes.
+
+    Those that are to come `later` (C,) have colours of their own.
+    """
     joined = _join([getattr(part, ends) for part in parts], starts)
-    order = np.lexsort((colour_constraints(joined, int(starts[-1])), group))
+    colours = colour_constraints(joined, int(starts[-1]))
+    colours += later * (1 + colours.max(initial=0))
+    order = np.argsort(colours, kind="stable")
     kind = type(parts[0])
     fields = {
         name: np.concatenate([getattr(part, name) for part in parts])[order]
         for name in kind.__dataclass_fields__
         if name != ends
     }
-    return kind(**{ends: joined[order]}, **fields)
+    return kind(**{ends: joined[order]}, **fields), fill_lanes(colours[order])

@@ -9,6 +9,7 @@ from drapeline.geometry.rays import rays_hit
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles
+from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import Numbers
 from sheet_toys import drop, sheet
@@ -39,17 +40,18 @@ def lift():
         skin.find(place, body, margin_m=MARGIN_M)
         mass = wp.array(np.float32([1, 2, 3]), dtype=float, device="cpu")
         clock, friction = (wp.zeros(2, dtype=float, device="cpu") for _ in range(2))
+        launch = BusyLaunch(
+            lift_covers,
+            skin.count,
+            [
+                *(skin.covers, skin.from_place, skin.to_place, skin.up),
+                *(triangles, mass, clock, vectors([0, 0, 0]), GAP_M, MARGIN_M, friction),
+            ],
+            [before, place],
+        )
+        launch.find()
         for _ in range(steps):
-            wp.launch(
-                lift_covers,
-                dim=len(skin.count),
-                inputs=[
-                    *(skin.count, skin.covers, skin.from_place, skin.to_place, skin.up),
-                    *(triangles, mass, clock, vectors([0, 0, 0]), GAP_M, MARGIN_M, friction),
-                ],
-                outputs=[before, place],
-                device="cpu",
-            )
+            launch.launch()
         return place.numpy()[:, 2], before.numpy()[:, 2]
 
     return run

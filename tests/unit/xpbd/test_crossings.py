@@ -6,6 +6,7 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
+from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles
 from sheet_toys import sheet
 
@@ -104,18 +105,19 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through():
     near = NearTriangles(wp.clone(place), face, layers, 2)
     crossings = Crossings(edge, face)
     opposite = vectors(opposite_vertices(pairs, triangles), wp.vec2i)
+    move = BusyLaunch(
+        untangle,
+        crossings.count,
+        [crossings.crossed, edge, opposite, face, vectors(inverse, float)],
+        [5e-4, before, place],
+    )
     left = []
     for _ in range(15):
         near.find(place, margin_m=0.012, free_m=0.028)
         crossings.find(place, near.count, near.near)
         left.append(int(crossings.count.numpy().sum()))
-        wp.launch(
-            untangle,
-            len(pairs),
-            inputs=[crossings.count, crossings.crossed, edge, opposite, face],
-            outputs=[vectors(inverse, float), 5e-4, before, place],
-            device="cpu",
-        )
+        move.find()
+        move.launch()
     assert left[0] > 4
     assert left[-1] == 0
     moved = place.numpy() - points
