@@ -6,8 +6,8 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
-from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles
+from drapeline.xpbd.launches import BusyLaunch
 from sheet_toys import sheet
 
 
