@@ -5,12 +5,15 @@ import warp as wp
 
 from drapeline.xpbd.contact import RELEASED_M, held_slip, narrowed
 from drapeline.xpbd.lanes import (
-    LANES,
-    NOT_NEGATIVE,
     LaneIndices,
     Lanes,
+    count_less,
     dot_lanes,
+    gather_lanes,
     lay_in_lanes,
+    make_patches,
+    most,
+    repeat_first,
 )
 
 wp.set_module_options({"enable_backward": False})
@@ -67,7 +70,7 @@ def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float
 @wp.func
 def _outside(x: Lanes, low: float, high: float):
     # How far a coordinate in each lane is outside of a range, negative within it.
-    return wp.max(Lanes(low) - x, x - Lanes(high))
+    return most(Lanes(low) - x, x - Lanes(high))
 
 
 @wp.kernel
@@ -90,16 +93,9 @@ def _find_near_triangles(
 ):
     patch = wp.tid()
     vertices = patches[patch]
-    x = Lanes()
-    y = Lanes()
-    z = Lanes()
-    for k in range(LANES):
-        i = vertices[k] & NOT_NEGATIVE
-        p = place[i]
-        x[k] = p[0]
-        y[k] = p[1]
-        z[k] = p[2]
-        count[i] = 0
+    for m in range(sizes[patch]):
+        count[vertices[m]] = 0
+    x, y, z = gather_lanes(place, vertices)
     layer = layers[vertices[0]]
     half = wp.vec3(margin, margin, margin)
     low = wp.vec3(wp.min(x), wp.min(y), wp.min(z)) - half
@@ -109,8 +105,8 @@ def _find_near_triangles(
     while wp.bvh_query_next(query, face):
         low = lower[face] - half
         high = upper[face] + half
-        away = wp.max(
-            wp.max(_outside(x, low[0], high[0]), _outside(y, low[1], high[1])),
+        away = most(
+            most(_outside(x, low[0], high[0]), _outside(y, low[1], high[1])),
             _outside(z, low[2], high[2]),
         )
         if layers[triangles[halves * face][0]] == layer:
@@ -119,10 +115,10 @@ def _find_near_triangles(
             u = rest[patch, 0] - Lanes(centre[0])
             v = rest[patch, 1] - Lanes(centre[1])
             w = rest[patch, 2] - Lanes(centre[2])
-            away = wp.max(away, Lanes(free * free) - dot_lanes(u, v, w, u, v, w))
-        if wp.min(away) <= 0.0:
+            away = most(away, Lanes(free * free) - dot_lanes(u, v, w, u, v, w))
+        if count_less(away, Lanes(0.0)) > 0:
             for m in range(sizes[patch]):
-                if away[m] <= 0.0:
+                if away[m] < 0.0:
                     i = vertices[m]
                     for k in range(halves):
                         number = halves * face + k
@@ -249,13 +245,11 @@ class NearTriangles:
         self.tree = wp.Bvh(self._lower, self._upper)
         centres = (self._lower.numpy() + self._upper.numpy()) / 2
         self._centres = wp.array(centres, dtype=wp.vec3, device=_DEVICE)
-        points, patches = rest.numpy(), _make_patches(rest.numpy(), layers.numpy())
-        sizes, at_rest = (patches >= 0).sum(axis=1), lay_in_lanes(points, patches)
+        patches = make_patches(rest.numpy(), layers.numpy())
+        at_rest, sizes = lay_in_lanes(rest.numpy(), patches), (patches >= 0).sum(axis=1)
+        self._patches = wp.array(repeat_first(patches), dtype=LaneIndices, device=_DEVICE)
         self._sizes = wp.array(sizes, dtype=int, device=_DEVICE)
         self._rest = wp.array(at_rest, dtype=Lanes, device=_DEVICE)
-        self._patches = wp.array(
-            np.where(patches < 0, patches[:, :1], patches), dtype=LaneIndices, device=_DEVICE
-        )
         self._sums = wp.zeros(2, dtype=float, device=_DEVICE)
         self.count = wp.zeros(len(rest), dtype=int, device=_DEVICE)
         self.near = wp.zeros((len(rest), _SLOTS), dtype=int, device=_DEVICE)
@@ -297,25 +291,3 @@ class NearTriangles:
             outputs=[self._lower, self._upper],
             device=_DEVICE,
         )
-
-
-def _make_patches(points: np.ndarray, layers: np.ndarray) -> np.ndarray:
-    """Numbers (P, LANES) of vertices (V, 3) of a layer that lie together; -1 for an empty lane."""
-    patches = np.concatenate(
-        [
-            np.pad(part, (0, LANES - len(part)), constant_values=-1)[None]
-            for layer in np.unique(layers)
-            for part in _bisect(points, np.flatnonzero(layers == layer))
-        ]
-    )
-    return patches.astype(np.int32)
-
-
-def _bisect(points: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
-    """Parts of at most LANES of the points (V, 3) with the chosen numbers, all but one full."""
-    if len(chosen) <= LANES:
-        return [chosen]
-    axis = np.argmax(np.ptp(points[chosen], axis=0))
-    half = LANES * -(-len(chosen) // (2 * LANES))
-    order = chosen[np.argpartition(points[chosen, axis], half - 1)]
-    return [*_bisect(points, order[:half]), *_bisect(points, order[half:])]

@@ -7,7 +7,7 @@ import warp as wp
 
 from drapeline.geometry.mesh import edges, face_edges, triangulate
 from drapeline.outfits.fabrics import Fabric
-from drapeline.xpbd.lanes import LANES, NOT_NEGATIVE, LaneIndices, Lanes, dot_lanes
+from drapeline.xpbd.lanes import LANES, NOT_NEGATIVE, LaneIndices, Lanes, dot_lanes, gather_lanes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -228,15 +228,7 @@ def _weighted_sum(
     y = Lanes()
     z = Lanes()
     for corner in range(4):
-        which = corners[row, corner]
-        u = Lanes()
-        v = Lanes()
-        w = Lanes()
-        for k in range(LANES):
-            value = values[which[k] & NOT_NEGATIVE]
-            u[k] = value[0]
-            v[k] = value[1]
-            w[k] = value[2]
+        u, v, w = gather_lanes(values, corners[row, corner])
         weight = weights[row, corner]
         x += wp.cw_mul(weight, u)
         y += wp.cw_mul(weight, v)

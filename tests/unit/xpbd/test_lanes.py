@@ -1,10 +1,20 @@
 import numpy as np
 import pytest
+import warp as wp
 
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.warp_mesh import start_warp
+from drapeline.seeding import rng_for
 from drapeline.xpbd.colouring import colour_constraints
-from drapeline.xpbd.lanes import LANES, fill_lanes, lay_in_lanes
+from drapeline.xpbd.lanes import (
+    LANES,
+    Lanes,
+    count_less,
+    fill_lanes,
+    lay_in_lanes,
+    make_patches,
+    most,
+)
 from sheet_toys import sheet
 
 
@@ -37,3 +47,42 @@ def test_an_empty_lane_repeats_the_first_of_its_row():
     assert laid[0].T.tolist() == values[:8].tolist()
     assert laid[1, 0].tolist() == [16] * LANES
     assert laid[2, 1].tolist() == [19, 21, *[19] * 6]
+
+
+@pytest.mark.parametrize("sizes", [[1], [8], [100, 3], [57, 64, 9]])
+def test_patches_have_each_point_once_and_one_group(sizes):
+    points = rng_for(1, "points").uniform(size=(sum(sizes), 3))
+    groups = np.repeat(np.arange(len(sizes)), sizes)
+    patches = make_patches(points, groups)
+    assert len(patches) == sum(-(-size // LANES) for size in sizes)
+    assert sorted(patches[patches >= 0]) == list(range(len(points)))
+    for row in patches:
+        assert len(np.unique(groups[row[row >= 0]])) == 1
+
+
+def test_points_of_a_patch_lie_together():
+    x, y = np.meshgrid(np.arange(16.0), np.arange(8.0))
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    for row in make_patches(points, np.zeros(128, dtype=int)):
+        assert sorted(np.ptp(points[row], axis=0)) == [0, 1, 3]
+
+
+def test_the_larger_of_two_numbers_and_how_many_are_less():
+    @wp.kernel
+    def compare(
+        a: wp.array(dtype=Lanes),
+        b: wp.array(dtype=Lanes),
+        larger: wp.array(dtype=Lanes),
+        less: wp.array(dtype=int),
+    ):
+        i = wp.tid()
+        larger[i] = most(a[i], b[i])
+        less[i] = count_less(a[i], b[i])
+
+    start_warp()
+    one, two = rng_for(1, "lanes").integers(0, 4, (2, 9, LANES)).astype(np.float32)
+    a, b = (wp.array(values, dtype=Lanes, device="cpu") for values in (one, two))
+    larger, less = wp.zeros_like(a), wp.zeros(9, dtype=int, device="cpu")
+    wp.launch(compare, dim=9, inputs=[a, b], outputs=[larger, less], device="cpu")
+    np.testing.assert_array_equal(larger.numpy(), np.maximum(one, two))
+    np.testing.assert_array_equal(less.numpy(), (one < two).sum(axis=1))
