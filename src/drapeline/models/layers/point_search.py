@@ -432,10 +432,14 @@ def nearest_neighbours(
 
 def gather_rows(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
     """Rows (B, P, C) at indices (B, ...) of the same cloud, (B, ..., C)."""
-    clouds, count, width = rows.shape
-    first = torch.arange(clouds, device=index.device) * count
-    flat = (index + first.view(-1, *[1] * (index.dim() - 1))).flatten()
-    return rows.reshape(-1, width).index_select(0, flat).view(*index.shape, width)
+    flat = row_numbers(rows, index).flatten()
+    return rows.flatten(0, 1).index_select(0, flat).unflatten(0, index.shape)
+
+
+def row_numbers(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
+    """Indices (B, ...) into each cloud of rows (B, P, C) as indices into all B * P rows."""
+    first = torch.arange(len(rows), device=index.device) * rows.shape[1]
+    return index + first.view(-1, *[1] * (index.dim() - 1))
 
 
 def _vectors(points: torch.Tensor) -> wp.array:
