@@ -7,6 +7,7 @@ indices mean nothing.
 """
 
 import math
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -353,7 +354,6 @@ def _order_in_space(points: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
 _SPREAD = [sum((k >> bit & 1) << 3 * bit for bit in range(5)) for k in range(32)]
 
 
-@torch.no_grad()
 def ball_neighbours(
     points: torch.Tensor,
     centres: torch.Tensor,
@@ -376,11 +376,32 @@ def ball_neighbours(
     Returns:
         (B, Q, count) int64.
     """
-    chosen = points.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
-    valid = _valid(points, valid)
-    grid, cloud = _grid(points, valid, radius), _vectors(points)
-    _launch(_ball, cloud, valid, grid, _vectors(centres), radius**2, chosen)
-    return chosen
+    return BallSearch(points, radius, valid)(centres, count)
+
+
+class BallSearch:
+    """`ball_neighbours` among points that are indexed once, when they are first searched.
+
+    Args:
+        points, radius, valid: see there.
+    """
+
+    def __init__(
+        self, points: torch.Tensor, radius: float, valid: torch.Tensor | None = None
+    ) -> None:
+        self._points, self._radius, self._valid = points, radius, _valid(points, valid)
+
+    @cached_property
+    def _grid(self) -> _Grid:
+        return _grid(self._points, self._valid, self._radius)
+
+    @torch.no_grad()
+    def __call__(self, centres: torch.Tensor, count: int) -> torch.Tensor:
+        """Indices (B, Q, count) int64 of the points around centres (B, Q, 3)."""
+        chosen = centres.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
+        cloud, places = _vectors(self._points), _vectors(centres)
+        _launch(_ball, cloud, self._valid, self._grid, places, self._radius**2, chosen)
+        return chosen
 
 
 def _grid(points: torch.Tensor, valid: torch.Tensor, radius: float) -> _Grid:

@@ -6,6 +6,7 @@ pooled from a whole window are normalised by running statistics of the training.
 """
 
 from collections.abc import Sequence
+from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from torch import nn
 
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import (
-    ball_neighbours,
+    BallSearch,
     gather_rows,
     nearest_neighbours,
     row_numbers,
@@ -65,18 +66,21 @@ class Neighbourhoods(nn.Module):
         self.others = nn.ModuleList(linear(a, b, rng) for a, b in pairwise(widths))
 
     def forward(
-        self, level: PointLevel, centres: torch.Tensor, searches: Searches = SEARCH_ANEW
+        self,
+        level: PointLevel,
+        centres: torch.Tensor,
+        searches: Searches = SEARCH_ANEW,
+        search: BallSearch | None = None,
     ) -> torch.Tensor:
-        """Features (B, Q, widths[-1]) at centres (B, Q, 3); zero where no point is valid."""
+        """Features (B, Q, widths[-1]) at centres (B, Q, 3); zero where no point is valid.
+
+        Where a level is looked at around several sets of centres, `search` is its `ball_search`.
+        """
         place, feature = self.first.weight[:, :3] / self.radius, self.first.weight[:, 3:]
         points = project(level.points, place)
         points = points + F.linear(level.features, feature, self.first.bias)
         middle = project(centres, place)
-        index = searches(
-            "ball",
-            ball_neighbours,
-            *(level.points, centres, self.radius, self.count, level.valid),
-        )
+        index = searches("ball", search or self.ball_search(level), centres, self.count)
         if self.others:
             rows = gather_rows(points, index) - middle[:, :, None]  # (B, Q, count, widths[0])
             for layer in self.others:
@@ -86,11 +90,15 @@ class Neighbourhoods(nn.Module):
             rows = largest_of_rows(points, index) - middle
         return rows.relu() * level.valid.any(1)[:, None, None]
 
+    def ball_search(self, level: PointLevel) -> BallSearch:
+        """The search for a level's points in balls of this radius."""
+        return BallSearch(level.points, self.radius, level.valid)
+
 
 def largest(rows: torch.Tensor) -> torch.Tensor:
     """(B, Q, n, C) -> (B, Q, C)."""
-    # `amax` is ten times as fast as `max`, but slower with its backward pass.
-    return rows.max(2).values if rows.requires_grad else rows.amax(2)
+    # Without a gradient this is several times as fast as `max` or `amax`.
+    return rows.max(2).values if rows.requires_grad else reduce(torch.maximum, rows.unbind(2))
 
 
 def largest_of_rows(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
@@ -98,11 +106,7 @@ def largest_of_rows(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
     if rows.requires_grad:
         flat = row_numbers(rows, index).flatten(0, 1)
         return F.embedding_bag(flat, rows.flatten(0, 1), mode="max").unflatten(0, index.shape[:2])
-    first, *others = index.unbind(2)
-    most = gather_rows(rows, first)
-    for other in others:
-        torch.maximum(most, gather_rows(rows, other), out=most)
-    return most
+    return reduce(torch.maximum, (gather_rows(rows, one) for one in index.unbind(2)))
 
 
 @full_precision
