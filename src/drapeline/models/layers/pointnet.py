@@ -103,10 +103,11 @@ def largest(rows: torch.Tensor) -> torch.Tensor:
 
 def largest_of_rows(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
     """`largest` of the rows (B, P, C) at indices (B, Q, n), which are not copied, (B, Q, C)."""
+    index, rows = row_numbers(rows, index), rows.flatten(0, 1)
     if rows.requires_grad:
-        flat = row_numbers(rows, index).flatten(0, 1)
-        return F.embedding_bag(flat, rows.flatten(0, 1), mode="max").unflatten(0, index.shape[:2])
-    return reduce(torch.maximum, (gather_rows(rows, one) for one in index.unbind(2)))
+        most = F.embedding_bag(index.flatten(0, 1), rows, mode="max")
+        return most.unflatten(0, index.shape[:2])
+    return reduce(torch.maximum, (F.embedding(one, rows) for one in index.unbind(2)))
 
 
 @full_precision
