@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.frames import GENDERS
+from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.samples import register_sample
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import progress, rule_log
@@ -14,9 +15,9 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    topology = load_topology(snakemake.input.topology)
+    registrar = Registrar(load_topology(snakemake.input.topology))
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
     samples = samples_of_shards([snakemake.input.samples])
     with atomic_folder(snakemake.output[0]) as folder:
         for sample in progress(samples, total=len(samples), label="samples"):
-            register_sample(folder / sample.name, sample, topology, bodies)
+            register_sample(folder / sample.name, sample, registrar, bodies)

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
+from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.samples import register_sample
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -15,7 +16,7 @@ with rule_log(snakemake.log[0]) as log:
     status = register_sample(
         snakemake.output[0],
         snakemake.input.sample,
-        load_topology(snakemake.input.topology),
+        Registrar(load_topology(snakemake.input.topology)),
         {gender: load_body(snakemake.input[gender]) for gender in GENDERS},
     )
     log.info("sample %s is %s", snakemake.wildcards.sample, status)

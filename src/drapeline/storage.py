@@ -14,6 +14,7 @@ import socket
 import tempfile
 import time
 import zipfile
+import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
@@ -331,15 +332,30 @@ def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.me
 
 
 def save_npz(path: str | Path, **arrays: Any) -> None:
-    """Write arrays, strings and numbers to a compressed `.npz`, without pickling anything."""
+    """Write arrays, strings and numbers to an `.npz`, without pickling anything.
+
+    Those that shrink are compressed; coordinates hardly do, and it takes long to try.
+    """
     for name, value in arrays.items():
         if np.asarray(value).dtype == object:
             raise TypeError(f"{path}: '{name}' is an object array, which would have to be pickled")
     # As NumPy does, which on a full disk leaves an archive that complains once more on its own.
-    with atomic_file(path) as scratch, zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as held:
+    with atomic_file(path) as scratch, zipfile.ZipFile(scratch, "w") as held:
         for name, value in arrays.items():
-            with held.open(f"{name}.npy", "w", force_zip64=True) as stream:
-                np.lib.format.write_array(stream, np.asanyarray(value), allow_pickle=False)
+            array, member = np.asanyarray(value), zipfile.ZipInfo(f"{name}.npy")
+            member.compress_type = zipfile.ZIP_DEFLATED if _shrinks(array) else zipfile.ZIP_STORED
+            with held.open(member, "w", force_zip64=True) as stream:
+                np.lib.format.write_array(stream, array, allow_pickle=False)
+
+
+def _shrinks(array: np.ndarray) -> bool:
+    """Whether an array is worth compressing, by a few stretches of a large one."""
+    if array.nbytes < _SMALL:
+        return True
+    values = array.reshape(-1)
+    starts = np.linspace(0, max(len(values) - _STRETCH, 0), 8).astype(int)
+    sample = b"".join(values[start : start + _STRETCH].tobytes() for start in starts)
+    return len(zlib.compress(sample)) < 0.85 * len(sample)
 
 
 class _Arrays(dict[str, np.ndarray]):
@@ -432,7 +448,8 @@ def _naming(path: Path, key: str) -> Iterator[None]:
         raise DamagedFile(path, f"'{key}' {error}") from error
 
 
-_SMALL = 1 << 16
+_SMALL = 1 << 16  # bytes
+_STRETCH = 1024  # values
 
 
 def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, whole: bool) -> IO[bytes]:

@@ -170,10 +170,9 @@ class CloudSampler:
         """Draw `count` points uniformly by area from the surface that the cameras see."""
         all_vertices = np.concatenate(vertices).astype(np.float32)
         mesh = self._move_mesh(all_vertices, [len(v) for v in vertices])
-        a, b, c = (all_vertices[self._corners[:, i]] for i in range(3))
+        a, b, c = (all_vertices.take(ids, axis=0) for ids in self._corners.T)
         cross = np.cross(b - a, c - a)
         double_area = np.linalg.norm(cross, axis=1)
-        normals = cross / np.maximum(double_area, 1e-20)[:, None]
         cumulative_area = np.cumsum(double_area, dtype=np.float64)
         points, labels = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
         visible_share, drawn = 1.0, 0  # the share is estimated from the first round
@@ -187,7 +186,8 @@ class CloudSampler:
             u, v = rng.random((2, wanted, 1), dtype=np.float32)
             u = np.sqrt(u)
             candidates = (1 - u) * a[face] + u * ((1 - v) * b[face] + v * c[face])
-            visible = self._find_visible(mesh, candidates, normals[face], face)
+            normals = cross[face] / np.maximum(double_area[face], 1e-20)[:, None]
+            visible = self._find_visible(mesh, candidates, normals, face)
             points = np.concatenate([points, candidates[visible]])
             labels = np.concatenate([labels, self._face_label[face][visible]])
             drawn += wanted

@@ -34,7 +34,11 @@ def closest_points(
     Returns:
         Places (P, 3) float32 on the surface, and ids (P,) of the faces that hold them.
     """
-    mesh = warp_mesh(vertices, faces)
+    return closest_on_mesh(points, warp_mesh(vertices, faces))
+
+
+def closest_on_mesh(points: np.ndarray, mesh: wp.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """`closest_points` on a mesh that is indexed already, see `warp_mesh`."""
     place = wp.zeros(len(points), dtype=wp.vec3, device=_DEVICE)
     face = wp.zeros(len(points), dtype=int, device=_DEVICE)
     wp.launch(

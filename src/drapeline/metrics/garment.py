@@ -4,15 +4,19 @@ A garment is the vertices (V, 3) of the super-resolved body plus their offsets, 
 mask (V,) that says which of them are garment.
 """
 
+from functools import cached_property
+
 import igl
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.geometry.closest import closest_points
+from drapeline.geometry.closest import closest_on_mesh, closest_points
 from drapeline.geometry.mesh import Mesh, face_edges, face_normals, faces_within
+from drapeline.geometry.warp_mesh import warp_mesh
 
 DEEP_M = 0.01
+_INSIDE = "inside_share", "inside_1cm_share", "inside_depth_mm"
 _OUTSIDE_COSINE_MIN = 0.7  # between a normal and the way from its face to the point
 
 
@@ -120,45 +124,63 @@ def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
     return 1000 * np.linalg.norm(points - place, axis=1)
 
 
-def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
-    """How much of a garment is inside the body.
+class BodyInside:
+    """What is inside a body, which is indexed once for any number of garments.
 
     Args:
-        points: (P, 3) garment vertices.
-        body: (V, 3) body vertices in the same pose; the mesh may have open ends.
-        faces: (F, 3) of the body.
-
-    Returns:
-        `inside_share` of the points, `inside_1cm_share` deeper than `DEEP_M`, and
-        `inside_depth_mm` of the deepest; NaN without points.
+        body: (V, 3) vertices, metres; the mesh may have open ends.
+        faces: (F, 3).
     """
-    if not len(points):
-        return dict.fromkeys(("inside_share", "inside_1cm_share", "inside_depth_mm"), float("nan"))
-    depth = inside_depth(points, body, faces)
-    return {
-        "inside_share": float((depth > 0).mean()),
-        "inside_1cm_share": float((depth > DEEP_M).mean()),
-        "inside_depth_mm": float(1000 * depth.max()),
-    }
+
+    def __init__(self, body: np.ndarray, faces: np.ndarray) -> None:
+        self._body, self._faces = body, faces
+        self._mesh = warp_mesh(body, faces)
+
+    @cached_property
+    def _winding(self) -> igl.FastWindingNumberBVH:
+        tree = igl.FastWindingNumberBVH()
+        tree.init(
+            np.ascontiguousarray(self._body, dtype=np.float64),
+            np.ascontiguousarray(self._faces, dtype=np.int64),
+        )
+        return tree
+
+    def depth(self, points: np.ndarray) -> np.ndarray:
+        """(P,) metres from points (P, 3) inside to the surface, 0 for those outside."""
+        place, face = closest_on_mesh(points, self._mesh)
+        away = points - place
+        depth = np.linalg.norm(away, axis=1)
+        # Winding numbers are slow; points clearly in front of their nearest face need none.
+        height = np.einsum("pi,pi->p", away, face_normals(self._body, self._faces[face]))
+        doubtful = height < _OUTSIDE_COSINE_MIN * depth
+        depth[~doubtful] = 0
+        if doubtful.any():
+            queries = np.ascontiguousarray(points[doubtful], dtype=np.float64)
+            depth[doubtful] *= self._winding.winding_number(queries) > 0.5
+        return depth
+
+    def measures(self, points: np.ndarray) -> dict[str, float]:
+        """How much of a garment with vertices (P, 3) in the same pose is inside.
+
+        Returns:
+            `inside_share` of the points, `inside_1cm_share` deeper than `DEEP_M`, and
+            `inside_depth_mm` of the deepest; NaN without points.
+        """
+        if not len(points):
+            return dict.fromkeys(_INSIDE, float("nan"))
+        depth = self.depth(points)
+        values = (depth > 0).mean(), (depth > DEEP_M).mean(), 1000 * depth.max()
+        return dict(zip(_INSIDE, map(float, values), strict=True))
+
+
+def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
+    """`BodyInside.measures` of one garment."""
+    return BodyInside(body, faces).measures(points)
 
 
 def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(P,) metres from points inside the body to its surface, 0 for those outside."""
-    place, face = closest_points(points, body, faces)
-    away = points - place
-    depth = np.linalg.norm(away, axis=1)
-    # Winding numbers are slow; points clearly in front of their nearest face need none.
-    height = np.einsum("pi,pi->p", away, face_normals(body, faces[face]))
-    doubtful = height < _OUTSIDE_COSINE_MIN * depth
-    depth[~doubtful] = 0
-    if doubtful.any():
-        winding = igl.fast_winding_number(
-            np.ascontiguousarray(body, dtype=np.float64),
-            np.ascontiguousarray(faces, dtype=np.int64),
-            np.ascontiguousarray(points[doubtful], dtype=np.float64),
-        )
-        depth[doubtful] *= winding > 0.5
-    return depth
+    """`BodyInside.depth` of the points of one garment."""
+    return BodyInside(body, faces).depth(points)
 
 
 def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:

@@ -162,12 +162,14 @@ class CanonicalOutput(NamedTuple):
         coefficients: (B, D) alpha.
         vertices: (B, N, 3) T(alpha), metres, root frame.
         levels: the garment's points, finest first, of B * T clouds.
+        initial_alpha: (B, D) that alpha started from; None from a network without a `regression`.
     """
 
     logits: torch.Tensor | None
     coefficients: torch.Tensor
     vertices: torch.Tensor
     levels: list[PointLevel]
+    initial_alpha: torch.Tensor | None = None
 
 
 def hashed_order(points: torch.Tensor) -> torch.Tensor:
@@ -341,26 +343,30 @@ class _ShapeNetwork(nn.Module):
         """Alpha (B, D) -> T(alpha) (B, N, 3)."""
         return self.mean + torch.tensordot(coefficients, self.components, dims=1)
 
-    def add_initial_alpha(
+    def output(
         self,
+        logits: torch.Tensor | None,
         change: torch.Tensor,
+        levels: list[PointLevel],
         points: torch.Tensor,
         chosen: torch.Tensor,
         initial_alpha: torch.Tensor | None,
-    ) -> torch.Tensor:
-        """Alpha (B, D): the network's change to the initial one, if it has a `regression`.
+    ) -> CanonicalOutput:
+        """The output with alpha: the network's change to the initial one, if it has a `regression`.
 
         Args:
+            logits, levels: of the output.
             change: (B, D) that the network makes; without a regression it is alpha itself.
             points: (B, T, P, 7), body-relative.
             chosen: (B, T, P) bool, the garment's points.
             initial_alpha: (B, D); the estimate of `regression` if None.
         """
         if self.regression is None:
-            return change
+            return CanonicalOutput(logits, change, self.vertices(change), levels)
         if initial_alpha is None:
             initial_alpha = self.regression(self.maps(points, chosen))
-        return change + initial_alpha
+        alpha = change + initial_alpha
+        return CanonicalOutput(logits, alpha, self.vertices(alpha), levels, initial_alpha)
 
     def maps(self, points: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
         """The input of `regression` for windows.
@@ -440,8 +446,7 @@ class CanonicalNetwork(_ShapeNetwork):
         valid = chosen.flatten(0, 1).gather(1, order)
         garment = first_of(level._replace(features=features, valid=valid), self.garment_points)
         change, levels = self.encoder(garment, points.shape[1], searches.within("garment"))
-        alpha = self.add_initial_alpha(change, points, chosen, initial_alpha)
-        return CanonicalOutput(logits, alpha, self.vertices(alpha), levels)
+        return self.output(logits, change, levels, points, chosen, initial_alpha)
 
 
 class PointNetRegressor(_ShapeNetwork):
@@ -474,8 +479,7 @@ class PointNetRegressor(_ShapeNetwork):
         level, _ = as_level(points)
         change, levels = self.encoder(level, points.shape[1], searches)
         everything = torch.ones(points.shape[:3], dtype=torch.bool, device=points.device)
-        alpha = self.add_initial_alpha(change, points, everything, initial_alpha)
-        return CanonicalOutput(None, alpha, self.vertices(alpha), levels)
+        return self.output(None, change, levels, points, everything, initial_alpha)
 
 
 def first_of(level: PointLevel, count: int) -> PointLevel:

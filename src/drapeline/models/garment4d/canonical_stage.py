@@ -1,7 +1,6 @@
 """Training of the canonical stage, and of its baseline PN++."""
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -110,16 +109,6 @@ class CanonicalStage(Stage):
         if not self.out_of_fold_alpha:
             return None
         return torch.stack([self.out_of_fold_alpha[name] for name in names]).to(self.device)
-
-    def regression_alone(self) -> "CanonicalStage | None":
-        """The same stage without the network's change to the first alpha; None if there is none."""
-        if self.network.regression is None:
-            return None
-        stage = deepcopy(self)
-        with torch.no_grad():
-            for values in stage.network.encoder.coefficients.parameters():
-                values.zero_()
-        return stage
 
     def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Equation 4, and the mean distance of canonical vertices."""

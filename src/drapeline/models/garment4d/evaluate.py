@@ -1,9 +1,9 @@
 """Evaluation of trained Garment4D networks: metrics of all variants of a garment type."""
 
 import time
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +82,7 @@ class Evaluation:
         self.split, self.settings = split, settings
         self._measured: dict[str, list[Measured]] = {}
         self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
+        self._moving_body = lru_cache(1)(self._measured_body)  # all variants of one after another
         self.simulated = self.data.of_split(split, (SIMULATED,))
         if not len(self.simulated):
             raise InputError(
@@ -112,9 +113,9 @@ class Evaluation:
         self._measured.setdefault(variant, []).append(one)
 
     def measure_canonicals(self, stages: Mapping[str, CanonicalStage]) -> None:
-        """M1 of stages by variant and of references without a stage.
+        """M1 of stages by variant and of references.
 
-        The references are the mean garment; "regression", what the canonical network starts from;
+        The references are the mean garment; "regression", what the stage "canonical" starts from;
         "pca", the garment from its true coefficients, which is the best that the space can do; and
         "truth", the registered garment against the original.
         """
@@ -125,8 +126,10 @@ class Evaluation:
                 "pca", sequence, data.space.vertices(data.coefficients[sequence])
             )
             self._measure_canonical("truth", sequence, data.canonical[sequence], true=False)
-            for variant, stage in stages.items():
-                estimated = self._estimate(stage, sequence)
+            made = {variant: self._estimate(stage, sequence) for variant, stage in stages.items()}
+            if (regressed := made["canonical"].regressed) is not None:
+                made["regression"] = made["canonical"]._replace(canonical=regressed)
+            for variant, estimated in made.items():
                 self._measure_canonical(variant, sequence, estimated.canonical)
                 if estimated.labels is not None:
                     true = data.labels[data.rows(sequence)]
@@ -142,14 +145,11 @@ class Evaluation:
         registered = self.data.canonical[sequence] if true else None
         self.add(variant, sequence, metrics.canonical_measures(garment, registered, original))
 
-    def measure_posed(
-        self, variant: str, stage: PosedStage
-    ) -> Iterator[tuple[int, ReconstructedGarment]]:
-        """Measure a stage; yields each sequence with its reconstruction, and keeps none."""
-        for sequence in progress(self.simulated, total=len(self.simulated), label=variant):
-            made = self._reconstruct(stage, sequence)
-            self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
-            yield int(sequence), made
+    def measure_posed(self, variant: str, stage: PosedStage, sequence: int) -> ReconstructedGarment:
+        """Measure a stage on a sequence and return its reconstruction."""
+        made = self._reconstruct(stage, sequence)
+        self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
+        return made
 
     def measure_ours(
         self,
@@ -188,22 +188,27 @@ class Evaluation:
         true: bool = True,
     ) -> None:
         """All measures of a posed garment (F, N, 3); if not `true`, those without ground truth."""
-        data, body = self.data, self.sequences.body(sequence)
+        data = self.data
         rows = data.rows(sequence)
-
-        def body_vertices(frame: int) -> np.ndarray:
-            return posed_vertices(body.model, body.shape, data.poses[rows][frame][None])[0][0]
-
         measures = metrics.sequence_measures(
             garment,
             data.garment[rows] if true else None,
-            body=metrics.MovingBody(body_vertices, body.model.faces),
+            body=self._moving_body(sequence),
             points=data.points[rows],
             faces=data.space.faces,
         )
         if seconds is not None:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
+
+    def _measured_body(self, sequence: int) -> metrics.MovingBody:
+        data, body = self.data, self.sequences.body(sequence)
+        poses = data.poses[data.rows(sequence)]
+
+        def vertices(frame: int) -> np.ndarray:
+            return posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
+
+        return metrics.MovingBody(vertices, body.model.faces)
 
     def measure_still(self, sequence: int) -> None:
         """M3 of a garment that never moves: what networks that smooth all motion away would get."""
@@ -371,34 +376,35 @@ def evaluate(
             leave them out.
     """
     data, table = sequences.data, []
-    regression = canonical["canonical"].regression_alone()
-    references = {} if regression is None else {"regression": regression}
     with atomic_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(sequences, split, settings)
-            evaluation.measure_canonicals(canonical | references)
-            stages = {"posed": posed["posed"]}
+            evaluation.measure_canonicals(canonical)
+            others = {}
             if split == "test":
-                stages |= {**posed, "untrained": posed["posed"].untrained()}
-            for variant, stage in stages.items():
-                for sequence, made in evaluation.measure_posed(variant, stage):
-                    if variant != "posed":
-                        continue
-                    name, rows = str(data.name[sequence]), data.rows(sequence)
-                    evaluation.measure_garment("lbs", sequence, made.proposal)
-                    evaluation.measure_still(sequence)
-                    ours = evaluation.measure_ours(sequence, made, refining, worn_statistics)
-                    evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
-                    if split == "test":
-                        shown = evaluation.reconstruction(sequence, made)
-                        shown.save(scratch / f"{name}.npz")
-                        replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
+                others = {**posed, "untrained": posed["posed"].untrained()}
+                del others["posed"]
+            simulated = evaluation.simulated.tolist()
+            for sequence in progress(simulated, total=len(simulated), label="posed"):
+                name, rows = str(data.name[sequence]), data.rows(sequence)
+                made = evaluation.measure_posed("posed", posed["posed"], sequence)
+                evaluation.measure_garment("lbs", sequence, made.proposal)
+                evaluation.measure_still(sequence)
+                ours = evaluation.measure_ours(sequence, made, refining, worn_statistics)
+                evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
+                if split == "test":
+                    shown = evaluation.reconstruction(sequence, made)
+                    shown.save(scratch / f"{name}.npz")
+                    replace(shown, final=ours).save(scratch / f"{name}_ours.npz")
+                for variant, stage in others.items():
+                    evaluation.measure_posed(variant, stage, sequence)
             if split == "test":
                 evaluation.measure_sweeps(posed["posed"])
                 evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
                 if vertex_sampled is not None:
                     released = Evaluation(vertex_sampled, split, settings)
-                    deque(released.measure_posed("vertex_sampled", posed["posed"]), maxlen=0)
+                    for sequence in released.simulated.tolist():
+                        released.measure_posed("vertex_sampled", posed["posed"], sequence)
                     table += released.rows()
             table += evaluation.rows()
     return table

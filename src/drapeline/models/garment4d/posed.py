@@ -175,13 +175,13 @@ class PosedNetwork(nn.Module):
             torch.ones(body.shape[0] * frames, body.shape[2], dtype=torch.bool, device=body.device),
         )
         garment = proposal.flatten(0, 1)  # (B * T, N, 3)
+        balls = [(ball, skin) for ball in self.body]
+        balls += zip(self.garment, levels, strict=True)
+        balls = [(ball, level, ball.ball_search(level)) for ball, level in balls]
         hidden, out = None, []
         for iteration, graph in enumerate(self.graphs):
             features = [garment]
-            features += [ball(skin, garment) for ball in self.body]
-            features += [
-                ball(level, garment) for ball, level in zip(self.garment, levels, strict=True)
-            ]
+            features += [ball(level, garment, search=search) for ball, level, search in balls]
             if self.settings.pull_neighbours:
                 features.append(self.pull(levels[0], garment))
             rows = torch.cat(features, dim=-1).transpose(0, 1)  # (N, B * T, inputs)

@@ -55,12 +55,14 @@ class Estimate(NamedTuple):
     Attributes:
         labels: (F, P) uint8 of the points, or None from a network without segmentation.
         canonical: (N, 3) metres, T of the mean alpha' of all windows.
+        regressed: the same of the alpha that the network started from; None if from none.
         outputs: of the batches of windows, in order.
         seconds: that all of it took.
     """
 
     labels: np.ndarray | None
     canonical: np.ndarray
+    regressed: np.ndarray | None
     outputs: list[CanonicalOutput]
     seconds: float
 
@@ -95,10 +97,17 @@ def estimate(
     if stage.body_relative_points:
         points = body_relative_points(body.model, body.shape, poses, points)
     outputs = list(_estimate_windows(stage, windows, points, labels))
-    alpha = torch.cat([one.coefficients for one in outputs]).mean(0)
-    canonical = stage.network.vertices(alpha[None])[0].cpu().numpy()
+    canonical = _mean_garment(stage, [one.coefficients for one in outputs])
+    regressed = None
+    if stage.network.regression is not None:
+        regressed = _mean_garment(stage, [one.initial_alpha for one in outputs])
     own_labels = _mean_labels(outputs, windows)
-    return Estimate(own_labels, canonical, outputs, time.perf_counter() - started)
+    return Estimate(own_labels, canonical, regressed, outputs, time.perf_counter() - started)
+
+
+def _mean_garment(stage: CanonicalStage, alpha: Sequence[torch.Tensor]) -> np.ndarray:
+    """(N, 3) T of the mean of all alpha (B, D)."""
+    return stage.network.vertices(torch.cat(alpha).mean(0)[None])[0].cpu().numpy()
 
 
 @torch.inference_mode()

@@ -88,12 +88,13 @@ def _measure(
     def body_vertices(frame: int) -> np.ndarray:
         return posed_vertices(body.model, body.shape, scans.body.poses[frame][None])[0][0]
 
+    moving = metrics.MovingBody(body_vertices, body.model.faces)
     rows = []
     steps = {"lbs": made.proposal, "posed": made.final, "ours": final}
     for variant, vertices in steps.items():
         measures = metrics.sequence_measures(
             vertices,
-            body=metrics.MovingBody(body_vertices, body.model.faces),
+            body=moving,
             points=[scan.points for scan in scans.scans],
         )
         one = metrics.Measured(SPLIT, garment, measures)

@@ -7,6 +7,7 @@ indices mean nothing.
 """
 
 import math
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -301,6 +302,30 @@ def _nearest(
                 most = least[last]
 
 
+@wp.kernel
+def _nearest_one(
+    points: wp.array2d(dtype=wp.vec3),
+    valid: wp.array2d(dtype=wp.bool),
+    grid: _Grid,
+    queries: wp.array2d(dtype=wp.vec3),
+    squared: wp.array3d(dtype=float),
+    chosen: wp.array3d(dtype=wp.int64),
+):
+    """One thread per query looks into the cells around it; `squared` comes in as infinity."""
+    cloud, query = wp.tid()
+    place = queries[cloud, query]
+    at = (place - grid.low) / grid.side
+    x = _cell(at[0], grid.nx)
+    y = _cell(at[1], grid.ny)
+    z = _cell(at[2], grid.nz)
+    best = _nearest_in_rings(grid, cloud, place, x, y, z)
+    if best < wp.int64(0):
+        best = _nearest_of_all(points[cloud], valid[cloud], place)
+    if valid[cloud, best]:
+        squared[cloud, query, 0] = wp.length_sq(points[cloud, best] - place)
+        chosen[cloud, query, 0] = best
+
+
 @torch.no_grad()
 def farthest_points(
     points: torch.Tensor, count: int, valid: torch.Tensor | None = None
@@ -353,7 +378,6 @@ def _order_in_space(points: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
 _SPREAD = [sum((k >> bit & 1) << 3 * bit for bit in range(5)) for k in range(32)]
 
 
-@torch.no_grad()
 def ball_neighbours(
     points: torch.Tensor,
     centres: torch.Tensor,
@@ -376,21 +400,50 @@ def ball_neighbours(
     Returns:
         (B, Q, count) int64.
     """
-    chosen = points.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
-    valid = _valid(points, valid)
-    grid, cloud = _grid(points, valid, radius), _vectors(points)
-    _launch(_ball, cloud, valid, grid, _vectors(centres), radius**2, chosen)
-    return chosen
+    return BallSearch(points, radius, valid)(centres, count)
 
 
-def _grid(points: torch.Tensor, valid: torch.Tensor, radius: float) -> _Grid:
-    """A grid of which a cell and its neighbours hold all points within a radius of the cell."""
+class BallSearch:
+    """`ball_neighbours` among points that are indexed once, when they are first searched.
+
+    Args:
+        points, radius, valid: see there.
+    """
+
+    def __init__(
+        self, points: torch.Tensor, radius: float, valid: torch.Tensor | None = None
+    ) -> None:
+        self._points, self._radius, self._valid = points, radius, _valid(points, valid)
+
+    @cached_property
+    def _grid(self) -> _Grid:
+        return _grid(self._points, self._valid, self._radius)
+
+    @torch.no_grad()
+    def __call__(self, centres: torch.Tensor, count: int) -> torch.Tensor:
+        """Indices (B, Q, count) int64 of the points around centres (B, Q, 3)."""
+        chosen = centres.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
+        cloud, places = _vectors(self._points), _vectors(centres)
+        _launch(_ball, cloud, self._valid, self._grid, places, self._radius**2, chosen)
+        return chosen
+
+
+def _grid(
+    points: torch.Tensor,
+    valid: torch.Tensor,
+    radius: float,
+    cells_per_point: int = _CELLS_PER_POINT,
+) -> _Grid:
+    """A grid of which a cell and its neighbours hold all points within a radius of the cell.
+
+    Its cells are as small as may be; there are no more than so many per point.
+    """
     points = points.detach().to(torch.float32)
     usable = valid & points.isfinite().all(-1)
     inside = points[usable] if usable.any() else points.new_zeros(1, 3)
     low, extent = inside.amin(0), (inside.amax(0) - inside.amin(0)).tolist()
     side = max(1.001 * radius, max(extent) / _CELLS_PER_AXIS, 1e-30)  # more than is rounded off
-    while math.prod(cells := [int(x / side) + 1 for x in extent]) > _CELLS_PER_POINT * len(inside):
+    while math.prod(cells := [int(x / side) + 1 for x in extent]) > cells_per_point * len(inside):
         side *= 1.25
     steps = torch.tensor([1, cells[0], cells[0] * cells[1]], device=points.device)
     most = torch.tensor(cells, device=points.device) - 1
@@ -425,17 +478,25 @@ def nearest_neighbours(
     """
     chosen = points.new_zeros((*queries.shape[:2], k), dtype=torch.int64)
     squared = points.new_full(chosen.shape, torch.inf, dtype=torch.float32)
-    cloud, valid = _vectors(points), _valid(points, valid)
-    _launch(_nearest, cloud, valid, _vectors(queries), squared, chosen)
+    cloud, valid, places = _vectors(points), _valid(points, valid), _vectors(queries)
+    if k == 1:
+        grid = _grid(points, valid, 0.0, cells_per_point=1)
+        _launch(_nearest_one, cloud, valid, grid, places, squared, chosen)
+    else:
+        _launch(_nearest, cloud, valid, places, squared, chosen)
     return squared, chosen
 
 
 def gather_rows(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
     """Rows (B, P, C) at indices (B, ...) of the same cloud, (B, ..., C)."""
-    clouds, count, width = rows.shape
-    first = torch.arange(clouds, device=index.device) * count
-    flat = (index + first.view(-1, *[1] * (index.dim() - 1))).flatten()
-    return rows.reshape(-1, width).index_select(0, flat).view(*index.shape, width)
+    flat = row_numbers(rows, index).flatten()
+    return rows.flatten(0, 1).index_select(0, flat).unflatten(0, index.shape)
+
+
+def row_numbers(rows: torch.Tensor, index: torch.Tensor) -> torch.Tensor:
+    """Indices (B, ...) into each cloud of rows (B, P, C) as indices into all B * P rows."""
+    first = torch.arange(len(rows), device=index.device) * rows.shape[1]
+    return index + first.view(-1, *[1] * (index.dim() - 1))
 
 
 def _vectors(points: torch.Tensor) -> wp.array:

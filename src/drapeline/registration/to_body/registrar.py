@@ -43,11 +43,11 @@ class Registrar:
     """Registers garments of all types on bodies of all shapes.
 
     Args:
-        topology: of the super-resolved bodies.
+        topology: of the super-resolved bodies, kept as an attribute.
     """
 
     def __init__(self, topology: Topology) -> None:
-        self._topology = topology
+        self.topology = topology
         self._settings = NicpSettings()
         count = len(topology.rest)
         self._body = BodyMesh(topology.faces, count)
@@ -55,7 +55,7 @@ class Registrar:
 
     @cached_property
     def _tube(self) -> SkirtTube:
-        return SkirtTube(self._topology)
+        return SkirtTube(self.topology)
 
     def register(
         self, name: str, vertices: np.ndarray, faces: np.ndarray, body: np.ndarray

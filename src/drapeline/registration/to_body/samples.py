@@ -14,12 +14,11 @@ from drapeline.geometry.mesh import faces_within
 from drapeline.registration.error_table import FILE_NAME, error_rows, write_errors
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.registrar import Registrar
-from drapeline.registration.to_body.topology import Topology
 from drapeline.storage import atomic_folder, write_json
 
 
 def register_sample(
-    output: str | Path, sample: str | Path, topology: Topology, bodies: Mapping[str, BodyModel]
+    output: str | Path, sample: str | Path, registrar: Registrar, bodies: Mapping[str, BodyModel]
 ) -> str:
     """Register the garments of one sample in their rest pose.
 
@@ -27,7 +26,7 @@ def register_sample(
         output: folder for `{Garment}.npz`, `metrics.tsv` and `status.json`; of a rejected sample
             only the last is written.
         sample: folder as `write_sample` leaves it.
-        topology: of the super-resolved body.
+        registrar: on the topology of the super-resolved body.
         bodies: super-resolved, by gender.
 
     Returns:
@@ -41,18 +40,14 @@ def register_sample(
     with atomic_folder(output) as scratch:
         write_json(scratch / "status.json", status)
         if record.accepted:
-            _register(scratch, Path(sample), Registrar(topology), topology, bodies)
+            _register(scratch, Path(sample), registrar, bodies)
     return status["status"]
 
 
 def _register(
-    folder: Path,
-    sample: Path,
-    registrar: Registrar,
-    topology: Topology,
-    bodies: Mapping[str, BodyModel],
+    folder: Path, sample: Path, registrar: Registrar, bodies: Mapping[str, BodyModel]
 ) -> None:
-    errors = []
+    errors, topology = [], registrar.topology
     with Sample(sample) as sequence:
         model = bodies[sequence.gender]
         body = rest_body(model, sequence.info.shape)

@@ -113,12 +113,13 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, ide
     with torch.no_grad():
         next(other.canonical.network.parameters()).mul_(2)
     evaluation = Evaluation(sequences, "test", EvaluationSettings())
-    sequences = len(evaluation.simulated)
+    count = len(evaluation.simulated)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
-        list(evaluation.measure_posed("posed", stage))
-        assert len(asked) == expected * sequences
+        for sequence in evaluation.simulated:
+            evaluation.measure_posed("posed", stage, sequence)
+        assert len(asked) == expected * count
     evaluation.measure_noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
-    assert len(asked) == 3 * sequences
+    assert len(asked) == 3 * count
 
 
 def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):
