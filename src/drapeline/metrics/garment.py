@@ -4,6 +4,8 @@ A garment is the vertices (V, 3) of the super-resolved body plus their offsets, 
 mask (V,) that says which of them are garment.
 """
 
+from functools import lru_cache
+
 import igl
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -13,6 +15,7 @@ from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, face_edges, face_normals, faces_within
 
 DEEP_M = 0.01
+_BODIES = 32  # whose winding numbers stay known, 5 MB each: the frames of a sequence and a few more
 _OUTSIDE_COSINE_MIN = 0.7  # between a normal and the way from its face to the point
 
 
@@ -94,16 +97,23 @@ def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
 
 
 def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
-    """Mean distance of a surface to another over its area.
+    """Mean distance of a surface to another over its area."""
+    return area_distance_and_faces(mesh, other)[0]
+
+
+def area_distance_and_faces(mesh: Mesh, other: Mesh) -> tuple[float, np.ndarray]:
+    """The same in millimetres, and ids (F,) of the other's faces nearest to the centres of faces.
 
     By the quadrature of vertices, edge midpoints and face centres that is exact for cubic functions
     on a triangle. Faces share the midpoints of their edges.
     """
     pairs, of_faces = face_edges(mesh.faces)
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
-    places = (mesh.vertices, mesh.vertices[pairs].mean(axis=1), corners.mean(axis=1))
-    distances = distances_mm(np.concatenate(places), other)
-    at_vertices, at_middles, at_centres = np.split(distances, np.cumsum([*map(len, places)])[:-1])
+    parts = (mesh.vertices, mesh.vertices[pairs].mean(axis=1), corners.mean(axis=1))
+    points = np.concatenate(parts)
+    place, nearest = closest_points(points, other.vertices, other.faces)
+    distances = 1000 * np.linalg.norm(points - place, axis=1)
+    at_vertices, at_middles, at_centres = np.split(distances, np.cumsum([*map(len, parts)])[:-1])
     means = (
         at_vertices[mesh.faces].sum(axis=1) / 20
         + at_middles[of_faces].sum(axis=1) * 2 / 15
@@ -111,7 +121,7 @@ def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
     )
     sides = corners[:, 1:] - corners[:, :1]
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return float(np.average(means, weights=area))
+    return float(np.average(means, weights=area)), nearest[len(points) - len(corners) :]
 
 
 def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
@@ -152,13 +162,26 @@ def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.
     doubtful = height < _OUTSIDE_COSINE_MIN * depth
     depth[~doubtful] = 0
     if doubtful.any():
-        winding = igl.fast_winding_number(
-            np.ascontiguousarray(body, dtype=np.float64),
-            np.ascontiguousarray(faces, dtype=np.int64),
-            np.ascontiguousarray(points[doubtful], dtype=np.float64),
+        tree = _winding_tree(
+            body.astype(np.float64).tobytes(), faces.astype(np.int64, copy=False).tobytes()
         )
-        depth[doubtful] *= winding > 0.5
+        asked = np.ascontiguousarray(points[doubtful], dtype=np.float64)
+        depth[doubtful] *= tree.winding_number(asked) > 0.5
     return depth
+
+
+@lru_cache(maxsize=_BODIES)
+def _winding_tree(body: bytes, faces: bytes) -> igl.FastWindingNumberBVH:
+    """Winding numbers around a body (V, 3) float64 with faces (F, 3) int64.
+
+    Most of the time goes into the tree, and several garments are measured on the same body.
+    """
+    tree = igl.FastWindingNumberBVH()
+    tree.init(
+        np.frombuffer(body, np.float64).reshape(-1, 3),
+        np.frombuffer(faces, np.int64).reshape(-1, 3),
+    )
+    return tree
 
 
 def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:
