@@ -180,17 +180,19 @@ class Ppca(nn.Module):
         )[self.observed]
         field = basis[..., 3:].flatten(1)  # (Z, S * others)
         always = field @ field.T
-        means, variances = [], []
-        for sample in range(len(conditions)):
-            inside = mask[self.observed, sample]
+        mean = residual.new_zeros(latent, len(conditions))
+        variance = torch.zeros_like(mean)
+        # Frames of a garment share its mask, and so their precision.
+        masks, which = torch.unique(mask[self.observed], dim=1, return_inverse=True)
+        for number, inside in enumerate(masks.T):
+            own = which == number
             offsets = basis[:, inside, :3].flatten(1)  # (Z, 3 M)
             precision = (always + offsets @ offsets.T) / self.noise
             precision.diagonal().add_(1)
-            seen = (
-                offsets @ residual[inside, :3, sample].flatten()
-                + field @ residual[:, 3:, sample].flatten()
-            )
+            seen = offsets @ residual[inside, :3][..., own].flatten(0, 1) + field @ residual[
+                :, 3:, own
+            ].flatten(0, 1)
             root = torch.linalg.cholesky(precision)
-            means.append(torch.cholesky_solve((seen / self.noise)[:, None], root)[:, 0])
-            variances.append(torch.cholesky_inverse(root).diagonal())
-        return torch.stack(means), torch.stack(variances).log()
+            mean[:, own] = torch.cholesky_solve(seen / self.noise, root)
+            variance[:, own] = torch.cholesky_inverse(root).diagonal()[:, None]
+        return mean.T, variance.T.log()
