@@ -137,7 +137,7 @@ def boundary_loops(faces: np.ndarray) -> list[np.ndarray]:
 
 def face_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Unit normals (..., F, 3) of triangles on vertices (..., V, 3); zero where the area is."""
-    a, b, c = (vertices[..., triangles[:, i], :] for i in range(3))
+    a, b, c = (np.take(vertices, corner, axis=-2) for corner in triangles.T)
     normals = np.cross(b - a, c - a)
     return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-20)
 
