@@ -132,19 +132,22 @@ class MovedBody:
             offsets: (P, 3) in `REST_POSE`, of points that follow those of the surface and turn
                 with them; the surface's own if None.
         """
-        parts = np.einsum("pa,jba->pjb", points.places, self._turns)
+        # Products of matrices are ten times as fast as sums over several indices by `einsum`.
+        count, weights = len(along), points.weights
+        parts = (points.places @ self._turns.reshape(72, 3).T).reshape(count, 24, 3)
         parts += self.joints - np.einsum("jba,ja->jb", self._turns, self._rest_joints)
         if offsets is not None:
-            parts += np.einsum("pa,jba->pjb", offsets, self.rest_turns)
-        moved = points.weights[..., None] * parts
-        arms = np.einsum("kj,pja->pka", _BELOW, moved)
-        arms -= (points.weights @ _BELOW.T)[..., None] * self.joints
+            parts += (offsets @ self.rest_turns.reshape(72, 3).T).reshape(count, 24, 3)
+        arms = _BELOW @ (weights[..., None] * parts)
+        arms -= (weights @ _BELOW.T)[..., None] * self.joints
         torque = np.cross(arms, along[:, None])
-        turns = np.einsum("pka,kab->pkb", torque, self._parent_turns)
-        linear = np.einsum("pj,jab,pa->pb", points.weights, self._turns, along)
+        turns = (torque.swapaxes(0, 1) @ self._parent_turns).swapaxes(0, 1)
+        blended = (weights @ self._turns.reshape(24, 9)).reshape(count, 3, 3)
+        linear = np.einsum("pab,pa->pb", blended, along)
+        shift = (weights @ self._shift_by_shape.reshape(24, -1)).reshape(count, 3, SHAPES)
         shape = np.einsum("pb,pbm->pm", linear, points.by_shape)
-        shape += np.einsum("pj,jam,pa->pm", points.weights, self._shift_by_shape, along)
-        return np.concatenate([turns.reshape(len(along), 72), along, shape], axis=1)
+        shape += np.einsum("pam,pa->pm", shift, along)
+        return np.concatenate([turns.reshape(count, 72), along, shape], axis=1)
 
     def joint_slopes(self) -> np.ndarray:
         """(72, U) derivatives of the posed joints' coordinates."""

@@ -32,17 +32,31 @@ def measure_motion(
     """
     faces, mask = topology.faces_of(moving.name), moving.registered.mask
     all_measures = []
-    for index, (points, true) in enumerate(zip(predicted, moving.points(frames), strict=True)):
+    for points, true in zip(predicted, moving.points(frames), strict=True):
         vertices = moving.on_vertices(points)
         # A garment in motion has its static mask, which no model predicts.
         measures = garment_measures(vertices, None, moving.on_vertices(true), mask, faces)
-        if index % CONTACT_STEP == 0:
-            pose = moving.poses[frames[index]][None]
-            posed = posed_vertices(body, moving.shape, pose)[0][0]
-            worn = garment_mesh(vertices, faces, mask)
-            measures |= inside_measures(worn.vertices, posed, topology.faces)
         all_measures.append(measures)
-    return all_measures
+    inside = measure_inside(moving, frames, predicted, body, topology)
+    return [measures | more for measures, more in zip(all_measures, inside, strict=True)]
+
+
+def measure_inside(
+    moving: MovingGarment,
+    frames: np.ndarray,
+    predicted: np.ndarray,
+    body: BodyModel,
+    topology: Topology,
+) -> list[dict[str, float]]:
+    """Of these metrics those of what is inside the body; none in other than every fifth frame."""
+    faces, mask = topology.faces_of(moving.name), moving.registered.mask
+    measured: list[dict[str, float]] = [{} for _ in frames]
+    for index in range(0, len(frames), CONTACT_STEP):
+        pose = moving.poses[frames[index]][None]
+        posed = posed_vertices(body, moving.shape, pose)[0][0]
+        worn = garment_mesh(moving.on_vertices(predicted[index]), faces, mask)
+        measured[index] = inside_measures(worn.vertices, posed, topology.faces)
+    return measured
 
 
 class Measured(NamedTuple):

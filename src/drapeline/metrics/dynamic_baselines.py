@@ -7,7 +7,12 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.learning_data.moving import MovingGarment
-from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
+from drapeline.metrics.dynamic import (
+    Measured,
+    measure_inside,
+    measure_motion,
+    moving_summary,
+)
 from drapeline.metrics.table import MetricRow
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -90,8 +95,7 @@ def moving_baseline_summary(
                 )
                 rows = measure_motion(moving, frames, points, body, topology)
                 measured[name].append(Measured(moving.sample, moving.name, moving.source, rows))
-            rows = measure_motion(moving, frames, moving.points(frames), body, topology)
-            inside = [{k: v for k, v in row.items() if k.startswith("inside")} for row in rows]
+            inside = measure_inside(moving, frames, moving.points(frames), body, topology)
             measured["moving"].append(Measured(moving.sample, moving.name, moving.source, inside))
         for name, rows in measured.items():
             model = "truth" if name == "moving" else "baseline"

@@ -4,7 +4,7 @@ A garment is the vertices (V, 3) of the super-resolved body plus their offsets, 
 mask (V,) that says which of them are garment.
 """
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import igl
 import numpy as np
@@ -16,6 +16,7 @@ from drapeline.geometry.mesh import Mesh, face_edges, face_normals, faces_within
 from drapeline.geometry.warp_mesh import warp_mesh
 
 DEEP_M = 0.01
+_BODIES = 16  # that stay known: those of a sequence's frames that are measured, and a few more
 _INSIDE = "inside_share", "inside_1cm_share", "inside_depth_mm"
 _OUTSIDE_COSINE_MIN = 0.7  # between a normal and the way from its face to the point
 
@@ -98,16 +99,23 @@ def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
 
 
 def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
-    """Mean distance of a surface to another over its area.
+    """Mean distance of a surface to another over its area."""
+    return area_distance_and_faces(mesh, other)[0]
+
+
+def area_distance_and_faces(mesh: Mesh, other: Mesh) -> tuple[float, np.ndarray]:
+    """The same in millimetres, and ids (F,) of the other's faces nearest to the centres of faces.
 
     By the quadrature of vertices, edge midpoints and face centres that is exact for cubic functions
     on a triangle. Faces share the midpoints of their edges.
     """
     pairs, of_faces = face_edges(mesh.faces)
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
-    places = (mesh.vertices, mesh.vertices[pairs].mean(axis=1), corners.mean(axis=1))
-    distances = distances_mm(np.concatenate(places), other)
-    at_vertices, at_middles, at_centres = np.split(distances, np.cumsum([*map(len, places)])[:-1])
+    parts = (mesh.vertices, mesh.vertices[pairs].mean(axis=1), corners.mean(axis=1))
+    points = np.concatenate(parts)
+    place, nearest = closest_points(points, other.vertices, other.faces)
+    distances = 1000 * np.linalg.norm(points - place, axis=1)
+    at_vertices, at_middles, at_centres = np.split(distances, np.cumsum([*map(len, parts)])[:-1])
     means = (
         at_vertices[mesh.faces].sum(axis=1) / 20
         + at_middles[of_faces].sum(axis=1) * 2 / 15
@@ -115,7 +123,7 @@ def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
     )
     sides = corners[:, 1:] - corners[:, :1]
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return float(np.average(means, weights=area))
+    return float(np.average(means, weights=area)), nearest[len(points) - len(corners) :]
 
 
 def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
@@ -174,13 +182,25 @@ class BodyInside:
 
 
 def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
-    """`BodyInside.measures` of one garment."""
-    return BodyInside(body, faces).measures(points)
+    """`BodyInside.measures` of one garment; several may be measured on a body in turn."""
+    return _known_body(body, faces).measures(points)
 
 
 def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """`BodyInside.depth` of the points of one garment."""
-    return BodyInside(body, faces).depth(points)
+    return _known_body(body, faces).depth(points)
+
+
+def _known_body(body: np.ndarray, faces: np.ndarray) -> BodyInside:
+    return _index_body(body.tobytes(), body.dtype, faces.tobytes(), faces.dtype)
+
+
+@lru_cache(maxsize=_BODIES)
+def _index_body(body: bytes, body_type: np.dtype, faces: bytes, faces_type: np.dtype) -> BodyInside:
+    return BodyInside(
+        np.frombuffer(body, body_type).reshape(-1, 3),
+        np.frombuffer(faces, faces_type).reshape(-1, 3),
+    )
 
 
 def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:

@@ -16,6 +16,8 @@ from torch import nn
 
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
+_GRAM_ROWS = 256  # of a symmetric product at once, of which half is left out
+
 
 class PpcaFit(NamedTuple):
     """Parameters of y = regression(c) + basis z + noise, with z standard normal.
@@ -87,11 +89,11 @@ def fit_ppca(
         residual = filled - mean
         near = None if number == rounds - 1 else near  # the last round is exact
         values, near, rows = principal_rows(residual, near, count)
-        variance = residual.square().sum(1).double().mean()
+        variance = torch.linalg.vector_norm(residual, dim=1).double().square().mean()
         noise = ((variance - values.sum()) / fields.shape[1]).clamp_min(0)
         # Each direction shrinks by the share of its variance that is noise.
         kept = ((values - noise) / values).nan_to_num().clamp_min(0).to(near.dtype)
-        filled = torch.where(known, fields, mean + (near * kept) @ rows)
+        filled = torch.where(known, fields, mean.addmm_(near * kept, rows), out=filled)
     size = ((values - noise).clamp_min(0) / (len(residual) * values)).nan_to_num()
     basis = torch.zeros(latent, fields.shape[1], dtype=residual.dtype, device=residual.device)
     basis[:count] = size.sqrt().to(rows.dtype)[:, None] * rows
@@ -115,9 +117,18 @@ def principal_rows(
     if near is not None:
         near, _ = torch.linalg.qr(fields @ (fields.T @ near))
     rows = fields if near is None else near.T @ fields
-    values, vectors = torch.linalg.eigh((rows @ rows.T).double() / len(fields))
+    values, vectors = torch.linalg.eigh(_gram(rows).double() / len(fields))
     values, vectors = values.flip(0)[:count], vectors.flip(1)[:, :count].to(fields.dtype)
     return values, vectors if near is None else near @ vectors, vectors.T @ rows
+
+
+def _gram(rows: torch.Tensor) -> torch.Tensor:
+    """(n, n) R R^T of rows (n, W), filled in on and below the diagonal, where `eigh` reads it."""
+    gram = rows.new_zeros(len(rows), len(rows))
+    for start in range(0, len(rows), _GRAM_ROWS):
+        end = start + _GRAM_ROWS
+        torch.mm(rows[start:end], rows[:end].T, out=gram[start:end, :end])
+    return gram
 
 
 class Ppca(nn.Module):
@@ -169,17 +180,19 @@ class Ppca(nn.Module):
         )[self.observed]
         field = basis[..., 3:].flatten(1)  # (Z, S * others)
         always = field @ field.T
-        means, variances = [], []
-        for sample in range(len(conditions)):
-            inside = mask[self.observed, sample]
+        mean = residual.new_zeros(latent, len(conditions))
+        variance = torch.zeros_like(mean)
+        # Frames of a garment share its mask, and so their precision.
+        masks, which = torch.unique(mask[self.observed], dim=1, return_inverse=True)
+        for number, inside in enumerate(masks.T):
+            own = which == number
             offsets = basis[:, inside, :3].flatten(1)  # (Z, 3 M)
             precision = (always + offsets @ offsets.T) / self.noise
             precision.diagonal().add_(1)
-            seen = (
-                offsets @ residual[inside, :3, sample].flatten()
-                + field @ residual[:, 3:, sample].flatten()
-            )
+            seen = offsets @ residual[inside, :3][..., own].flatten(0, 1) + field @ residual[
+                :, 3:, own
+            ].flatten(0, 1)
             root = torch.linalg.cholesky(precision)
-            means.append(torch.cholesky_solve((seen / self.noise)[:, None], root)[:, 0])
-            variances.append(torch.cholesky_inverse(root).diagonal())
-        return torch.stack(means), torch.stack(variances).log()
+            mean[:, own] = torch.cholesky_solve(seen / self.noise, root)
+            variance[:, own] = torch.cholesky_inverse(root).diagonal()[:, None]
+        return mean.T, variance.T.log()

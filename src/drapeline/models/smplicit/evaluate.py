@@ -13,7 +13,6 @@ import torch
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import (
     Mesh,
     boundary_loops,
@@ -23,7 +22,12 @@ from drapeline.geometry.mesh import (
 )
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.metrics.garment import area_distances_mm, shape_measures
+from drapeline.metrics.garment import (
+    area_distance_and_faces,
+    area_distance_mm,
+    area_distances_mm,
+    shape_measures,
+)
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.models.smplicit.held_out import HeldOut
 from drapeline.models.smplicit.model import Meshing, SmplicitModel, garment_of_field
@@ -168,12 +172,17 @@ def surface_measures(sheet: Mesh, true: Mesh, body: Mesh) -> Measures:
     at the nearest true ones; whether it has as many openings as the garment; pieces, and how much
     is inside the body. NaN where nothing is left of the garment.
     """
-    to_true, to_sheet = area_distances_mm(sheet, true)
-    same = bool(len(sheet.faces)) and loop_count(sheet.faces) == loop_count(true.faces)
+    to_true = to_sheet = normal_error = float("nan")
+    same = False
+    if len(sheet.faces):
+        to_true, nearest = area_distance_and_faces(sheet, true)
+        to_sheet = area_distance_mm(true, sheet)
+        normal_error = _normal_error_deg(sheet, true, nearest)
+        same = loop_count(sheet.faces) == loop_count(true.faces)
     return {
         "surface_to_true_mm": to_true,
         "true_to_surface_mm": to_sheet,
-        "normal_error_deg": _normal_error_deg(sheet, true) if len(sheet.faces) else float("nan"),
+        "normal_error_deg": normal_error,
         "openings_right": float(same),
         **shape_measures(sheet, body.vertices, body.faces),
     }
@@ -187,13 +196,12 @@ def loop_count(faces: np.ndarray) -> int:
         return -1
 
 
-def _normal_error_deg(sheet: Mesh, true: Mesh) -> float:
-    centres = sheet.vertices[sheet.faces].mean(axis=1)
-    _, face = closest_points(centres, true.vertices, true.faces)
+def _normal_error_deg(sheet: Mesh, true: Mesh, nearest: np.ndarray) -> float:
+    """Mean angle between the normals of a sheet's faces and of the `nearest` (F,) true ones."""
     cosine = np.einsum(
         "fi,fi->f",
         face_normals(sheet.vertices, sheet.faces),
-        face_normals(true.vertices, true.faces[face]),
+        face_normals(true.vertices, true.faces[nearest]),
     )
     return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
 

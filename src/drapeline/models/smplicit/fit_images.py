@@ -25,7 +25,7 @@ from drapeline.models.smplicit.network import GarmentField
 from drapeline.outfits.worn import Wearing
 
 _START_RAYS, _START_POINTS = 150, 8  # of either kind, and on each, that starts are compared at
-_BATCH = 8  # starts that are looked at together
+_AT_ONCE = 2048  # points without gradients, whose activations stay in the processor's cache
 _EASE = 1e-3  # of the codes' mean variance, added to all: there may be few of them
 
 
@@ -130,10 +130,23 @@ class Evidence(NamedTuple):
     weight: torch.Tensor
 
 
+def query_of(model: GarmentField, evidence: Evidence, places: torch.Tensor) -> torch.Tensor:
+    """(B, P, H0) what the points add to the decoder's first joint layer, whatever the codes.
+
+    Args:
+        model: trained.
+        evidence: of B garments.
+        places: (B, K, 3) clusters of the wearers.
+    """
+    points = torch.cat([evidence.on.flatten(1, 2), evidence.off.flatten(1, 2)], 1)
+    with torch.no_grad():
+        return model.decoder.query(points, *model.decoder.fold(places))
+
+
 def image_loss(
     model: GarmentField,
     evidence: Evidence,
-    places: torch.Tensor,
+    query: torch.Tensor,
     z: torch.Tensor,
     settings: FitImage,
 ) -> torch.Tensor:
@@ -142,13 +155,14 @@ def image_loss(
     Args:
         model: trained.
         evidence: of B garments, or of one for all codes.
-        places: (B, K, 3) clusters of the wearers, or of one.
+        query: of `query_of`, for this evidence.
         z: (B, D) codes.
         settings: weights.
     """
     on_rays, off_rays = evidence.on.shape[1:3], evidence.off.shape[1:3]
-    points = torch.cat([evidence.on.flatten(1, 2), evidence.off.flatten(1, 2)], 1)
-    distance = model.predict(points, places, z)
+    decoder = model.decoder
+    base = decoder.base(*z.split([decoder.cut, decoder.style], 1))
+    distance = decoder.joint(query + base[:, None])
     on, off = distance.split([on_rays.numel(), off_rays.numel()], 1)
     uncovered = on.abs().unflatten(1, on_rays).amin(2).mean(1)
     short = _short(evidence.least, off.unflatten(1, off_rays), settings).amax(2)
@@ -187,8 +201,9 @@ def fit_garments(
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     for _ in range(settings.rounds):
         evidence = draw_evidence(model, seen, places, prior.codes(w.detach()), settings, rng)
+        query = query_of(model, evidence, places)
         for _ in range(settings.steps):
-            loss = image_loss(model, evidence, places, prior.codes(w), settings)
+            loss = image_loss(model, evidence, query, prior.codes(w), settings)
             loss = loss + settings.prior * w.square().mean(1)
             (w.grad,) = torch.autograd.grad(loss.sum(), w)
             optimizer.step()
@@ -242,11 +257,12 @@ def rank_codes(
         _least(model, points.off, off, settings)[None],
         torch.full((1, len(off)), len(points.off) / (len(points.on) * len(off))),
     )
+    query = query_of(model, evidence, place[None])
     with torch.no_grad():
-        # What does not depend on the code is computed once for a batch.
+        # One by one, so that activations stay in the processor's cache.
         losses = [
-            image_loss(model, evidence, place[None], z, settings)
-            for z in torch.from_numpy(codes.astype(np.float32)).split(_BATCH)
+            image_loss(model, evidence, query, z, settings)
+            for z in torch.from_numpy(codes.astype(np.float32)).split(1)
         ]
     return torch.cat(losses).argsort(stable=True).numpy()
 
@@ -295,8 +311,9 @@ def _evidence_of_one(
         rng.choice(len(off), 3 * wanted, replace=len(off) < 3 * wanted)
     )
     looked = [on.points[on_index[on_own]], off.points[off_index[off_own]]]
+    every = torch.from_numpy(np.concatenate(looked))[None]
     with torch.no_grad():
-        distance = model.predict(torch.from_numpy(np.concatenate(looked))[None], place, z)[0]
+        distance = torch.cat([model.predict(p, place, z)[0] for p in every.split(_AT_ONCE, 1)])
     on_distance, off_distance = distance.split([*map(len, looked)])
     on_index, _ = _first(on_index, on_own, on_distance.abs(), settings.near)
     least = _least(model, off, off_index[off_own], settings)

@@ -162,21 +162,40 @@ class GarmentTerms:
             shape: (10,) of the wearer.
             w: (Z,) of the code.
         """
-        decoder = self._decoder
         first, weight = self._first(places, shape)
-        with torch.no_grad():
-            z_cut, z_style = self._codes_of(w[None])
-            base, slopes = decoder.base(z_cut, z_style), decoder.base_slopes(z_style)[0]
+        base, slopes = self._base(w)
         with torch.enable_grad():
-            hidden = decoder.query_of(first.requires_grad_(True)) + base[:, None]
-            predicted = decoder.joint(hidden)
+            hidden = self._decoder.query_of(first.requires_grad_(True)) + base
+            predicted = self._decoder.joint(hidden)
             by_first, by_hidden = torch.autograd.grad(predicted.sum(), (first, hidden))
         return Look(
-            (predicted.detach()[0] - self._true).numpy().astype(np.float64),
+            self._residual(predicted),
             (by_first[0] @ weight).numpy().astype(np.float64),
             (by_first[0] @ self._bias_by_shape.T).numpy().astype(np.float64),
-            (by_hidden[0] @ slopes @ self.prior.factor).numpy().astype(np.float64),
+            self._by_code(by_hidden, slopes),
         )
+
+    def look_at_code(self, query: torch.Tensor, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`residual` and `by_code` of a look, for what points add (1, P, H0) whatever the code."""
+        base, slopes = self._base(w)
+        with torch.enable_grad():
+            hidden = (query + base).requires_grad_(True)
+            predicted = self._decoder.joint(hidden)
+            (by_hidden,) = torch.autograd.grad(predicted.sum(), hidden)
+        return self._residual(predicted), self._by_code(by_hidden, slopes)
+
+    def _base(self, w: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+        """(H0,) what a code adds to the first joint layer, and (H0, Z) derivatives by z."""
+        with torch.no_grad():
+            z_cut, z_style = self._codes_of(w[None])
+            base, slopes = self._decoder.base(z_cut, z_style), self._decoder.base_slopes(z_style)
+            return base[0], slopes[0]
+
+    def _residual(self, predicted: torch.Tensor) -> np.ndarray:
+        return (predicted.detach()[0] - self._true).numpy().astype(np.float64)
+
+    def _by_code(self, by_hidden: torch.Tensor, slopes: torch.Tensor) -> np.ndarray:
+        return (by_hidden[0] @ slopes @ self.prior.factor).numpy().astype(np.float64)
 
     def _first(self, places: np.ndarray, shape: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
         """(1, P, H) what the first query layer gives at points, and (H, 3) its weights."""
@@ -187,6 +206,11 @@ class GarmentTerms:
             weight, bias = self._decoder.fold(clusters[None])
             return points @ weight.mT + bias[:, None], weight[0]
 
+    def query(self, places: np.ndarray, shape: np.ndarray) -> torch.Tensor:
+        """(1, P, H0) what points add to the first joint layer, whatever the code."""
+        with torch.no_grad():
+            return self._decoder.query_of(self._first(places, shape)[0])
+
     def _codes_of(self, every: np.ndarray) -> tuple[torch.Tensor, ...]:
         """z_cut and z_style of some w (S, Z)."""
         z = self.prior.codes(torch.from_numpy(every.astype(np.float32)))
@@ -194,11 +218,10 @@ class GarmentTerms:
 
     def losses(self, places: np.ndarray, shape: np.ndarray, every: np.ndarray) -> list[float]:
         """The `loss` of each of some w (S, Z) at points (P, 3) at rest, on a body of a shape."""
-        decoder = self._decoder
+        query = self.query(places, shape)
         with torch.no_grad():
-            query = decoder.query_of(self._first(places, shape)[0])
-            predicted = [decoder.joint(query + one) for one in decoder.base(*self._codes_of(every))]
-        residuals = [(one[0] - self._true).numpy().astype(np.float64) for one in predicted]
+            bases = self._decoder.base(*self._codes_of(every))
+            residuals = [self._residual(self._decoder.joint(query + base)) for base in bases]
         return [self.loss(residual, w) for residual, w in zip(residuals, every, strict=True)]
 
     def weights(self, residual: np.ndarray) -> np.ndarray:
@@ -221,15 +244,16 @@ class GarmentTerms:
 
     def fit(self, places: np.ndarray, shape: np.ndarray, w: np.ndarray) -> np.ndarray:
         """(Z,) w that fits points at rest, from a start, on a body that stays as it is."""
-        known, damping = self.look(places, shape, w), _DAMPING
+        query, damping = self.query(places, shape), _DAMPING
+        residual, by_code = self.look_at_code(query, w)
         for _ in range(self._settings.steps):
             equations = LeastSquares(self.numbers)
-            equations.add(known.by_code, known.residual, self.weights(known.residual))
+            equations.add(by_code, residual, self.weights(residual))
             equations.add_prior(slice(None), w, 1.0)
             tried_w = w + equations.step(damping)
-            tried = self.look(places, shape, tried_w)
-            if self.loss(tried.residual, tried_w) < self.loss(known.residual, w):
-                w, known, damping = tried_w, tried, damping / _LESS
+            tried = self.look_at_code(query, tried_w)
+            if self.loss(tried[0], tried_w) < self.loss(residual, w):
+                w, (residual, by_code), damping = tried_w, tried, damping / _LESS
             else:
                 damping *= _MORE
         return w

@@ -39,6 +39,7 @@ from drapeline.seeding import rng_for
 # No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
 REACH_M = 0.35
 _BLOCK_M = 0.06
+_LEAF = 32  # vertices in a tree's leaf; for points far from all of them twice as fast as 10
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,8 @@ class NearBody:
         counts = np.ceil((np.asarray(box[1]) - self._low) / _BLOCK_M).astype(int) + 1
         centres = np.stack(np.indices(counts), axis=-1).reshape(-1, 3) + 0.5
         reach = REACH_M + _BLOCK_M * 3**0.5 / 2
-        away, _ = KDTree(body).query(self._low + _BLOCK_M * centres, distance_upper_bound=reach)
+        tree = KDTree(body, leafsize=_LEAF)
+        away, _ = tree.query(self._low + _BLOCK_M * centres, distance_upper_bound=reach)
         self._near = np.isfinite(away).reshape(counts)
 
     def distances(self, points: np.ndarray) -> np.ndarray:

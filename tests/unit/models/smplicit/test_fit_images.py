@@ -7,6 +7,7 @@ from drapeline.models.smplicit.fit_images import (
     FitImage,
     code_prior,
     image_loss,
+    query_of,
     spread_codes,
 )
 from drapeline.models.smplicit.load import new_field
@@ -52,16 +53,17 @@ def test_the_loss_is_equation_6(model, clearance):
             loss += 0.7 * float(weight) * worst
         expected.append(loss)
     with torch.no_grad():
-        loss = image_loss(model, found, places, z, settings)
+        loss = image_loss(model, found, query_of(model, found, places), z, settings)
     np.testing.assert_allclose(loss, expected, rtol=1e-9)
 
 
 def test_many_codes_are_compared_on_one_garment(model):
     found = Evidence(*(part[:1] for part in evidence()))
     places, z = given(model)
+    query = query_of(model, found, places[:1])
     with torch.no_grad():
-        together = image_loss(model, found, places[:1], z, FitImage())
-        alone = [image_loss(model, found, places[:1], one[None], FitImage()) for one in z]
+        together = image_loss(model, found, query, z, FitImage())
+        alone = [image_loss(model, found, query, one[None], FitImage()) for one in z]
     torch.testing.assert_close(together, torch.cat(alone))
     assert together[0] != together[1]
 
@@ -70,12 +72,12 @@ def test_its_gradient_is_true(model):
     found = evidence()
     places, z = given(model)
     z.requires_grad_(True)
-    settings = FitImage()
-    (slope,) = torch.autograd.grad(image_loss(model, found, places, z, settings).sum(), z)
+    settings, query = FitImage(), query_of(model, found, places)
+    (slope,) = torch.autograd.grad(image_loss(model, found, query, z, settings).sum(), z)
     step = torch.randn(z.shape, generator=torch.Generator().manual_seed(2), dtype=z.dtype)
     with torch.no_grad():
         up, down = (
-            image_loss(model, found, places, z + sign * 1e-7 * step, settings).sum()
+            image_loss(model, found, query, z + sign * 1e-7 * step, settings).sum()
             for sign in (1, -1)
         )
     expected = (slope * step).sum()

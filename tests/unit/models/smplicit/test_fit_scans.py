@@ -54,6 +54,14 @@ def test_losses_of_several_codes_are_those_of_each(terms):
     assert np.ptp(expected) > 1e-3 * max(expected)
 
 
+def test_the_fit_takes_the_derivatives_of_the_field(terms):
+    places, shape, w = around_hips(40) - STATE.trans, np.linspace(-1, 1, 10), np.full(5, 0.3)
+    residual, by_code = terms.look_at_code(terms.query(places, shape), w)
+    look = terms.look(places, shape, w)
+    np.testing.assert_allclose(residual, look.residual, atol=1e-6)
+    np.testing.assert_allclose(by_code, look.by_code, atol=1e-5 * np.abs(look.by_code).max())
+
+
 def test_slopes_of_the_field_are_those_of_autograd(terms, fitting_model):
     places, shape, w = around_hips(40) - STATE.trans, np.linspace(-1, 1, 10), np.full(5, 0.3)
     network = fitting_model.network
