@@ -10,7 +10,7 @@ from side_by_side import Comparison, compare
 from drapeline.bodies.model import load_body
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.layers.point_search import ball_neighbours, farthest_points
+from drapeline.models.layers.point_search import BallSearch, farthest_points
 
 _NO_FACES = np.zeros((0, 3), dtype=np.int32)
 BALLS = ((0.02, 16), (0.1, 32), (0.4, 64))  # radius in metres, points
@@ -78,7 +78,7 @@ def rows(results: Path) -> Iterator[Comparison]:
             f"{count} of {len(surface):,} vertices within {100 * radius:g} cm of 10,000 points",
             "distances, mask and sort in torch",
             lambda r=radius, n=count: sorted_ball(points, centres, r, n),
-            lambda r=radius, n=count: ball_neighbours(points, centres, r, n),
+            lambda r=radius, n=count: BallSearch(points, r)(centres, n),
             goal=30,
             repeats=5,
         )

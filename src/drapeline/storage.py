@@ -348,13 +348,17 @@ def save_npz(path: str | Path, **arrays: Any) -> None:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
 
 
+_STRETCHES, _STRETCH_BYTES = 8, 8192  # of a large array, that tell whether all of it shrinks
+
+
 def _shrinks(array: np.ndarray) -> bool:
-    """Whether an array is worth compressing, by a few stretches of a large one."""
-    if array.nbytes < _SMALL:
+    """Whether an array is worth compressing; small ones always are."""
+    stretch = max(_STRETCH_BYTES // max(array.itemsize, 1), 1)
+    if array.size <= _STRETCHES * stretch:
         return True
-    values = array.reshape(-1)
-    starts = np.linspace(0, max(len(values) - _STRETCH, 0), 8).astype(int)
-    sample = b"".join(values[start : start + _STRETCH].tobytes() for start in starts)
+    values = array.ravel(order="K")  # without a copy, also of an array in Fortran's order
+    starts = np.linspace(0, array.size - stretch, _STRETCHES).astype(int)
+    sample = b"".join(values[start : start + stretch].tobytes() for start in starts)
     return len(zlib.compress(sample)) < 0.85 * len(sample)
 
 
@@ -448,8 +452,7 @@ def _naming(path: Path, key: str) -> Iterator[None]:
         raise DamagedFile(path, f"'{key}' {error}") from error
 
 
-_SMALL = 1 << 16  # bytes
-_STRETCH = 1024  # values
+_SMALL = 1 << 16
 
 
 def _open_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, whole: bool) -> IO[bytes]:

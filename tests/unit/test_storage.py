@@ -16,6 +16,7 @@ import pytest
 
 from drapeline import storage
 from drapeline.errors import InputError
+from drapeline.seeding import rng_for
 from drapeline.storage import (
     atomic_file,
     atomic_folder,
@@ -342,11 +343,26 @@ def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_npz_files_have_the_bytes_of_numpys_own(tmp_path):
+def test_small_npz_files_have_the_bytes_of_numpys_own(tmp_path):
     arrays = {"x": np.arange(12.0).reshape(3, 4).T, "s": np.array(["a", "bc"]), "n": 3, "m": "é"}
     save_npz(tmp_path / "a.npz", **arrays)
     np.savez_compressed(tmp_path / "b.npz", **arrays)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_large_arrays_are_compressed_if_they_shrink(tmp_path):
+    noise = rng_for(1, "noise").normal(size=(90, 200))
+    shrinks = {"zeros": np.zeros((90, 200)), "steps": np.arange(70_000) // 10}
+    arrays = {"noise": noise, "columns": noise.T, "every_other": noise[:, ::2], **shrinks}
+    for name in ("a.npz", "b.npz"):
+        save_npz(tmp_path / name, **arrays)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    with zipfile.ZipFile(tmp_path / "a.npz") as held:
+        kinds = {info.filename.removesuffix(".npy"): info.compress_type for info in held.infolist()}
+    assert {name for name, kind in kinds.items() if kind == zipfile.ZIP_DEFLATED} == set(shrinks)
+    with np.load(tmp_path / "a.npz") as loaded:
+        for name, array in arrays.items():
+            np.testing.assert_array_equal(loaded[name], array)
 
 
 @pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")

@@ -48,7 +48,11 @@ def measure_inside(
     body: BodyModel,
     topology: Topology,
 ) -> list[dict[str, float]]:
-    """Of these metrics those of what is inside the body; none in other than every fifth frame."""
+    """`inside_measures` of every `CONTACT_STEP`-th of the frames, nothing of the others.
+
+    Args:
+        moving, frames, predicted, body, topology: see `measure_motion`.
+    """
     faces, mask = topology.faces_of(moving.name), moving.registered.mask
     measured: list[dict[str, float]] = [{} for _ in frames]
     for index in range(0, len(frames), CONTACT_STEP):

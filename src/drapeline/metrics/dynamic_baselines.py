@@ -7,12 +7,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.learning_data.moving import MovingGarment
-from drapeline.metrics.dynamic import (
-    Measured,
-    measure_inside,
-    measure_motion,
-    moving_summary,
-)
+from drapeline.metrics.dynamic import Measured, measure_inside, measure_motion, moving_summary
 from drapeline.metrics.table import MetricRow
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (

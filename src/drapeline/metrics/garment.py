@@ -99,12 +99,14 @@ def area_distances_mm(predicted: Mesh, true: Mesh) -> tuple[float, float]:
 
 
 def area_distance_mm(mesh: Mesh, other: Mesh) -> float:
-    """Mean distance of a surface to another over its area."""
+    """Mean distance in millimetres of a surface to another over its area."""
     return area_distance_and_faces(mesh, other)[0]
 
 
 def area_distance_and_faces(mesh: Mesh, other: Mesh) -> tuple[float, np.ndarray]:
-    """The same in millimetres, and ids (F,) of the other's faces nearest to the centres of faces.
+    """Mean distance of a surface to another, and the faces of that nearest to its own.
+
+    In millimetres and over the area; ids (F,) of those nearest to the centres of the mesh's faces.
 
     By the quadrature of vertices, edge midpoints and face centres that is exact for cubic functions
     on a triangle. Faces share the midpoints of their edges.
@@ -183,16 +185,8 @@ class BodyInside:
 
 def inside_measures(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> dict[str, float]:
     """`BodyInside.measures` of one garment; several may be measured on a body in turn."""
-    return _known_body(body, faces).measures(points)
-
-
-def inside_depth(points: np.ndarray, body: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """`BodyInside.depth` of the points of one garment."""
-    return _known_body(body, faces).depth(points)
-
-
-def _known_body(body: np.ndarray, faces: np.ndarray) -> BodyInside:
-    return _index_body(body.tobytes(), body.dtype, faces.tobytes(), faces.dtype)
+    known = _index_body(body.tobytes(), body.dtype, faces.tobytes(), faces.dtype)
+    return known.measures(points)
 
 
 @lru_cache(maxsize=_BODIES)

@@ -28,10 +28,15 @@ class MovingBody:
     Args:
         vertices: frame -> (V, 3) body vertices in the garment's frame of reference, metres.
         faces: (F, 3) of the body.
+
+    Attributes:
+        inside: frame -> what tells what is inside the body in that frame.
     """
 
     def __init__(self, vertices: Callable[[int], np.ndarray], faces: np.ndarray) -> None:
-        self.inside = cache(lambda frame: BodyInside(vertices(frame), faces))
+        self.inside: Callable[[int], BodyInside] = cache(
+            lambda frame: BodyInside(vertices(frame), faces)
+        )
 
 
 class Measured(NamedTuple):

@@ -39,7 +39,7 @@ def colour_constraints(vertices: np.ndarray, count: int) -> np.ndarray:
 
     Args:
         vertices: (C, K) int; a constraint may name a vertex twice.
-        count: of vertices, each in at most 64 constraints.
+        count: of vertices.
     """
     colours = wp.zeros(len(vertices), dtype=int, device=_DEVICE)
     wp.launch(
@@ -49,4 +49,7 @@ def colour_constraints(vertices: np.ndarray, count: int) -> np.ndarray:
         outputs=[wp.zeros(count, dtype=wp.uint64, device=_DEVICE), colours],
         device=_DEVICE,
     )
-    return colours.numpy().copy()
+    found = colours.numpy().copy()
+    late = np.flatnonzero(found == _MOST_COLOURS - 1)
+    found[late] += np.arange(len(late), dtype=found.dtype)  # each has one of its own
+    return found

@@ -240,6 +240,7 @@ def _weighted_sum(
 def _length(square: Lanes):
     length = Lanes()
     for k in range(LANES):
+        # Never 0, so that what has no length has no direction, instead of NaN.
         length[k] = wp.sqrt(square[k]) + _SHORTEST_M
     return length
 
@@ -247,8 +248,8 @@ def _length(square: Lanes):
 @wp.kernel
 def pull_springs(
     ends: wp.array2d(dtype=LaneIndices),
-    # length at rest; compliance over step^2; compliance times damping over step; share of what is
-    # missing that a push of 1 makes up for, inverted
+    # length at rest; compliance over step^2; compliance times damping over step; push per metre
+    # that is missing, 0 in an empty lane
     numbers: wp.array2d(dtype=Lanes),
     inverse_mass: wp.array(dtype=float),
     sweep: int,

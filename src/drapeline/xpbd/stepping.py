@@ -15,13 +15,7 @@ from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
-from drapeline.xpbd.elasticity import (
-    Hinges,
-    Springs,
-    measure_strain,
-    pull_springs,
-    turn_hinges,
-)
+from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
 from drapeline.xpbd.lanes import LaneIndices, Lanes, lay_in_lanes
 from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
@@ -246,7 +240,7 @@ class MovingCloth:
         rows = lay_in_lanes(
             np.stack([constraints.lengths_m, compliance, damping, ease], axis=1), lanes
         )
-        rows[:, 3][lanes < 0] = 0
+        rows[:, 3][lanes < 0] = 0  # an empty lane repeats a full one, and must move nothing
         return wp.array(rows.astype(np.float32), dtype=Lanes, device=_DEVICE)
 
     def _pins(self, frame: int) -> np.ndarray:

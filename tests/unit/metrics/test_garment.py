@@ -6,11 +6,11 @@ import pytest
 
 from drapeline.geometry.mesh import Mesh, faces_within
 from drapeline.metrics.garment import (
+    BodyInside,
     area_distances_mm,
     distances_mm,
     garment_measures,
     garment_mesh,
-    inside_depth,
     inside_measures,
     largest_piece,
     mask_iou,
@@ -165,7 +165,7 @@ def test_inside_measures_of_a_sunken_garment(depth_m, deep):
     assert found["inside_share"] == 0.5
     assert found["inside_1cm_share"] == deep
     assert found["inside_depth_mm"] == pytest.approx(1000 * depth_m, rel=0.02)
-    assert (inside_depth(outside, body, faces) == 0).all()
+    assert (BodyInside(body, faces).depth(outside) == 0).all()
 
 
 def test_shape_measures_without_a_garment_are_nan_and_no_piece(tube):
@@ -201,7 +201,7 @@ def test_depths_equal_those_of_libigl(toy_body):
     distance = np.sqrt(igl.point_mesh_squared_distance(points, body, faces)[0])
     assert 0.3 < inside.mean() < 0.7
     np.testing.assert_allclose(
-        inside_depth(points, body, faces), np.where(inside, distance, 0), atol=1e-6
+        BodyInside(body, faces).depth(points), np.where(inside, distance, 0), atol=1e-6
     )
     mesh = Mesh(body, faces)
     np.testing.assert_allclose(distances_mm(points, mesh), 1000 * distance, atol=1e-3)

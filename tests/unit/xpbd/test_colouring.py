@@ -34,3 +34,9 @@ def test_edges_of_one_colour_share_no_vertex():
     for colour in np.unique(colours):
         ends = pairs[colours == colour].ravel()
         assert len(np.unique(ends)) == len(ends)
+
+
+def test_a_hub_of_many_edges_is_coloured_as_well():
+    start_warp()
+    pairs = np.stack([np.zeros(90, dtype=int), np.arange(1, 91)], axis=1)
+    assert len(np.unique(colour_constraints(pairs, 91))) == 90

@@ -382,8 +382,8 @@ def evaluate(
             evaluation.measure_canonicals(canonical)
             others = {}
             if split == "test":
-                others = {**posed, "untrained": posed["posed"].untrained()}
-                del others["posed"]
+                others = {name: stage for name, stage in posed.items() if name != "posed"}
+                others["untrained"] = posed["posed"].untrained()
             simulated = evaluation.simulated.tolist()
             for sequence in progress(simulated, total=len(simulated), label="posed"):
                 name, rows = str(data.name[sequence]), data.rows(sequence)

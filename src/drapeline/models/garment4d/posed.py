@@ -175,9 +175,9 @@ class PosedNetwork(nn.Module):
             torch.ones(body.shape[0] * frames, body.shape[2], dtype=torch.bool, device=body.device),
         )
         garment = proposal.flatten(0, 1)  # (B * T, N, 3)
-        balls = [(ball, skin) for ball in self.body]
-        balls += zip(self.garment, levels, strict=True)
-        balls = [(ball, level, ball.ball_search(level)) for ball, level in balls]
+        looks = [(ball, skin) for ball in self.body]
+        looks += zip(self.garment, levels, strict=True)
+        balls = [(ball, level, ball.ball_search(level)) for ball, level in looks]
         hidden, out = None, []
         for iteration, graph in enumerate(self.graphs):
             features = [garment]

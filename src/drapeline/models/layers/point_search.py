@@ -378,36 +378,13 @@ def _order_in_space(points: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
 _SPREAD = [sum((k >> bit & 1) << 3 * bit for bit in range(5)) for k in range(32)]
 
 
-def ball_neighbours(
-    points: torch.Tensor,
-    centres: torch.Tensor,
-    radius: float,
-    count: int,
-    valid: torch.Tensor | None = None,
-) -> torch.Tensor:
-    """Points within a radius of each centre, those with the lowest indices first.
-
-    A short list is filled up with its first point; if no point is within the radius, it is the
-    nearest one.
+class BallSearch:
+    """Searches for points within a radius of centres; indexes the points when first asked.
 
     Args:
         points: (B, P, 3).
-        centres: (B, Q, 3).
         radius: in the unit of the points.
-        count: length of the lists.
         valid: (B, P) bool.
-
-    Returns:
-        (B, Q, count) int64.
-    """
-    return BallSearch(points, radius, valid)(centres, count)
-
-
-class BallSearch:
-    """`ball_neighbours` among points that are indexed once, when they are first searched.
-
-    Args:
-        points, radius, valid: see there.
     """
 
     def __init__(
@@ -421,7 +398,18 @@ class BallSearch:
 
     @torch.no_grad()
     def __call__(self, centres: torch.Tensor, count: int) -> torch.Tensor:
-        """Indices (B, Q, count) int64 of the points around centres (B, Q, 3)."""
+        """Points around each centre, those with the lowest indices first.
+
+        A short list is filled up with its first point; if no point is within the radius, it is the
+        nearest one.
+
+        Args:
+            centres: (B, Q, 3).
+            count: length of the lists.
+
+        Returns:
+            Indices (B, Q, count) int64.
+        """
         chosen = centres.new_zeros((*centres.shape[:2], count), dtype=torch.int64)
         cloud, places = _vectors(self._points), _vectors(centres)
         _launch(_ball, cloud, self._valid, self._grid, places, self._radius**2, chosen)

@@ -52,7 +52,7 @@ class Neighbourhoods(nn.Module):
         inputs: features per point.
         widths: of the layers of h.
         radius: r, metres.
-        count: maximum number of points per ball, see `ball_neighbours`.
+        count: maximum number of points per ball, see `BallSearch`.
         rng: source of the initial weights.
     """
 
@@ -74,7 +74,8 @@ class Neighbourhoods(nn.Module):
     ) -> torch.Tensor:
         """Features (B, Q, widths[-1]) at centres (B, Q, 3); zero where no point is valid.
 
-        Where a level is looked at around several sets of centres, `search` is its `ball_search`.
+        `search` is this layer's `ball_search(level)`, kept by callers that look around several sets
+        of centres; made anew if None.
         """
         place, feature = self.first.weight[:, :3] / self.radius, self.first.weight[:, 3:]
         points = project(level.points, place)
@@ -97,7 +98,7 @@ class Neighbourhoods(nn.Module):
 
 def largest(rows: torch.Tensor) -> torch.Tensor:
     """(B, Q, n, C) -> (B, Q, C)."""
-    # Without a gradient this is several times as fast as `max` or `amax`.
+    # Without a gradient this is several times as fast on a processor as `max` or `amax`.
     return rows.max(2).values if rows.requires_grad else reduce(torch.maximum, rows.unbind(2))
 
 

@@ -176,7 +176,7 @@ class GarmentTerms:
         )
 
     def look_at_code(self, query: torch.Tensor, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`residual` and `by_code` of a look, for what points add (1, P, H0) whatever the code."""
+        """What `look` says of the residual and by the code, at the points of a `query`."""
         base, slopes = self._base(w)
         with torch.enable_grad():
             hidden = (query + base).requires_grad_(True)

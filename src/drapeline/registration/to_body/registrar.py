@@ -43,7 +43,10 @@ class Registrar:
     """Registers garments of all types on bodies of all shapes.
 
     Args:
-        topology: of the super-resolved bodies, kept as an attribute.
+        topology: of the super-resolved bodies.
+
+    Attributes:
+        topology: as given.
     """
 
     def __init__(self, topology: Topology) -> None:

@@ -11,7 +11,7 @@ from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.metrics.garment import inside_depth
+from drapeline.metrics.garment import BodyInside
 from drapeline.models.gcvae.body_template import STATIC_CVAR
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.models.gcvae.posed_points import (
@@ -109,7 +109,7 @@ def test_points_inside_the_body_are_pushed_out_of_it(toy_body, topology, moving)
     (body,) = posed_vertices(toy_body, moving.shape, poses)[0]
     inside = (body - 0.02 * vertex_normals(body, toy_body.faces))[moving.registered.vertex]
     (points,) = resolve_points(moving, toy_body, topology, inside[None], poses)
-    before, after = (inside_depth(cloth, body, toy_body.faces) for cloth in (inside, points))
+    before, after = map(BodyInside(body, toy_body.faces).depth, (inside, points))
     # Limbs of the toy body overlap: a few vertices of its surface lie too deep to be pushed out.
     assert (before > 0.01).mean() > 0.8
     assert (after > 0.002).mean() < 0.1

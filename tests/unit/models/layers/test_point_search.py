@@ -6,7 +6,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from drapeline.models.layers.point_search import (
-    ball_neighbours,
+    BallSearch,
     farthest_points,
     gather_rows,
     nearest_neighbours,
@@ -100,7 +100,7 @@ def test_more_farthest_points_than_points_repeat_the_first():
 def test_balls_are_those_of_a_plain_search(radius, count, share):
     points, centres = clouds(3, 250), clouds(3, 60, seed=2)
     valid = flags(3, 250, share=share)
-    ours = ball_neighbours(points, centres, radius, count, valid)
+    ours = BallSearch(points, radius, valid)(centres, count)
     assert torch.equal(ours, plain_ball(points, centres, radius, count, valid))
 
 
@@ -111,17 +111,17 @@ def test_empty_balls_have_the_nearest_point_however_far_it_is(radius, spread):
     points[:, :600] /= 8  # crowded in the middle, lonely around it
     points[0, 3] = torch.nan
     valid = flags(2, 900)
-    ours = ball_neighbours(points, centres, radius, 6, valid)
+    ours = BallSearch(points, radius, valid)(centres, 6)
     points[0, 3] = 1e4
     assert torch.equal(ours, plain_ball(points, centres, radius, 6, valid))
 
 
 def test_a_point_on_the_sphere_is_in_the_ball():
     points = torch.tensor([[[1.0, 0, 0], [0.5, 0, 0], [0, 0.5, 0]]])
-    index = ball_neighbours(points, torch.zeros(1, 1, 3), 0.5, 4)
+    index = BallSearch(points, 0.5)(torch.zeros(1, 1, 3), 4)
     assert index.tolist() == [[[1, 2, 1, 1]]]
     many = points[:, 1:2].repeat(1, 100, 1)  # so many that cells are not looked into
-    assert ball_neighbours(many, torch.zeros(1, 1, 3), 0.5, 2).tolist() == [[[0, 1]]]
+    assert BallSearch(many, 0.5)(torch.zeros(1, 1, 3), 2).tolist() == [[[0, 1]]]
 
 
 @pytest.mark.parametrize("k", [1, 3, 20])
@@ -156,9 +156,20 @@ def test_fewer_points_than_wanted_neighbours_are_infinitely_far():
 def test_a_cloud_without_valid_points_is_survived():
     points, nothing = clouds(2, 9), flags(2, 9, share=0)
     assert farthest_points(points, 3, nothing).shape == (2, 3)
-    assert ball_neighbours(points, points, 0.3, 5, nothing).shape == (2, 9, 5)
-    away, _ = nearest_neighbours(points, points, 2, nothing)
-    assert torch.isinf(away).all()
+    assert BallSearch(points, 0.3, nothing)(points, 5).shape == (2, 9, 5)
+    for k in (1, 2):
+        away, _ = nearest_neighbours(points, points, k, nothing)
+        assert torch.isinf(away).all()
+
+
+def test_the_nearest_is_the_first_of_several_also_far_away_and_in_ties():
+    points = torch.from_numpy(np.random.default_rng(1).integers(0, 4, (2, 60, 3))).float()
+    queries = torch.cat([points[:, :20] + 0.5, 50 * points[:, 20:40] - 80], 1)
+    valid = flags(2, 60)
+    squared, index = nearest_neighbours(points, queries, 1, valid)
+    both, indices = nearest_neighbours(points, queries, 2, valid)
+    assert torch.equal(squared, both[..., :1])
+    assert torch.equal(index, indices[..., :1])
 
 
 def test_a_batch_is_its_clouds_one_by_one():
@@ -169,8 +180,8 @@ def test_a_batch_is_its_clouds_one_by_one():
             farthest_points(points, 9, valid)[b], farthest_points(one[0], 9, one[2])[0]
         )
         assert torch.equal(
-            ball_neighbours(points, centres, 0.3, 5, valid)[b],
-            ball_neighbours(one[0], one[1], 0.3, 5, one[2])[0],
+            BallSearch(points, 0.3, valid)(centres, 5)[b],
+            BallSearch(one[0], 0.3, one[2])(one[1], 5)[0],
         )
 
 
@@ -178,9 +189,7 @@ def test_points_need_be_neither_contiguous_nor_single_precision():
     points, centres = clouds(2, 60), clouds(2, 10, seed=2)
     turned = points.transpose(0, 1).contiguous().transpose(0, 1).double().requires_grad_(True)
     assert torch.equal(farthest_points(turned, 8), farthest_points(points, 8))
-    assert torch.equal(
-        ball_neighbours(turned, centres, 0.4, 6), ball_neighbours(points, centres, 0.4, 6)
-    )
+    assert torch.equal(BallSearch(turned, 0.4)(centres, 6), BallSearch(points, 0.4)(centres, 6))
 
 
 def test_gathered_rows_are_those_of_the_same_cloud():

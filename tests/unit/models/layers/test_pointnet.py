@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from drapeline.models.layers.point_search import ball_neighbours, farthest_points
+from drapeline.models.layers.point_search import BallSearch, farthest_points
 from drapeline.models.layers.pointnet import (
     FeaturePropagation,
     Neighbourhoods,
@@ -42,7 +42,7 @@ def noisy(module):
 
 def plain_neighbourhoods(layer, level, centres):
     """The perceptron on every pair, its first layer not taken apart."""
-    index = ball_neighbours(level.points, centres, layer.radius, layer.count, level.valid)
+    index = BallSearch(level.points, layer.radius, level.valid)(centres, layer.count)
     answer = []
     for b in range(len(centres)):
         rows = []

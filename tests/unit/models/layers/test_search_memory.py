@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from drapeline.models.layers.point_search import (
-    ball_neighbours,
+    BallSearch,
     farthest_points,
     gather_rows,
     nearest_neighbours,
@@ -22,7 +22,7 @@ def clouds():
 def search_all(searches, points, valid):
     chosen = searches("farthest", farthest_points, points, 12, valid)
     centres = gather_rows(points, chosen)
-    ball = searches.within("ball")("points", ball_neighbours, points, centres, 0.5, 4, valid)
+    ball = searches.within("ball")("points", BallSearch(points, 0.5, valid), centres, 4)
     nearest = searches.within("nearest")("points", nearest_neighbours, points, centres, 3, valid)
     return [chosen, ball, *nearest]
 

@@ -8,7 +8,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.garment import inside_depth
+from drapeline.metrics.garment import BodyInside
 from drapeline.models.smplicit.repose import garment_weights, repose
 from drapeline.seeding import rng_for
 
@@ -88,9 +88,9 @@ def test_pushed_out_vertices_are_outside(toy_body):
     poses = REST_POSE[None]
     body, _ = posed_vertices(toy_body, SHAPE, poses)
     deep = [
-        inside_depth(
-            repose(sunk, toy_body, SHAPE, poses, push_out=push)[0], body[0], toy_body.faces
-        ).max()
+        BodyInside(body[0], toy_body.faces)
+        .depth(repose(sunk, toy_body, SHAPE, poses, push_out=push)[0])
+        .max()
         for push in (False, True)
     ]
     assert deep[0] > 0.005
