@@ -41,7 +41,8 @@ def test_the_loss_is_equation_6(model, clearance):
         one = slice(index, index + 1)
 
         def distance(point, one=one):
-            return model.predict(point[None, None], places[one], z[one]).item()
+            with torch.no_grad():
+                return model.predict(point[None, None], places[one], z[one]).item()
 
         covered = [min(abs(distance(p)) for p in ray) for ray in found.on[index]]
         loss = np.mean(covered)
