@@ -6,14 +6,13 @@ reference that prediction and truth share.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.garment import BodyInside, area_distance_mm, surface_distances_mm
+from drapeline.metrics.garment import area_distance_mm, inside_measures, surface_distances_mm
 from drapeline.metrics.table import MetricRow, by_source, summary_rows
 from drapeline.seeding import rng_for
 
@@ -22,21 +21,16 @@ FPS = 30.0
 CONTACT_EVERY = 5
 
 
-class MovingBody:
-    """The body under a garment; frames that were looked at are kept for other garments.
-
-    Args:
-        vertices: frame -> (V, 3) body vertices in the garment's frame of reference, metres.
-        faces: (F, 3) of the body.
+class MovingBody(NamedTuple):
+    """The body under a garment.
 
     Attributes:
-        inside: frame -> what tells what is inside the body in that frame.
+        vertices: frame -> (V, 3) body vertices in the garment's frame of reference, metres.
+        faces: (F, 3) of the body.
     """
 
-    def __init__(self, vertices: Callable[[int], np.ndarray], faces: np.ndarray) -> None:
-        self.inside: Callable[[int], BodyInside] = cache(
-            lambda frame: BodyInside(vertices(frame), faces)
-        )
+    vertices: Callable[[int], np.ndarray]
+    faces: np.ndarray
 
 
 class Measured(NamedTuple):
@@ -107,9 +101,9 @@ def segmentation_accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
 def inside_means(
     garment: np.ndarray, body: MovingBody, *, every: int = CONTACT_EVERY
 ) -> dict[str, float]:
-    """`BodyInside.measures` of every so many frames of a garment (F, N, 3), averaged over them."""
+    """`inside_measures` of every so many frames of a garment (F, N, 3), averaged over them."""
     measures = [
-        body.inside(frame).measures(np.asarray(garment[frame]))
+        inside_measures(np.asarray(garment[frame]), body.vertices(frame), body.faces)
         for frame in range(0, len(garment), every)
     ]
     return {name: float(np.mean([one[name] for one in measures])) for name in measures[0]}

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -205,6 +205,7 @@ class Evaluation:
         data, body = self.data, self.sequences.body(sequence)
         poses = data.poses[data.rows(sequence)]
 
+        @cache
         def vertices(frame: int) -> np.ndarray:
             return posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
 

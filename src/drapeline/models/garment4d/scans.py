@@ -3,6 +3,7 @@
 F frames, N vertices of the garment.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ def _measure(
 ) -> list[MetricRow]:
     """Table 5 for the proposals, the posed stage and our last step, against the whole scans."""
 
+    @cache
     def body_vertices(frame: int) -> np.ndarray:
         return posed_vertices(body.model, body.shape, scans.body.poses[frame][None])[0][0]
 
