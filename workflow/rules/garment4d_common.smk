@@ -177,10 +177,11 @@ def evaluated_sequences(wildcards):
 
 
 def evaluation_settings(wildcards):
-    """Figures 8 to 10 are part of the ablations alone."""
+    """Figures 8 to 10 and noisy bodies are part of the ablations alone."""
     settings = {**config["garment4d"]["evaluation"], "seed": config["seed"]}
     if wildcards.models == "default":
         settings |= dict.fromkeys(("neighbours", "missing", "accuracy"), [])
+        settings |= {"noise_pose_rad": 0.0, "noise_shape": 0.0}
     return settings
 
 

@@ -6,19 +6,16 @@ part's vertices are moved to their own side of it. Collisions that are too deep 
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
+from drapeline.bodies.inside_parts import InsideParts
 from drapeline.bodies.parts import PAIRS, PART_NAMES, BodyParts
 from drapeline.geometry.mesh import cross_rows
 
-NEAR_M = 0.06  # how deep inside a part a vertex is recognised as such
-SHALLOW_M = 0.015  # about an edge: this close to the surface the nearest vertex may lie aside
 MARGIN_M = 0.005  # around the box that two parts share
 LINK_M = 0.03  # crossings further apart than this belong to different contacts
 PASSES = 4
@@ -93,6 +90,7 @@ def solve_self_collisions(
     depth = np.zeros(meets.shape, dtype=np.float32)
     leftover = np.zeros(meets.shape, dtype=bool)
     limits = _limits()
+    find_inside = InsideParts(parts)
     moves: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     removed: frozenset[str] = frozenset()
     allowed = np.ones(len(PAIRS), dtype=bool)
@@ -105,7 +103,7 @@ def solve_self_collisions(
         if not len(pairs):
             continue
         moved, crossing = _solve_frame(
-            vertices[frame], parts, pair_parts, pairs, gap_m, depth[frame]
+            vertices[frame], parts, find_inside, pair_parts, pairs, gap_m, depth[frame]
         )
         leftover[frame, crossing] = True
         change = moved - vertices[frame]
@@ -140,6 +138,7 @@ def solve_self_collisions(
 def _solve_frame(
     start: np.ndarray,
     parts: BodyParts,
+    find_inside: InsideParts,
     pair_parts: np.ndarray,
     pairs: np.ndarray,
     gap_m: float,
@@ -147,19 +146,24 @@ def _solve_frame(
 ) -> tuple[np.ndarray, list[int]]:
     """Moved vertices (V, 3) of one frame and the pairs that still cross; fills `depth` (P,)."""
     vertices = start.copy()
+    places = _Places(vertices, parts)
     active = pairs.tolist()
     for turn in range(PASSES + 1):
         # Of the pass's beginning, so that the order of the pairs does not matter.
         before = vertices.copy()
-        crossing = []
-        for pair in active:
-            first, second = pair_parts[pair]
-            contact = _contact(vertices, before, parts, first, second)
+        crossing, pressed = [], set()
+        members = pair_parts[active].tolist()
+        find = partial(_meetings, vertices, before, parts, places, find_inside)
+        for pair, both, found in zip(active, members, find(members), strict=True):
+            (meeting,) = [found] if pressed.isdisjoint(both) else find([both])
+            contact = _contact(vertices, parts, meeting, *both)
             if contact is None:
                 continue
             crossing.append(pair)
             if turn < PASSES:
                 _separate(vertices, parts, contact, gap_m)
+                pressed.update(both)
+                places.forget(both)
                 moved = np.concatenate(contact.inside)
                 reach = np.linalg.norm(vertices[moved] - start[moved], axis=1).max(initial=0)
                 depth[pair] = max(depth[pair], reach)
@@ -170,37 +174,85 @@ def _solve_frame(
 
 
 @dataclass(frozen=True)
-class _Contact:
+class _Meeting:
+    """Where two parts are close.
+
+    Attributes:
+        near: ids of both parts' vertices in the region where they meet.
+        inside: ids of the first part's vertices inside the second, and the reverse.
+    """
+
+    near: tuple[np.ndarray, np.ndarray]
+    inside: tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class _Contact(_Meeting):
     """Where two parts cross.
 
     Attributes:
         points: (k, 3) crossings of edges with faces.
-        inside: ids of the first part's vertices inside the second, and the reverse.
-        near: ids of both parts' vertices in the region where they meet.
     """
 
     points: np.ndarray
-    inside: tuple[np.ndarray, np.ndarray]
-    near: tuple[np.ndarray, np.ndarray]
+
+
+def _meetings(
+    vertices: np.ndarray,
+    before: np.ndarray,
+    parts: BodyParts,
+    places: "_Places",
+    find_inside: InsideParts,
+    pair_parts: Sequence[Sequence[int]],
+) -> list[_Meeting]:
+    """Where the parts of each pair are close; normals are those of the vertices `before`."""
+    near = [places.shared(*pair) for pair in pair_parts]
+    questions = []
+    for (first, second), (one, other) in zip(pair_parts, near, strict=True):
+        questions.append((one[~parts.seam[one, second]], other))
+        questions.append((other[~parts.seam[other, first]], one))
+    inside = find_inside(vertices, before, questions)
+    return [_Meeting(ids, (inside[2 * k], inside[2 * k + 1])) for k, ids in enumerate(near)]
+
+
+class _Places:
+    """Where the vertices of each part are, and the box around them, while they stay there."""
+
+    def __init__(self, vertices: np.ndarray, parts: BodyParts) -> None:
+        self._vertices, self._parts = vertices, parts
+        self._known: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+
+    def forget(self, moved: Iterable[int]) -> None:
+        """Look at some parts again."""
+        for part in moved:
+            self._known.pop(part, None)
+
+    def _of(self, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        if part not in self._known:
+            # Rows of one coordinate each: reducing the short axis of (n, 3) is many times as slow.
+            rows = self._vertices[self._parts.part_vertices[part]].T.copy()
+            self._known[part] = rows, rows.min(axis=1), rows.max(axis=1)
+        return self._known[part]
+
+    def shared(self, first: int, second: int) -> tuple[np.ndarray, np.ndarray]:
+        """Ids of the vertices of two parts in the box that both share; none where it is empty."""
+        one, other = self._of(first), self._of(second)
+        low = np.maximum(one[1], other[1]) - MARGIN_M
+        high = np.minimum(one[2], other[2]) + MARGIN_M
+        near = [
+            self._parts.part_vertices[part][_within(rows, low, high)]
+            for part, (rows, *_) in ((first, one), (second, other))
+        ]
+        if not len(near[0]) or not len(near[1]):
+            return near[0][:0], near[1][:0]
+        return near[0], near[1]
 
 
 def _contact(
-    vertices: np.ndarray, before: np.ndarray, parts: BodyParts, first: int, second: int
+    vertices: np.ndarray, parts: BodyParts, meeting: _Meeting, first: int, second: int
 ) -> _Contact | None:
-    """Where two parts cross, if they do; normals are those of the vertices `before`."""
-    ids = [parts.part_vertices[first], parts.part_vertices[second]]
-    # Rows of one coordinate each: reducing the short axis of (n, 3) is many times as slow.
-    places = [vertices[i].T.copy() for i in ids]
-    low = np.maximum(*(place.min(axis=1) for place in places)) - MARGIN_M
-    high = np.minimum(*(place.max(axis=1) for place in places)) + MARGIN_M
-    near = [i[_within(place, low, high)] for i, place in zip(ids, places, strict=True)]
-    if not len(near[0]) or not len(near[1]):
-        return None
-    free = [ids[~parts.seam[ids, other]] for ids, other in zip(near, (second, first), strict=True)]
-    inside = (
-        _inside(vertices, before, parts, free[0], near[1]),
-        _inside(vertices, before, parts, free[1], near[0]),
-    )
+    """Where two parts cross, if they do."""
+    near, inside = meeting.near, meeting.inside
     if not len(inside[0]) and not len(inside[1]):
         return None
     points = np.concatenate(
@@ -211,7 +263,7 @@ def _contact(
     )
     if len(points) < 3:
         return None
-    return _Contact(points, inside, (near[0], near[1]))
+    return _Contact(near, inside, points)
 
 
 def _within(places: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -220,27 +272,6 @@ def _within(places: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray
     for axis in range(3):
         keep &= (places[axis] > low[axis]) & (places[axis] < high[axis])
     return keep
-
-
-def _inside(
-    vertices: np.ndarray, before: np.ndarray, parts: BodyParts, ids: np.ndarray, others: np.ndarray
-) -> np.ndarray:
-    """Those of the vertices `ids` that lie behind the nearest of the vertices `others`."""
-    if not len(ids):
-        return ids
-    # A tree that is asked once is not worth balancing.
-    tree = KDTree(vertices[others], compact_nodes=False, balanced_tree=False)
-    distance, nearest = tree.query(vertices[ids], distance_upper_bound=NEAR_M)
-    in_reach = np.isfinite(distance)
-    if not in_reach.any():
-        return ids[:0]
-    ids, distance, nearest = ids[in_reach], distance[in_reach], others[nearest[in_reach]]
-    height = np.einsum(
-        "vi,vi->v", vertices[ids] - vertices[nearest], parts.normals(before, nearest)
-    )
-    # Deep inside, the nearest vertex lies straight above; beside it, only where a part ends.
-    steep = (distance < SHALLOW_M) | (height < -0.5 * distance)
-    return ids[(height < 0) & steep]
 
 
 def _crossings(
@@ -337,10 +368,16 @@ def _separate(vertices: np.ndarray, parts: BodyParts, contact: _Contact, gap_m: 
 
 def _clusters(points: np.ndarray) -> list[np.ndarray]:
     """Connected groups of at least three points."""
-    links = KDTree(points).query_pairs(LINK_M, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(links)), links.T), shape=(len(points),) * 2)
-    count, label = connected_components(graph, directed=False)
-    groups = [points[label == k] for k in range(count)]
+    # There are tens of points: a k-d tree and a sparse graph take several times as long.
+    linked = ((points[:, None] - points) ** 2).sum(axis=-1) <= LINK_M**2
+    waiting = np.ones(len(points), dtype=bool)
+    groups = []
+    while waiting.any():
+        group = linked[waiting.argmax()]
+        while (grown := linked[group].any(axis=0)).sum() > group.sum():
+            group = grown
+        groups.append(points[group])
+        waiting &= ~group
     return [group for group in groups if len(group) >= 3]
 
 

@@ -51,7 +51,8 @@ class EvaluationSettings:
         accuracy: shares of points with the right label (figure 10).
         noise_pose_rad: standard deviation of the noise that is added to every angle of the poses,
             the same in all frames of a sequence.
-        noise_shape: standard deviation of the noise that is added to the shapes.
+        noise_shape: standard deviation of the noise that is added to the shapes. Noisy bodies are
+            left out where there is no noise at all.
         seed: of holes, labels, noise and intervals.
     """
 
@@ -401,7 +402,8 @@ def evaluate(
                     evaluation.measure_posed(variant, stage, sequence)
             if split == "test":
                 evaluation.measure_sweeps(posed["posed"])
-                evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
+                if settings.noise_pose_rad or settings.noise_shape:
+                    evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
                 if vertex_sampled is not None:
                     released = Evaluation(vertex_sampled, split, settings)
                     for sequence in released.simulated.tolist():

@@ -1,6 +1,7 @@
 """All variants of toy skirts, measured against the truth."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,24 @@ def test_garments_moved_by_skinning_are_never_measured(toy_body, tmp_path):
     assert len(data.of_split("val"))
     with pytest.raises(InputError, match="no Skirt of the val split is simulated"):
         Evaluation(sequences, "val", EvaluationSettings())
+
+
+def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, identity, tmp_path):
+    settings = EvaluationSettings(neighbours=(), missing=(), accuracy=(), noise_pose_rad=0)
+    found = []
+    for noise_shape in (0.0, 1.0):
+        rows = evaluate(
+            sequences,
+            {"canonical": canonical},
+            {"posed": identity},
+            ("test",),
+            replace(settings, noise_shape=noise_shape),
+            RefineSettings(rounds=1),
+            None,
+            pictures=tmp_path / "pictures",
+        )
+        found.append({row.variant for row in rows if "noisy" in row.variant})
+    assert found == [set(), {"noisy_body", "lbs_noisy_body", "ours_noisy_body"}]
 
 
 def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
