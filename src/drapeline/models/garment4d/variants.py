@@ -8,8 +8,11 @@ POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "posed": {},
     "no_body_encoder": {"network": {"body_encoder": False}},
     "no_transformer": {"network": {"transformer": "none"}},
-    # Without what the default adds to the paper's posed stage.
-    "as_printed": {"network": {"pull_neighbours": 0, "smooth_passes": 0}},
+    # Without what the default adds to the paper's posed stage, and with the released code's loss.
+    "as_printed": {
+        "network": {"pull_neighbours": 0, "smooth_passes": 0},
+        "loss": {"interpenetration": 100},
+    },
     # Weights of the nearest body vertex, as in SMPL+D.
     "nearest_weights": {"skinning": {"neighbours": 1, "passes": 0}},
 }

@@ -16,7 +16,10 @@ def test_variants_change_settings_that_there_are(name):
 
 
 def test_what_an_experiment_has_anyway_is_no_variant_of_it():
-    plain = {"network": {"pull_neighbours": 0, "smooth_passes": 0, "transformer": "paper"}}
+    plain = {
+        "network": {"pull_neighbours": 0, "smooth_passes": 0, "transformer": "paper"},
+        "loss": {"interpenetration": 100.0},
+    }
     assert "as_printed" not in posed_variants(plain)
     smoothed = {"network": {**plain["network"], "smooth_passes": 8}}
     assert posed_variants(smoothed) == POSED_VARIANTS
