@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drapeline.bodies.sequence import load_body_sequence
+from drapeline.bodies.sequence import first_frames, load_body_sequence
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.models.smplicit.clip import save_clip, worn_clip
+from drapeline.generation.moving_sheets import simulate_sheets
+from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
 from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.gallery import nearest_type
 from drapeline.models.smplicit.gallery_files import posed_prototype
@@ -15,6 +17,9 @@ from drapeline.models.smplicit.repose import SKINNINGS
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.smplicit.gallery import animate_clip, plot_clip
 from drapeline.rule_log import rule_log
+from drapeline.simulation.attempts import SimulationSettings
+from drapeline.simulation.health import HealthBounds
+from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -30,7 +35,8 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     garment = model.decode(
         z, gender=gender, shape=record.shape, meshing=Meshing(**wanted.meshing)
     ).sheet
-    worn = (garment, nearest_type(z, model.codes), model.bodies[gender], record)
+    garment_type, body = nearest_type(z, model.codes), model.bodies[gender]
+    worn = (garment, garment_type, body, record)
     displacement = None
     if snakemake.input.displacement:
         trained = PoseDisplacement(snakemake.input.displacement)
@@ -46,12 +52,29 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
         )
 
     frames = np.arange(min(wanted.frames, len(record.poses)))
-    moving = clip(frames, wanted.skinning, displacement)
-    save_clip(snakemake.output.scene, moving)
-    animate_clip(snakemake.output.moving, moving)
     shown = frames[np.linspace(0, len(frames) - 1, wanted.shown).astype(int)]
     rows = {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS}
     if displacement is not None:
         rows["displaced,\nthen skinned"] = clip(shown, wanted.skinning, displacement)
+    simulated = None
+    if wanted.simulate:
+        try:
+            sheets = simulate_sheets(
+                {garment_type: garment},
+                body,
+                first_frames(record, len(frames)),
+                cloth_solver(snakemake.threads),
+                edge_length_m=wanted.edge_length_m,
+                simulation=SimulationSettings(**wanted.simulation),
+                bounds=HealthBounds(**wanted.bounds),
+            )[garment_type]
+        except InputError as error:
+            log.warning("%s is skinned, not simulated: %s", name, error)
+        else:
+            simulated = place_clip(sheets, garment_type, body, record, frames)
+            rows["simulated"] = [simulated[frame] for frame in shown]
+    moving = simulated or clip(frames, wanted.skinning, displacement)
+    save_clip(snakemake.output.scene, moving)
+    animate_clip(snakemake.output.moving, moving)
     plot_clip(snakemake.output.sheet, rows)
     log.info("%s on %s, %d frames", name, record.labels.sequence, len(frames))

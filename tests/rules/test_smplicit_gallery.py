@@ -1,6 +1,7 @@
 """The rules of SMPLicit's gallery, on a model whose fields are exact tubes."""
 
 import csv
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -14,9 +15,18 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.models.smplicit.files import body_file
 from drapeline.models.smplicit.gallery import SHEETS
 from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.simulation.health import HealthBounds
 from gallery_toys import TubeField, save_toy_model, save_toy_outfits, training_codes
 
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
+SIMULATION = {
+    "steps_min": 6,
+    "steps_max": 6,
+    "shape_frames": 1,
+    "pose_frames": 2,
+    "collider_share": 1.0,
+    "attempts": 1,
+}
 
 
 @pytest.fixture(scope="module")
@@ -79,13 +89,13 @@ def test_sheets_are_drawn(run_rule, made, tmp_path):
 
 @pytest.fixture
 def pose_garment(run_rule, made, tmp_path, toy_body):
-    """pose_garment(displacement) runs the rule and gives the files that it wrote."""
+    """pose_garment(displacement, ...) runs the rule and gives the files that it wrote."""
     poses = np.tile(REST_POSE, (6, 1))
     poses[:, 3 * 1] = np.linspace(0, 0.5, 6)
     record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender=0)
     save_body_sequence(tmp_path / "body.npz", record)
 
-    def run(displacement):
+    def run(displacement, **changes):
         names = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
         output = {key: tmp_path / name for key, name in names.items()}
         run_rule(
@@ -102,8 +112,13 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
                 "shown": 2,
                 "skinning": "smoothed",
                 "push_out": True,
+                "simulate": False,
+                "edge_length_m": 0.04,
+                "simulation": SIMULATION,
+                "bounds": asdict(HealthBounds(9, 9, 9, 0, 99, 9, 1, 1)),
                 "meshing": MESHING,
                 "rays": 0.02,
+                **changes,
             },
         )
         return output
@@ -129,6 +144,19 @@ def test_a_displaced_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_p
     with Image.open(displaced["sheet"]) as sheet:
         assert sheet.height == pytest.approx(1.5 * height, rel=0.05)
     assert displaced["scene"].read_bytes() != before
+
+
+def test_a_simulated_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_path):
+    def run(**changes):
+        output = pose_garment([], **changes)
+        with Image.open(output["sheet"]) as sheet:
+            return sheet.height, output["scene"].read_bytes()
+
+    skinned, simulated = run(), run(simulate=True)
+    assert simulated[0] == pytest.approx(1.5 * skinned[0], rel=0.05)
+    assert simulated[1] != skinned[1]
+    out_of_bounds = asdict(HealthBounds(stretch_low=0.999, stretch_high=1.001))
+    assert run(simulate=True, bounds=out_of_bounds) == skinned
 
 
 def test_codes_have_a_page_and_a_table(run_rule, made, tmp_path):

@@ -1,6 +1,6 @@
 """One sample's body in motion, and its file."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +105,19 @@ def body_sequence_vertices(
     if world:
         vertices += record.trans[frames, None].astype(np.float32)
     return vertices
+
+
+def first_frames(record: BodySequence, count: int) -> BodySequence:
+    """The first frames of a body in motion; what is said of all of them stays."""
+    kept = record.fix_frame < count
+    return replace(
+        record,
+        poses=record.poses[:count],
+        trans=record.trans[:count],
+        fix_frame=record.fix_frame[kept],
+        fix_vertex=record.fix_vertex[kept],
+        fix_delta=record.fix_delta[kept],
+    )
 
 
 def collision_faces(body: BodyModel, record: BodySequence) -> np.ndarray:

@@ -35,8 +35,7 @@ def worn_clip(
         frames: (F,) which of its frames.
         skinning, push_out, displacement: see `repose`.
     """
-    places = record.trans[frames, None].astype(np.float32)
-    moved = places + repose(
+    moved = repose(
         garment,
         body,
         record.shape,
@@ -45,19 +44,36 @@ def worn_clip(
         push_out=push_out,
         displacement=displacement,
     )
-    wearers = [
-        body_sequence_vertices(body, record, world=True, frames=slice(frame, frame + 1))[0]
-        for frame in frames
-    ]
-    return [
-        WornGarment(
-            garment_type,
-            Mesh(cloth, garment.faces),
-            Mesh(wearer, body.faces),
-            record.poses[frame, :3],
+    sheets = [Mesh(cloth, garment.faces) for cloth in moved]
+    return place_clip(sheets, garment_type, body, record, frames)
+
+
+def place_clip(
+    sheets: Sequence[Mesh],
+    garment_type: str,
+    body: BodyModel,
+    record: BodySequence,
+    frames: np.ndarray,
+) -> list[WornGarment]:
+    """Posed sheets and their wearer, in the world.
+
+    Args:
+        sheets: one for each of the frames, root-relative metres.
+        garment_type, body, record, frames: see `worn_clip`.
+    """
+    clip = []
+    for sheet, frame in zip(sheets, frames, strict=True):
+        place = record.trans[frame].astype(np.float32)
+        (wearer,) = body_sequence_vertices(body, record, world=True, frames=slice(frame, frame + 1))
+        clip.append(
+            WornGarment(
+                garment_type,
+                Mesh(sheet.vertices + place, sheet.faces),
+                Mesh(wearer, body.faces),
+                record.poses[frame, :3],
+            )
         )
-        for cloth, wearer, frame in zip(moved, wearers, frames, strict=True)
-    ]
+    return clip
 
 
 def save_clip(path: str | Path, frames: Sequence[WornGarment]) -> None:

@@ -1,0 +1,92 @@
+"""Sheets on a moving toy body, by the fast solver."""
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.animation import make_body_sequence
+from drapeline.bodies.sequence import body_sequence_vertices
+from drapeline.errors import InputError
+from drapeline.frames import REST_POSE
+from drapeline.generation.moving_sheets import simulate_sheets
+from drapeline.geometry.mesh import Mesh, edge_lengths, edges, mean_edge_length
+from drapeline.simulation.attempts import SimulationSettings
+from drapeline.simulation.health import HealthBounds
+from drapeline.xpbd.solver import cloth_solver
+from smplicit_toys import tube
+
+SETTINGS = SimulationSettings(
+    steps_min=6, steps_max=6, shape_frames=1, pose_frames=2, collider_share=1.0, attempts=1
+)
+EVERYTHING = HealthBounds(9, 9, 9, 0, 99, 9, 1, 1)
+
+
+@pytest.fixture(scope="module")
+def record(toy_body):
+    poses = np.tile(REST_POSE, (4, 1))
+    poses[:, 3 * 1] = np.linspace(0, -0.3, 4)  # the left leg rises
+    path = np.zeros((4, 3))
+    path[:, 0] = 0.01 * np.arange(4)
+    return make_body_sequence(toy_body, np.zeros(10), poses, path, gender=0)
+
+
+def simulate(sheets, toy_body, record, **changes):
+    settings = {"edge_length_m": 0.01, "simulation": SETTINGS, "bounds": EVERYTHING, **changes}
+    return simulate_sheets(sheets, toy_body, record, cloth_solver(1), **settings)
+
+
+@pytest.fixture(scope="module")
+def skirt():
+    return tube(0.27, -0.5, 0.02, around=48, rings=14)
+
+
+@pytest.fixture(scope="module")
+def moved(toy_body, record, skirt):
+    return simulate({"Skirt": skirt}, toy_body, record)["Skirt"]
+
+
+def test_a_skirt_hangs_from_its_waist(record, skirt, moved):
+    assert len(moved) == len(record.poses)
+    waist, hem = (np.flatnonzero(skirt.vertices[:, 2] == z) for z in skirt.vertices[[-1, 0], 2])
+    for sheet in moved:
+        assert sheet.faces.tolist() == skirt.faces.tolist()
+        change = sheet.vertices - skirt.vertices
+        assert np.linalg.norm(change[waist], axis=1).max() < 0.02
+        pairs = edges(skirt.faces)
+        stretch = edge_lengths(sheet.vertices, pairs) / edge_lengths(skirt.vertices, pairs)
+        assert np.percentile(stretch, 5) > 0.7
+        assert np.percentile(stretch, 95) < 1.3
+    assert (moved[-1].vertices - skirt.vertices)[hem, 2].mean() < 0.01
+
+
+def test_what_is_not_held_falls(toy_body, record, skirt):
+    (loose,) = simulate({"Dress": skirt}, toy_body, record).values()
+    assert (loose[-1].vertices - skirt.vertices)[:, 2].mean() < -0.02
+
+
+def test_fine_sheets_are_made_coarser(toy_body, record):
+    fine = tube(0.27, -0.5, 0.02, around=120, rings=36)
+    (moved,) = simulate({"Skirt": fine}, toy_body, record, edge_length_m=0.04).values()
+    coarse = moved[0]
+    assert len(coarse.vertices) < 0.5 * len(fine.vertices)
+    assert mean_edge_length(coarse.vertices, coarse.faces) == pytest.approx(0.04, rel=0.2)
+    assert np.isin(np.arange(len(coarse.vertices)), coarse.faces).all()
+
+
+def test_sheets_in_the_body_start_outside_of_it(toy_body, record):
+    body = body_sequence_vertices(toy_body, record)[0]
+    tight = tube(0.12, -0.3, 0.02, around=48, rings=10)
+    inside = np.linalg.norm(body[np.abs(body[:, 2] + 0.1) < 0.05][:, :2], axis=1).max()
+    assert inside > 0.12  # else nothing is tight
+    (moved,) = simulate({"Skirt": tight}, toy_body, record).values()
+    assert np.isfinite([sheet.vertices for sheet in moved]).all()
+
+
+def test_bad_input_is_refused(toy_body, record, skirt):
+    nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    with pytest.raises(InputError, match="Top: no faces, expected cloth to simulate"):
+        simulate({"Skirt": skirt, "Top": nothing}, toy_body, record)
+    with pytest.raises(InputError, match="sheets: no faces"):
+        simulate({}, toy_body, record)
+    strict = HealthBounds(9, 9, 9, 0.999, 1.001, 9, 1, 1)
+    with pytest.raises(InputError, match=r"Skirt: stretch_\w+ .*, expected at"):
+        simulate({"Skirt": skirt}, toy_body, record, bounds=strict)
