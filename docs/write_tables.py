@@ -74,9 +74,11 @@ FIELD_VARIANTS = {
     "mean_code": "mean code",
 }
 PICTURES = {
-    "smplicit_images_fitted": "fitted code",
-    "smplicit_images_nearest": "training code with the least loss",
-    "smplicit_images_mean_code": "mean code of the class",
+    "smplicit_images_hung": "fitted code, hung by the cloth solver (ours)",
+    "smplicit_images_mean_code_hung": "mean code of the class, hung as well",
+    "smplicit_images_fitted": "fitted code, skinned as in the paper",
+    "smplicit_images_nearest": "training code with the least loss, skinned",
+    "smplicit_images_mean_code": "mean code of the class, skinned",
 }
 SCANS = {
     "smplicit_scan_start": "SMPLicit, mean code on the estimated body",

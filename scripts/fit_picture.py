@@ -4,11 +4,19 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from drapeline.generation.moving_sheets import Hang
 from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.fit_pictures import fit_picture, shown_picture, write_fitted
+from drapeline.models.smplicit.fit_pictures import (
+    fit_picture,
+    hang_picture,
+    shown_picture,
+    write_fitted,
+)
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.rule_log import rule_log
+from drapeline.simulation.attempts import SimulationSettings
+from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -20,7 +28,16 @@ with rule_log(snakemake.log[0]) as log:
     bodies = next(iter(models.values())).bodies
     settings = FitImage(**params.fit)
     picture = read_picture(given.picture, bodies, least_px=settings.least_px)
-    people = fit_picture(picture, models, settings, Meshing(**params.meshing), params.seed)
+    how = models, settings, Meshing(**params.meshing), params.seed
+    people = fit_picture(picture, *how)
+    if settings.hang_frames:
+        hang = Hang(
+            cloth_solver(snakemake.threads),
+            settings.hang_frames,
+            params.edge_length_m,
+            SimulationSettings(**params.simulation),
+        )
+        people = hang_picture(picture, people, *how, hang)
     write_fitted(made.folder, picture, people)
     shown_picture(picture, models, people).save(made.shown)
     log.info("%s: %s", picture.name, "; ".join(" + ".join(outfit) for outfit in people))

@@ -67,7 +67,7 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
                 edge_length_m=wanted.edge_length_m,
                 simulation=SimulationSettings(**wanted.simulation),
                 bounds=HealthBounds(**wanted.bounds),
-            )[garment_type]
+            )[garment_type].frames
         except InputError as error:
             log.warning("%s is skinned, not simulated: %s", name, error)
         else:

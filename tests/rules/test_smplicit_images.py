@@ -17,6 +17,10 @@ SIZE = 120
 TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
 FIT = {"points": 20000, "rays": 20, "starts": 3, "rounds": 1, "steps": 2}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
+HANGING = {
+    "edge_length_m": 0.05,
+    "simulation": {"steps_min": 4, "steps_max": 4, "shape_frames": 1, "pose_frames": 1},
+}
 
 
 @pytest.fixture
@@ -41,12 +45,12 @@ def picture(tmp_path):
     return path
 
 
-def fit(run_rule, picture, models, folder):
+def fit(run_rule, picture, models, folder, **changes):
     run_rule(
         "fit_picture",
         input={"picture": picture, "images": [picture.parent / "labels.png"], "models": models},
         output={"folder": folder / "street", "shown": folder / "street_shown.npz"},
-        params={"fit": FIT, "meshing": MESHING, "seed": 0},
+        params={"fit": FIT | changes, "meshing": MESHING, "seed": 0, **HANGING},
         wildcards={"picture": "street"},
     )
 
@@ -74,6 +78,21 @@ def test_a_users_picture_gets_its_garments(run_rule, skirt, picture, tmp_path):
     assert (np.ptp(image, axis=2) > 25).mean() > 0.01
 
 
+@pytest.mark.portable
+def test_garments_hang_on_the_people_of_a_picture(run_rule, skirt, picture, tmp_path):
+    vertices = []
+    for frames in (0, 2):
+        fit(run_rule, picture, [skirt], tmp_path / str(frames), hang_frames=frames)
+        rest, posed = (
+            load_obj(tmp_path / f"{frames}/street/person1_skirt{end}.obj") for end in ("_rest", "")
+        )
+        assert np.array_equal(rest.faces, posed.faces)
+        vertices.append(len(posed.vertices))
+    # The cloth that hangs is coarser.
+    assert vertices[1] < 0.8 * vertices[0]
+    assert np.linalg.norm(posed.vertices - rest.vertices, axis=1).max() < 0.3
+
+
 def test_a_picture_of_unlearned_garments_is_refused(run_rule, skirt, picture, tmp_path):
     given = json.loads(picture.read_text())
     given["labels"] = {"0": "background", "12": "dress"}
@@ -97,6 +116,7 @@ def evaluate(run_rule, skirt, folder, samples, learning):
             "fit": FIT,
             "meshing": MESHING,
             "seed": 0,
+            **HANGING,
         },
     )
     with open(folder / "metrics.tsv") as stream:

@@ -22,6 +22,8 @@ rule fit_picture:
     params:
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
+        simulation=lookup(dpath="simulation/settings", within=config),
         seed=config["seed"],
         code=source_hash("fit_picture"),
     script:
@@ -87,6 +89,8 @@ rule evaluate_images:
         learning_samples=[sample for _, sample in PICTURED_LEARNING],
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
+        simulation=lookup(dpath="simulation/settings", within=config),
         seed=config["seed"],
         code=source_hash("evaluate_images"),
     script:

@@ -15,6 +15,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.smoothing import averaging_matrix, blur
 
 _SMALL_M = 1e-3  # keeps a single vertex from outweighing all others
+_PATCH = 16  # vertices of cloth that tell how it turns
 _LEAF = 32  # vertices in a tree's leaf; several closest ones are found a third faster than with 10
 
 
@@ -47,6 +48,31 @@ def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.nd
     motions = rest_to_pose(body, shape, pose[None])[0]
     turns = (body.weights @ motions[..., :3].reshape(-1, 9)).reshape(-1, 3, 3)
     return PosedBody(rest_body(body, shape), posed[0].astype(np.float64), turns, body.faces)
+
+
+def with_cloth(body: PosedBody, rest: np.ndarray, posed: np.ndarray) -> PosedBody:
+    """The body and cloth on it, so that points near the cloth follow it.
+
+    Args:
+        body: the wearer; its faces stay the only ones.
+        rest, posed: (C, 3) vertices of the cloth at rest and in the pose, metres.
+
+    Returns:
+        Vertices of the body, then of the cloth, each of which turns as those around it do.
+    """
+    near = KDTree(rest).query(rest, k=min(_PATCH, len(rest)))[1].reshape(len(rest), -1)
+    before, after = (
+        patch - patch.mean(axis=1, keepdims=True)
+        for patch in (rest[near].astype(np.float64), posed[near].astype(np.float64))
+    )
+    u, _, vt = np.linalg.svd(after.transpose(0, 2, 1) @ before)
+    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
+    return PosedBody(
+        np.concatenate([body.rest, rest]),
+        np.concatenate([body.posed, posed]),
+        np.concatenate([body.turns, u @ vt]),
+        body.faces,
+    )
 
 
 def near_vertices(

@@ -5,13 +5,17 @@ that a skirt follows a shin that is bent back; a solver lets it hang, swing and 
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import igl
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
+from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.follow import pose_body
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence
@@ -21,7 +25,8 @@ from drapeline.geometry.mesh import Mesh, boundary_edges, mean_edge_length
 from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.worn import wear_in_layers
+from drapeline.outfits.worn import HungSheet, wear_in_layers
+from drapeline.rule_log import LOGGER
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
@@ -30,6 +35,30 @@ from drapeline.simulation.solver import ClothSolver
 _FABRIC = "cotton"
 _BAND_M = 0.02  # width of a waistband
 _SLANT_M = 0.06  # from the highest to the lowest point of a waist
+_UP = np.array([0.0, 0.0, 1.0])
+# Decoded garments may touch themselves and their wearer; beyond this, cloth has come undone.
+_WORN = HealthBounds(
+    inside_share_mean=0.03,
+    inside_share_max=0.1,
+    depth_m=0.06,
+    stretch_low=0.7,
+    stretch_high=1.4,
+    slip_m=1.0,
+    layer_share_mean=0.5,
+    self_share_mean=0.5,
+)
+
+
+class MovingSheet(NamedTuple):
+    """A sheet in motion.
+
+    Attributes:
+        rest: as the simulation began with it, at rest.
+        frames: the same cloth in each frame of the motion.
+    """
+
+    rest: Mesh
+    frames: list[Mesh]
 
 
 def simulate_sheets(
@@ -41,7 +70,7 @@ def simulate_sheets(
     edge_length_m: float,
     simulation: SimulationSettings,
     bounds: HealthBounds,
-) -> dict[str, list[Mesh]]:
+) -> dict[str, MovingSheet]:
     """Sheets in every frame of a motion.
 
     Trousers and skirts are held at their waist, and nothing else is; all cloth is cotton.
@@ -56,7 +85,8 @@ def simulate_sheets(
         simulation, bounds: as of samples.
 
     Returns:
-        Garment type -> N sheets, root-relative metres, perhaps of fewer vertices than at rest.
+        Garment type -> sheet in N frames, root-relative metres, perhaps with fewer vertices than
+        were given.
 
     Raises:
         InputError: there is no sheet, one has no faces, or the simulation is out of bounds.
@@ -75,10 +105,96 @@ def simulate_sheets(
     with TemporaryDirectory() as name:
         folder = Path(name) / "simulated"
         dressed = DressedBody(body, record, outfit)
-        status = simulate_outfit(folder, dressed, solver, settings=simulation, bounds=bounds)
+        settings = replace(simulation, shape_frames=1)  # the body's shape stays
+        status = simulate_outfit(folder, dressed, solver, settings=settings, bounds=bounds)
         if status["status"] != "accepted":
             raise InputError(f"{' and '.join(sheets)}: {status['reason']}")
-        return {one.name: _frames(folder, one) for one in garments}
+        return {
+            one.name: MovingSheet(Mesh(one.vertices, one.faces), _frames(folder, one))
+            for one in garments
+        }
+
+
+@dataclass(frozen=True)
+class Hang:
+    """Hangs sheets on people in one pose: from rest they go along into it, and wait there.
+
+    Attributes:
+        solver: moves the cloth.
+        frames: for which it hangs in the pose.
+        edge_length_m: sheets with shorter edges are made coarser first.
+        simulation: as of samples; there is a single attempt.
+    """
+
+    solver: ClothSolver
+    frames: int
+    edge_length_m: float
+    simulation: SimulationSettings
+
+    def __call__(
+        self,
+        sheets: Mapping[str, Mesh],
+        body: BodyModel,
+        gender: str,
+        shape: np.ndarray,
+        pose: np.ndarray,
+        trans: np.ndarray,
+        up: np.ndarray,
+    ) -> dict[str, HungSheet]:
+        """Sheets as they hang on a person; none if the simulation failed, which is logged.
+
+        Args:
+            sheets: see `simulate_sheets`; those without faces are left out.
+            body: of the wearer's gender.
+            gender: "female" or "male".
+            shape: (10,) of the wearer.
+            pose: (72,) axis-angle, rad; its root rotation leads to the world.
+            trans: (3,) the root joint there, metres.
+            up: (3,) direction in the world.
+        """
+        sheets = {name: sheet for name, sheet in sheets.items() if len(sheet.faces)}
+        if not sheets:
+            return {}
+        upright = _turn_between(up, _UP)
+        turned = np.array(pose, dtype=np.float64)
+        turned[:3] = (upright * Rotation.from_rotvec(turned[:3])).as_rotvec()
+        still = np.tile(turned, (self.frames, 1)), np.zeros((self.frames, 3))
+        record = make_body_sequence(body, shape, *still, gender=GENDERS.index(gender))
+        try:
+            if not np.array_equal(record.shape, shape):
+                raise InputError("the body overlaps itself")
+            moved = simulate_sheets(
+                sheets,
+                body,
+                record,
+                self.solver,
+                edge_length_m=self.edge_length_m,
+                simulation=replace(self.simulation, attempts=1),
+                bounds=_WORN,
+            )
+        except InputError as error:
+            LOGGER.info("skinned, not hung: %s", error)
+            return {}
+        return {
+            name: HungSheet(
+                sheet.rest,
+                Mesh(
+                    (upright.inv().apply(sheet.frames[-1].vertices) + trans).astype(np.float32),
+                    sheet.rest.faces,
+                ),
+            )
+            for name, sheet in moved.items()
+        }
+
+
+def _turn_between(start: np.ndarray, end: np.ndarray) -> Rotation:
+    """The least turn from one direction (3,) to another."""
+    start, end = (np.asarray(way, np.float64) / np.linalg.norm(way) for way in (start, end))
+    axis = np.cross(start, end)
+    sine, cosine = np.linalg.norm(axis), start @ end
+    if sine < 1e-9:  # any axis across will do
+        axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
+    return Rotation.from_rotvec(axis / np.linalg.norm(axis) * np.arctan2(sine, cosine))
 
 
 def _coarsen(sheet: Mesh, edge_length_m: float) -> Mesh:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,6 +16,18 @@ from drapeline.geometry.smoothing import averaging_matrix, spread_pushes
 _GAP_M = 0.004  # between layers of cloth
 _LAYER_M = 0.05  # cloth deeper than this below another layer is not meant to be over it
 _ROUNDS, _SPREAD = 3, 4
+
+
+class HungSheet(NamedTuple):
+    """The same cloth at rest, root-relative metres, and as it hangs on a posed wearer.
+
+    Attributes:
+        rest: (V, 3) vertices with faces.
+        posed: the same faces, in the world.
+    """
+
+    rest: Mesh
+    posed: Mesh
 
 
 @dataclass(frozen=True)

@@ -195,7 +195,7 @@ def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) ->
 
 def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Numbers of a sample that `HealthBounds` judge, each of its worst garment."""
-    mean = {name: np.nanmean(values, axis=0) for name, values in arrays.items()}
+    mean = {name: _mean_over_frames(values) for name, values in arrays.items()}
     return {
         "inside_share_mean": float(mean["inside_share"].max()),
         "inside_share_max": float(arrays["inside_share"].max()),
@@ -208,6 +208,14 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
         "acceleration_m_s2": float(mean["acceleration_m_s2"].max()),
         "gap_p05_m": float(mean["gap_p05_m"].min()),
     }
+
+
+def _mean_over_frames(values: np.ndarray) -> np.ndarray:
+    """Mean of the numbers in each column of (N, ...), NaN where there is none."""
+    known = ~np.isnan(values)
+    count = known.sum(axis=0)
+    total = np.where(known, values, 0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def inevitable_violations(

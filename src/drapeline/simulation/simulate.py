@@ -145,10 +145,15 @@ def _report(attempt: Attempt, result: AttemptResult, seconds: float) -> dict[str
         **asdict(attempt),
         "status": result.status,
         "reason": result.reason,
-        **({} if result.measures is None else {"measures": dict(result.measures)}),
+        **({} if result.measures is None else {"measures": _known(result.measures)}),
         "seconds": seconds,
         "frames_per_second": frames / seconds,
     }
+
+
+def _known(measures: Mapping[str, float]) -> dict[str, float]:
+    """Measures that there are: accelerations, for one, take three frames."""
+    return {name: value for name, value in measures.items() if np.isfinite(value)}
 
 
 def _run_attempt(

@@ -1,4 +1,5 @@
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.follow import (
     PosedBody,
@@ -8,6 +9,7 @@ from drapeline.bodies.follow import (
     near_vertices,
     pose_body,
     pose_garment,
+    with_cloth,
 )
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
@@ -63,3 +65,26 @@ def test_points_near_the_skin_come_back_to_where_they_were(toy_body):
     points = body.rest[::29] + 0.001
     posed = move(points, follow(points, body, 1))
     np.testing.assert_allclose(move_to_rest(posed, body, 1).places, points, atol=1e-3)
+
+
+def test_points_near_cloth_follow_it_and_others_the_body(toy_body):
+    body = pose_body(toy_body, np.zeros(10), REST_POSE.copy(), TRANS)
+    cloth = tube(0.3, -0.5, 0.0, around=64, rings=30).vertices.astype(float)
+    turn = Rotation.from_rotvec([0.1, 0.4, 0.9])
+    both = with_cloth(body, cloth, turn.apply(cloth) + SHIFT)
+    assert both.faces is body.faces
+    near_cloth = 1.005 * cloth
+    found = move(near_cloth, follow(near_cloth, both, 4))
+    np.testing.assert_allclose(found, turn.apply(near_cloth) + SHIFT, atol=1e-6)
+    skin = body.rest[body.rest[:, 2] > 0.3]
+    np.testing.assert_allclose(move(skin, follow(skin, both, 1)), skin + TRANS, atol=1e-4)
+
+
+def test_folded_cloth_turns_and_is_not_mirrored(toy_body):
+    body = pose_body(toy_body, np.zeros(10), REST_POSE.copy(), TRANS)
+    rows, columns = np.meshgrid(np.arange(8) * 0.02, np.arange(8) * 0.02)
+    flat = np.stack([rows.ravel(), columns.ravel(), np.zeros(64)], axis=1)
+    over = flat * [-1, 1, -1]  # half a turn about Y
+    turns = with_cloth(body, flat, over).turns[len(body.rest) :]
+    np.testing.assert_allclose(np.linalg.det(turns), 1, atol=1e-9)
+    np.testing.assert_allclose(turns, np.tile(np.diag([-1.0, 1, -1]), (64, 1, 1)), atol=1e-6)

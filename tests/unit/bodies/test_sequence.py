@@ -11,6 +11,7 @@ from drapeline.bodies.sequence import (
     ClipLabels,
     body_sequence_vertices,
     collision_faces,
+    first_frames,
     load_body_sequence,
     save_body_sequence,
 )
@@ -61,6 +62,14 @@ def test_slices_and_world_frame(toy_body, record):
     np.testing.assert_allclose(
         whole, body_sequence_vertices(toy_body, record) + record.trans[:, None], atol=1e-4
     )
+
+
+@pytest.mark.parametrize("count", [1, 2, 99])
+def test_the_first_frames_are_those_of_the_whole(toy_body, record, count):
+    whole = body_sequence_vertices(toy_body, record, world=True)
+    part = first_frames(record, count)
+    assert len(part.poses) == len(part.trans) == min(count, len(record.poses))
+    assert np.array_equal(body_sequence_vertices(toy_body, part, world=True), whole[:count])
 
 
 def test_cloth_does_not_collide_with_removed_segments(toy_body, record):

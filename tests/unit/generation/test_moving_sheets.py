@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.animation import make_body_sequence
+from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.sequence import body_sequence_vertices
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.generation.moving_sheets import simulate_sheets
+from drapeline.generation import moving_sheets
+from drapeline.generation.moving_sheets import Hang, simulate_sheets
 from drapeline.geometry.mesh import Mesh, edge_lengths, edges, mean_edge_length
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
@@ -31,7 +34,12 @@ def record(toy_body):
 
 def simulate(sheets, toy_body, record, **changes):
     settings = {"edge_length_m": 0.01, "simulation": SETTINGS, "bounds": EVERYTHING, **changes}
-    return simulate_sheets(sheets, toy_body, record, cloth_solver(1), **settings)
+    return {
+        name: sheet.frames
+        for name, sheet in simulate_sheets(
+            sheets, toy_body, record, cloth_solver(1), **settings
+        ).items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +98,52 @@ def test_bad_input_is_refused(toy_body, record, skirt):
     strict = HealthBounds(9, 9, 9, 0.999, 1.001, 9, 1, 1)
     with pytest.raises(InputError, match=r"Skirt: stretch_\w+ .*, expected at"):
         simulate({"Skirt": skirt}, toy_body, record, bounds=strict)
+
+
+SITTING = REST_POSE.copy()
+SITTING[3:9] += [-0.6, 0, 0, -0.6, 0, 0]
+TRANS = np.array([0.3, -1.0, 2.0])
+HANG = Hang(cloth_solver(1), 3, 0.01, SETTINGS)
+
+
+def hang(sheets, toy_body, turn):
+    """Sheets on a sitting body in a world that was turned."""
+    pose = SITTING.copy()
+    pose[:3] = (turn * Rotation.from_rotvec(SITTING[:3])).as_rotvec()
+    up = turn.apply([0.0, 0, 1])
+    return HANG(sheets, toy_body, "female", np.zeros(10), pose, TRANS, up)
+
+
+def test_a_skirt_hangs_on_a_sitting_body(toy_body, skirt):
+    hung = hang({"Skirt": skirt}, toy_body, Rotation.identity())["Skirt"]
+    assert hung.rest.vertices == pytest.approx(skirt.vertices, abs=1e-6)
+    assert hung.posed.faces is hung.rest.faces
+    body = posed_vertices(toy_body, np.zeros(10), SITTING[None], TRANS[None])[0][0]
+    assert np.abs(hung.posed.vertices.mean(axis=0) - body.mean(axis=0)).max() < 0.4
+    # Thighs that rise lift the front of it.
+    front = skirt.vertices[:, 1] < -0.2
+    low = skirt.vertices[:, 2] < -0.4
+    rise = hung.posed.vertices[:, 2] - TRANS[2] - skirt.vertices[:, 2]
+    assert rise[front & low].mean() > 0.03
+
+
+@pytest.mark.parametrize("rotvec", [(np.pi, 0, 0), (-np.pi / 2, 0, 0), (0.3, -0.8, 0.4)])
+def test_hanging_turns_with_the_world(toy_body, skirt, rotvec):
+    turn = Rotation.from_rotvec(rotvec)
+    upright = hang({"Skirt": skirt}, toy_body, Rotation.identity())["Skirt"].posed
+    turned = hang({"Skirt": skirt}, toy_body, turn)["Skirt"].posed
+    # What is turned is upright again for the solver, but may face another way.
+    expected = turn.apply(upright.vertices - TRANS) + TRANS
+    assert np.linalg.norm(turned.vertices - expected, axis=1).mean() < 0.004
+
+
+def test_what_cannot_hang_is_left_out(toy_body, skirt, monkeypatch, caplog):
+    nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    still = Rotation.identity()
+    assert hang({"Top": nothing}, toy_body, still) == {}
+    assert list(hang({"Skirt": skirt, "Top": nothing}, toy_body, still)) == ["Skirt"]
+    strict = HealthBounds(9, 9, 9, 0.999, 1.001, 9, 1, 1)
+    monkeypatch.setattr(moving_sheets, "_WORN", strict)
+    with caplog.at_level("INFO", logger="drapeline"):
+        assert hang({"Skirt": skirt}, toy_body, still) == {}
+    assert "skinned, not hung: Skirt: stretch_" in caplog.text

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from cloth_toys import FRAMES, Follower, dress, skirt
-from drapeline.bodies.sequence import body_sequence_vertices, collision_faces
+from drapeline.bodies.sequence import body_sequence_vertices, collision_faces, first_frames
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import mean_edge_length
 from drapeline.geometry.point_cache import PointCache
@@ -63,6 +63,19 @@ def test_an_accepted_sample_has_the_frames_of_the_sequence_alone(simulate, dress
     assert np.abs(frames[:, :36].mean(axis=1) - skirt().vertices[:36].mean(axis=0)).max() < 0.02
     with np.load(folder / "health.npz") as health:
         assert health["inside_share"].shape == (FRAMES, 1)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("count", "accelerates"), [(1, False), (2, False), (3, True)])
+def test_a_sample_of_few_frames_has_the_measures_that_there_are(
+    simulate, dressed, count, accelerates
+):
+    short = replace(dressed, motion=first_frames(dressed.motion, count))
+    status, _ = simulate(Follower(), dressed=short)
+    assert status["status"] == "accepted"
+    measures = status["attempts"][-1]["measures"]
+    assert ("acceleration_m_s2" in measures) == accelerates
+    assert np.isfinite([*measures.values()]).all()
 
 
 def test_the_status_says_what_made_the_sample(simulate):

@@ -2,7 +2,7 @@
 
 A picture is the exact segmentation of a frame, seen from somewhere; body and camera are known. The
 fitted garments stand beside those of the mean code of their class and of the training code of it
-with the least loss.
+with the least loss. Those that hang on their wearers stand beside the mean code's, hung as well.
 """
 
 import time
@@ -24,11 +24,14 @@ from drapeline.metrics.table import MetricRow
 from drapeline.models.smplicit.fit_images import FitImage, rank_codes
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
+    Hang,
     Wearer,
     codes_of_class,
     dress,
     fit_picture,
     garment_view,
+    hang_outfit,
+    hang_picture,
     look_at_garments,
     shown_labels,
     shown_person,
@@ -50,6 +53,11 @@ from drapeline.seeding import rng_for
 
 MODEL = "smplicit"
 _DISTANCE_M, _MARGIN, _RISE = 4.0, 1.15, 0.25
+# Variant -> that of the mean code which is worn in the same way.
+_MEANS = {
+    **dict.fromkeys(("fitted", "nearest", "mean_code"), "mean_code"),
+    **dict.fromkeys(("hung", "mean_code_hung"), "mean_code_hung"),
+}
 Measures = dict[str, float]
 Outfit = dict[str, FittedGarment]
 
@@ -195,6 +203,7 @@ class PictureEvaluation:
         fit: how codes are fitted.
         meshing: how sheets are extracted.
         seed: of the experiment.
+        hang: hangs sheets; None to measure skinned ones alone.
     """
 
     def __init__(
@@ -204,8 +213,10 @@ class PictureEvaluation:
         fit: FitImage,
         meshing: Meshing,
         seed: int,
+        hang: Hang | None = None,
     ) -> None:
         self._models, self._fit, self._meshing, self._seed = models, fit, meshing, seed
+        self._hang = hang
 
     def run(
         self, pictures: Sequence[KnownPicture], split: str
@@ -225,31 +236,41 @@ class PictureEvaluation:
                 f"no picture of the {split} split shows a garment of the models"
                 f" {', '.join(self._models)}, expected some"
             )
-        measures: dict[str, list[Measures]] = {"fitted": [], "nearest": [], "mean_code": []}
+        measures: dict[str, list[Measures]] = {}
         shown = []
         for known in progress(pictures, total=len(pictures), label="pictures"):
-            start = time.process_time()
-            (fitted,) = fit_picture(
-                known.picture, self._models, self._fit, self._meshing, self._seed
-            )
-            seconds = time.process_time() - start
-            found = {"fitted": fitted, "nearest": self._nearest(known)}
-            found["mean_code"] = self._dress(
-                known,
-                {
-                    name: codes_of_class(self._model(name), name).mean(axis=0)
-                    for name in known.person.garments
-                },
-            )
+            found, seconds = self._look_at(known)
             rows = {name: measure_outfit(known, outfit) for name, outfit in found.items()}
             for name, part in rows.items():
-                for one, mean in zip(part, rows["mean_code"], strict=True):
+                mean_code = _MEANS[name]
+                for one, mean in zip(part, rows[mean_code], strict=True):
                     better = one["silhouette_iou"] > mean["silhouette_iou"]
-                    more = {} if name == "mean_code" else {"better_than_mean_share": float(better)}
-                    cost = {"fit_s": seconds} if name == "fitted" else {}
-                    measures[name].append({**one, **more, **cost})
-            shown.append(_shown(known, fitted))
+                    more = {} if name == mean_code else {"better_than_mean_share": float(better)}
+                    cost = {"fit_s": seconds[name]} if name in seconds else {}
+                    measures.setdefault(name, []).append({**one, **more, **cost})
+            shown.append(_shown(known, found["hung" if self._hang else "fitted"]))
         return self._rows(pictures, measures, split), shown
+
+    def _look_at(self, known: KnownPicture) -> tuple[dict[str, Outfit], dict[str, float]]:
+        """Garments found in a picture, those beside them, and seconds that finding some took."""
+        how = self._models, self._fit, self._meshing, self._seed
+        start = time.process_time()
+        (fitted,) = fit_picture(known.picture, *how)
+        seconds = {"fitted": time.process_time() - start}
+        mean_code = self._dress(
+            known,
+            {
+                name: codes_of_class(self._model(name), name).mean(axis=0)
+                for name in known.person.garments
+            },
+        )
+        found = {"fitted": fitted, "nearest": self._nearest(known), "mean_code": mean_code}
+        if self._hang:
+            (found["hung"],) = hang_picture(known.picture, [fitted], *how, self._hang)
+            seconds["hung"] = time.process_time() - start
+            hung = hang_outfit(mean_code, known.person, self._models, self._hang)
+            found["mean_code_hung"] = hung or mean_code
+        return found, seconds
 
     def _model(self, name: str) -> SmplicitModel:
         return self._models[GARMENT_CLASSES[name].model]

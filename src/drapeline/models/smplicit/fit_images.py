@@ -48,6 +48,7 @@ class FitImage:
         clearance: whether points near the silhouette may be closer to the garment than d_max.
         least_px: garments with fewer pixels are left out.
         smoothing: passes that smooth the motions of a sheet into the pose.
+        hang_frames: for which a cloth solver lets garments hang on people; 0 for skinning alone.
     """
 
     points: int = 150_000
@@ -64,6 +65,7 @@ class FitImage:
     clearance: bool = True
     least_px: int = 50
     smoothing: int = 20
+    hang_frames: int = 0
 
     @property
     def wearing(self) -> Wearing:

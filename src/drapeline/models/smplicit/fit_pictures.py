@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 import torch
 
-from drapeline.bodies.follow import PosedBody, pose_body
+from drapeline.bodies.follow import PosedBody, pose_body, with_cloth
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -17,12 +17,13 @@ from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
-from drapeline.outfits.worn import Wearing, wear
+from drapeline.outfits.worn import HungSheet, Wearing, wear
 from drapeline.rendering.camera import Camera
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, save_npz
 
 if TYPE_CHECKING:
+    from drapeline.bodies.model import BodyModel
     from drapeline.models.smplicit.model import Meshing, SmplicitModel
 
 # No garment at rest is further from the body: tops, trousers, and those with skirts.
@@ -41,6 +42,23 @@ class FittedGarment(NamedTuple):
     z: np.ndarray
     sheet: Mesh
     posed: Mesh
+
+
+class Hang(Protocol):
+    """Hangs sheets on people, see `drapeline.generation.moving_sheets.Hang`."""
+
+    def __call__(
+        self,
+        sheets: Mapping[str, Mesh],
+        body: "BodyModel",
+        gender: str,
+        shape: np.ndarray,
+        pose: np.ndarray,
+        trans: np.ndarray,
+        up: np.ndarray,
+    ) -> dict[str, HungSheet]:
+        """Sheets by garment type as they hang; none if that failed."""
+        ...
 
 
 class View(NamedTuple):
@@ -220,6 +238,110 @@ def fit_picture(
         )
         for i, (person, body) in enumerate(zip(picture.people, bodies, strict=True))
     ]
+
+
+def hang_picture(
+    picture: Picture,
+    people: Sequence[Mapping[str, FittedGarment]],
+    models: Mapping[str, "SmplicitModel"],
+    settings: FitImage,
+    meshing: "Meshing",
+    seed: int,
+    hang: Hang,
+) -> list[dict[str, FittedGarment]]:
+    """The garments of a picture as they hang on its people, with codes fitted to that.
+
+    This is ours. Skinned cloth neither hangs nor folds, and codes that are fitted with it make up
+    for that. Here the sheets hang on their wearers, points of space near them follow them from rest
+    into the pose, codes are fitted anew to these points, and their sheets hang once more.
+
+    Args:
+        picture, models, settings, meshing, seed: as of `fit_picture`.
+        people: what that has found.
+        hang: hangs sheets.
+
+    Returns:
+        As `fit_picture`; what cannot be hung stays as it is.
+    """
+    return [
+        _hang_person(picture, index, outfit, models, settings, meshing, seed, hang)
+        for index, outfit in enumerate(people)
+    ]
+
+
+def _hang_person(
+    picture: Picture,
+    index: int,
+    outfit: Mapping[str, FittedGarment],
+    models: Mapping[str, "SmplicitModel"],
+    settings: FitImage,
+    meshing: "Meshing",
+    seed: int,
+    hang: Hang,
+) -> dict[str, FittedGarment]:
+    person = picture.people[index]
+    body, wearer = _posed(person, models), Wearer(person.gender, person.shape)
+    hung = _hang_sheets(outfit, person, models, hang)
+    if not hung:
+        return dict(outfit)
+    codes = {}
+    for name, garment in outfit.items():
+        model = models[GARMENT_CLASSES[name].model]
+        codes[name] = model, garment.z
+        if name in hung:
+            around = with_cloth(body, hung[name].rest.vertices, hung[name].posed.vertices)
+            view = garment_view(picture, person, name, around)
+            label = f"{picture.name}, person {index + 1}, {name}"
+            known = codes_of_class(model, name)
+            (z,) = fit_codes_to_views(model, known, [view], [wearer], [label], settings, seed)
+            codes[name] = model, z
+    again = dress(body, wearer, codes, settings.wearing, meshing)
+    return hang_outfit(again, person, models, hang) or _hung(outfit, hung)
+
+
+def hang_outfit(
+    outfit: Mapping[str, FittedGarment],
+    person: Person,
+    models: Mapping[str, "SmplicitModel"],
+    hang: Hang,
+) -> dict[str, FittedGarment]:
+    """The garments of a person as they hang; nothing if that fails."""
+    hung = _hang_sheets(outfit, person, models, hang)
+    return _hung(outfit, hung) if hung else {}
+
+
+def _hang_sheets(
+    outfit: Mapping[str, FittedGarment],
+    person: Person,
+    models: Mapping[str, "SmplicitModel"],
+    hang: Hang,
+) -> dict[str, HungSheet]:
+    """Class -> sheet as it hangs. What is upright in the picture is taken for upright."""
+    hung = hang(
+        {GARMENT_CLASSES[name].garment: garment.sheet for name, garment in outfit.items()},
+        next(iter(models.values())).bodies[person.gender],
+        person.gender,
+        person.shape,
+        person.pose,
+        person.trans,
+        -person.camera.axes[1],
+    )
+    return {
+        name: hung[GARMENT_CLASSES[name].garment]
+        for name in outfit
+        if GARMENT_CLASSES[name].garment in hung
+    }
+
+
+def _hung(
+    outfit: Mapping[str, FittedGarment], hung: Mapping[str, HungSheet]
+) -> dict[str, FittedGarment]:
+    return {
+        name: garment._replace(sheet=hung[name].rest, posed=hung[name].posed)
+        if name in hung
+        else garment
+        for name, garment in outfit.items()
+    }
 
 
 def _posed(person: Person, models: Mapping[str, "SmplicitModel"]) -> PosedBody:

@@ -5,6 +5,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.metrics.table import find_value
 from drapeline.models.smplicit.evaluate_images import (
     PictureEvaluation,
     class_of_garment,
@@ -17,6 +18,7 @@ from drapeline.models.smplicit.fit_pictures import FittedGarment
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import CLASSES
 from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.outfits.worn import HungSheet
 from gallery_toys import TubeField, save_toy_model, training_codes
 from tiny_sample import write_tiny_sample
 
@@ -160,6 +162,39 @@ def test_what_is_shown_is_what_was_found(evaluated, pictures):
         (person,) = picture.people
         assert set(person.garments) == {"Skirt"}
         assert set(person.true) == {"Tshirt", "Skirt"}
+
+
+@pytest.mark.portable
+def test_hung_garments_stand_beside_the_mean_code_hung_as_well(models, pictures, monkeypatch):
+    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+    far = np.array([0, 0, 3.0], np.float32)
+    hung = []
+
+    def hang(sheets, *others):
+        hung.append(list(sheets))
+        shift = far if len(hung) % 3 else 0 * far  # the mean code is the third of a picture
+        return {
+            name: HungSheet(sheet, Mesh(sheet.vertices + shift, sheet.faces))
+            for name, sheet in sheets.items()
+        }
+
+    evaluation = PictureEvaluation(
+        models, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0, hang=hang
+    )
+    rows, shown = evaluation.run(pictures, "test")
+    assert hung == 3 * len(pictures) * [["Skirt"]]
+
+    def value(variant, metric):
+        return find_value(rows, f"smplicit_images_{variant}", "test", "Skirt", metric)
+
+    # Out of sight, it is worse than the mean code in its place.
+    assert value("hung", "silhouette_iou").value == 0
+    assert value("hung", "better_than_mean_share").value == 0
+    assert value("mean_code_hung", "silhouette_iou").value > 0
+    assert value("mean_code_hung", "better_than_mean_share") is None
+    assert value("hung", "fit_s").value >= value("fitted", "fit_s").value
+    for picture in shown:
+        assert picture.people[0].garments["Skirt"].vertices[:, 2].min() > 1
 
 
 def test_pictures_without_garments_are_refused(models, tiny):

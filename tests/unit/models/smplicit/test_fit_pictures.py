@@ -5,25 +5,28 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit import fit_pictures
 from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.fit_pictures import codes_of_class, fit_picture
+from drapeline.models.smplicit.fit_pictures import codes_of_class, fit_picture, hang_picture
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import CLASSES, Person, Picture
 from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.worn import HungSheet
 from gallery_toys import TubeField
 from smplicit_toys import toy_camera
 
 QUICK = FitImage(points=4000, rays=40, starts=3, rounds=2, steps=2)
 
 
-@pytest.mark.portable
-def test_every_person_gets_the_garments_that_the_picture_shows(fitting_model, skirt, monkeypatch):
-    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
-    classes = np.where(skirt, CLASSES.index("skirt"), 0).astype(np.uint8)
-    everywhere = np.ones_like(skirt)
+MESHING = Meshing(0.04, 0.028)
 
-    def person(garments):
-        return Person(
+
+def street(skirt, *outfits):
+    """A picture of people, each in some classes of garments."""
+    everywhere = np.ones_like(skirt)
+    people = tuple(
+        Person(
             "male",
             np.zeros(10),
             REST_POSE.copy(),
@@ -33,9 +36,17 @@ def test_every_person_gets_the_garments_that_the_picture_shows(fitting_model, sk
             ~everywhere,
             garments,
         )
+        for garments in outfits
+    )
+    classes = np.where(skirt, CLASSES.index("skirt"), 0).astype(np.uint8)
+    return Picture("street", classes, None, people)
 
-    picture = Picture("street", classes, None, (person(("skirt",)), person(())))
-    first, second = fit_picture(picture, {"skirt": fitting_model}, QUICK, Meshing(0.04, 0.028), 0)
+
+@pytest.mark.portable
+def test_every_person_gets_the_garments_that_the_picture_shows(fitting_model, skirt, monkeypatch):
+    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+    picture = street(skirt, ("skirt",), ())
+    first, second = fit_picture(picture, {"skirt": fitting_model}, QUICK, MESHING, 0)
     assert list(first) == ["skirt"]
     assert second == {}
     # At rest it is worn as it is.
@@ -60,17 +71,51 @@ def test_starts_are_garments_of_the_types_that_a_class_may_be(fitting_model):
 
 
 def test_missing_models_are_named(fitting_model, skirt):
-    everywhere = np.ones_like(skirt)
-    one = Person(
-        "male",
-        np.zeros(10),
-        REST_POSE.copy(),
-        np.zeros(3),
-        toy_camera(),
-        everywhere,
-        ~everywhere,
-        ("upper",),
-    )
-    picture = Picture("street", np.zeros(skirt.shape, np.uint8), None, (one,))
     with pytest.raises(InputError, match="street: shows garments of the model upper"):
-        fit_picture(picture, {"skirt": fitting_model}, QUICK, Meshing(0.04, 0.028), 0)
+        fit_picture(street(skirt, ("upper",)), {"skirt": fitting_model}, QUICK, MESHING, 0)
+
+
+class Lift:
+    """Hangs sheets 10 cm above where they are at rest, a number of times."""
+
+    def __init__(self, times):
+        self.times, self.ups = times, []
+
+    def __call__(self, sheets, body, gender, shape, pose, trans, up):
+        self.ups.append(up)
+        if len(self.ups) > self.times:
+            return {}
+        lifted = np.array([0, 0, 0.1], np.float32)
+        return {
+            name: HungSheet(sheet, Mesh(sheet.vertices + lifted, sheet.faces))
+            for name, sheet in sheets.items()
+        }
+
+
+@pytest.mark.portable
+@pytest.mark.parametrize("times", [0, 1, 2])
+def test_garments_hang_and_are_fitted_anew(fitting_model, skirt, monkeypatch, times):
+    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+    fitted, bodies = fit_pictures.fit_codes_to_views, []
+
+    def watched(model, codes, views, *others):
+        bodies.extend(len(view.body.rest) for view in views)
+        return fitted(model, codes, views, *others)
+
+    monkeypatch.setattr(fit_pictures, "fit_codes_to_views", watched)
+    how = {"skirt": fitting_model}, QUICK, MESHING, 0
+    picture, hang = street(skirt, ("skirt",)), Lift(times)
+    people = fit_picture(picture, *how)
+    (hung,) = hang_picture(picture, people, *how, hang)
+    before, after = people[0]["skirt"], hung["skirt"]
+    # The camera's picture is upright.
+    np.testing.assert_allclose(hang.ups[0], -toy_camera().axes[1])
+    assert len(hang.ups) == min(times + 1, 2)
+    if times == 0:
+        assert after is before
+        assert len(bodies) == 1
+        return
+    assert bodies == [bodies[0], bodies[0] + len(before.sheet.vertices)]
+    rise = after.posed.vertices - after.sheet.vertices
+    assert rise == pytest.approx(np.tile([0, 0, 0.1], (len(rise), 1)), abs=1e-6)
+    assert (after.z == before.z).all() == (times == 1)

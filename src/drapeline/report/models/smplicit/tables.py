@@ -15,6 +15,8 @@ MODELS = {
 }
 _PICTURED = {"images": "All models"}
 _VARIANTS = {
+    "hung": "Fitted code, hung by the cloth solver",
+    "mean_code_hung": "Mean code, hung by the cloth solver",
     "fitted": "Fitted code",
     "mean_code": "Mean code",
     "nearest": "Training code with the least loss",
@@ -82,7 +84,9 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
         "<p>Simulated samples of the test split, of the dataset and of the learning group, in"
         " motion. Body and camera are known, and the fit sees the segmentation alone. The mean code"
         " here is that of the garment's class, such as all dresses. The training code of the class"
-        " with the least loss is the fair opponent: it needs no fit. Intervals are from resampling"
+        " with the least loss is the fair opponent: it needs no fit. Garments are skinned, as in"
+        " the paper, or hang on the person by the fast cloth solver, with codes fitted to that;"
+        " both are compared with the mean code worn in the same way. Intervals are from resampling"
         " samples.</p>",
     )
 
