@@ -7,6 +7,7 @@ import pytest
 from trimesh.creation import icosphere
 
 from drapeline.bodies import self_collision
+from drapeline.bodies.inside_parts import InsideParts
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.parts import PAIRS, PART_NAMES, body_parts
 from drapeline.bodies.self_collision import segment_triangle_crossings, solve_self_collisions
@@ -199,3 +200,32 @@ def test_real_body_with_hanging_arms_is_solved(baked_bodies):
         assert not solution.unsolved().any()
         again = solve_self_collisions(corrected(vertices, solution), parts, gap_m=GAP_M)
         assert again.depth_m.max() < 0.005
+
+
+def one_after_another(start, parts, pairs):
+    """What `_solve_frame` moves, with each pair looked at when it is its turn."""
+    find_inside = InsideParts(parts)
+    vertices, active = start.copy(), list(pairs)
+    for _ in range(self_collision.PASSES):
+        before, crossing = vertices.copy(), []
+        for pair in active:
+            places = self_collision._Places(vertices, parts)
+            (meeting,) = self_collision._meetings(
+                vertices, before, parts, places, find_inside, [pair]
+            )
+            contact = self_collision._contact(vertices, parts, meeting, *pair)
+            if contact is not None:
+                crossing.append(pair)
+                self_collision._separate(vertices, parts, contact, GAP_M)
+        active = crossing
+    return vertices
+
+
+@pytest.mark.parametrize("angle_rad", [1.45, 1.6])
+def test_a_pair_is_looked_at_again_after_its_parts_were_pressed(toy_body, parts, angle_rad):
+    hunched = arms_down(angle_rad) + pose(left_elbow=(0, 0, -0.6)) - REST_POSE
+    vertices, solution = solve(toy_body, parts, hunched)
+    names = [[PART_NAMES.index(p.first), PART_NAMES.index(p.second)] for p in PAIRS]
+    expected = one_after_another(vertices[0], parts, names)
+    assert (solution.depth_m[0] > 0).sum() > 2
+    np.testing.assert_allclose(corrected(vertices, solution)[0], expected, atol=1e-6)
