@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drapeline.bodies.sequence import first_frames, load_body_sequence
-from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.generation.moving_sheets import simulate_sheets
+from drapeline.generation.moving_sheets import simulate_sheet
 from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
 from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.gallery import nearest_type
@@ -32,48 +31,36 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     record = load_body_sequence(snakemake.input.body)
     gender = GENDERS[record.gender]
     name, z = posed_prototype(snakemake.input.gallery)
-    garment = model.decode(
-        z, gender=gender, shape=record.shape, meshing=Meshing(**wanted.meshing)
-    ).sheet
+    wearer = {"gender": gender, "shape": record.shape}
+    garment = model.decode(z, **wearer, meshing=Meshing(**wanted.meshing)).sheet
     garment_type, body = nearest_type(z, model.codes), model.bodies[gender]
     worn = (garment, garment_type, body, record)
     displacement = None
     if snakemake.input.displacement:
-        trained = PoseDisplacement(snakemake.input.displacement)
-        displacement = trained.worn_by(gender=gender, shape=record.shape)
+        displacement = PoseDisplacement(snakemake.input.displacement).worn_by(**wearer)
 
     def clip(frames, skinning, displacement=None):
-        return worn_clip(
-            *worn,
-            frames,
-            skinning=skinning,
-            push_out=wanted.push_out,
-            displacement=displacement,
-        )
+        how = {"push_out": wanted.push_out, "displacement": displacement}
+        return worn_clip(*worn, frames, skinning=skinning, **how)
 
     frames = np.arange(min(wanted.frames, len(record.poses)))
     shown = frames[np.linspace(0, len(frames) - 1, wanted.shown).astype(int)]
     rows = {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS}
     if displacement is not None:
         rows["displaced,\nthen skinned"] = clip(shown, wanted.skinning, displacement)
-    simulated = None
+    moving = clip(frames, wanted.skinning, displacement)
     if wanted.simulate:
-        try:
-            sheets = simulate_sheets(
-                {garment_type: garment},
-                body,
-                first_frames(record, len(frames)),
-                cloth_solver(snakemake.threads),
-                edge_length_m=wanted.edge_length_m,
-                simulation=SimulationSettings(**wanted.simulation),
-                bounds=HealthBounds(**wanted.bounds),
-            )[garment_type].frames
-        except InputError as error:
-            log.warning("%s is skinned, not simulated: %s", name, error)
-        else:
-            simulated = place_clip(sheets, garment_type, body, record, frames)
-            rows["simulated"] = [simulated[frame] for frame in shown]
-    moving = simulated or clip(frames, wanted.skinning, displacement)
+        cloth = garment_type, garment, body, first_frames(record, len(frames))
+        simulated = simulate_sheet(
+            *cloth,
+            cloth_solver(snakemake.threads),
+            edge_length_m=wanted.edge_length_m,
+            simulation=SimulationSettings(**wanted.simulation),
+            bounds=HealthBounds(**wanted.bounds),
+        )
+        if simulated:
+            moving = place_clip(simulated, garment_type, body, record, frames)
+            rows["simulated"] = [moving[frame] for frame in shown]
     save_clip(snakemake.output.scene, moving)
     animate_clip(snakemake.output.moving, moving)
     plot_clip(snakemake.output.sheet, rows)

@@ -115,6 +115,38 @@ def simulate_sheets(
         }
 
 
+def simulate_sheet(
+    name: str,
+    sheet: Mesh,
+    body: BodyModel,
+    record: BodySequence,
+    solver: ClothSolver,
+    *,
+    edge_length_m: float,
+    simulation: SimulationSettings,
+    bounds: HealthBounds,
+) -> list[Mesh]:
+    """A single sheet of a garment type in every frame of a motion, see `simulate_sheets`.
+
+    Returns:
+        Nothing if the simulation is out of bounds, of which a warning is logged.
+    """
+    try:
+        moved = simulate_sheets(
+            {name: sheet},
+            body,
+            record,
+            solver,
+            edge_length_m=edge_length_m,
+            simulation=simulation,
+            bounds=bounds,
+        )
+    except InputError as error:
+        LOGGER.warning("skinned, not simulated: %s", error)
+        return []
+    return moved[name].frames
+
+
 @dataclass(frozen=True)
 class Hang:
     """Hangs sheets on people in one pose: from rest they go along into it, and wait there.
