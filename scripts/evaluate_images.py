@@ -9,13 +9,12 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.errors import InputError
-from drapeline.generation.moving_sheets import Hang
+from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.table import write_metrics
 from drapeline.models.smplicit.evaluate_images import PictureEvaluation, take_pictures
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.rule_log import rule_log
-from drapeline.simulation.attempts import SimulationSettings
 from drapeline.storage import atomic_folder
 from drapeline.xpbd.solver import cloth_solver
 
@@ -39,16 +38,13 @@ with rule_log(snakemake.log[0]):
     about = {"size_px": params.size_px, "seed": params.seed}
     pictures = take_pictures(dataset, models, count=params.dataset_pictures, **about)
     pictures += take_pictures(learning, models, count=len(learning), **about)
-    fit, hang = FitImage(**params.fit), None
-    if fit.hang_frames:
-        hang = Hang(
-            cloth_solver(snakemake.threads),
-            fit.hang_frames,
-            params.edge_length_m,
-            SimulationSettings(**params.simulation),
-        )
+    fit, solver = FitImage(**params.fit), cloth_solver(snakemake.threads)
     evaluation = PictureEvaluation(
-        models, fit=fit, meshing=Meshing(**params.meshing), seed=params.seed, hang=hang
+        models,
+        fit=fit,
+        meshing=Meshing(**params.meshing),
+        seed=params.seed,
+        hang=make_hang(solver, fit.hang_frames, **params.hanging),
     )
     rows, shown = evaluation.run(pictures, params.split)
     write_metrics(made.metrics, rows)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from drapeline.generation.moving_sheets import Hang
+from drapeline.generation.moving_sheets import make_hang
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     fit_picture,
@@ -15,7 +15,6 @@ from drapeline.models.smplicit.fit_pictures import (
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.rule_log import rule_log
-from drapeline.simulation.attempts import SimulationSettings
 from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
@@ -30,13 +29,8 @@ with rule_log(snakemake.log[0]) as log:
     picture = read_picture(given.picture, bodies, least_px=settings.least_px)
     how = models, settings, Meshing(**params.meshing), params.seed
     people = fit_picture(picture, *how)
-    if settings.hang_frames:
-        hang = Hang(
-            cloth_solver(snakemake.threads),
-            settings.hang_frames,
-            params.edge_length_m,
-            SimulationSettings(**params.simulation),
-        )
+    hang = make_hang(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    if hang:
         people = hang_picture(picture, people, *how, hang)
     write_fitted(made.folder, picture, people)
     shown_picture(picture, models, people).save(made.shown)

@@ -18,8 +18,10 @@ TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
 FIT = {"points": 20000, "rays": 20, "starts": 3, "rounds": 1, "steps": 2}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
 HANGING = {
-    "edge_length_m": 0.05,
-    "simulation": {"steps_min": 4, "steps_max": 4, "shape_frames": 1, "pose_frames": 1},
+    "hanging": {
+        "edge_length_m": 0.05,
+        "simulation": {"steps_min": 4, "steps_max": 4, "shape_frames": 1, "pose_frames": 1},
+    }
 }
 
 

@@ -7,6 +7,11 @@ from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 SMPLICIT = f"{RESULTS}/smplicit"
 SMPLICIT_MODELS = config["smplicit"]["models"]
 GALLERY = config["smplicit"]["gallery"]
+# How the cloth solver lets decoded garments hang on people.
+HANGING = {
+    "edge_length_m": config["static"]["edge_length_m"],
+    "simulation": config["simulation"]["settings"],
+}
 METRIC_TABLES["metrics"] += [f"smplicit_{model}" for model in SMPLICIT_MODELS]
 # Types on which all models are compared, as far as a model here has learned them.
 SMPLICIT_COMPARED = [

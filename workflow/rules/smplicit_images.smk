@@ -22,8 +22,7 @@ rule fit_picture:
     params:
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
-        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
-        simulation=lookup(dpath="simulation/settings", within=config),
+        hanging=HANGING,
         seed=config["seed"],
         code=source_hash("fit_picture"),
     script:
@@ -89,8 +88,7 @@ rule evaluate_images:
         learning_samples=[sample for _, sample in PICTURED_LEARNING],
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
-        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
-        simulation=lookup(dpath="simulation/settings", within=config),
+        hanging=HANGING,
         seed=config["seed"],
         code=source_hash("evaluate_images"),
     script:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import igl
 import numpy as np
@@ -116,15 +116,7 @@ def simulate_sheets(
 
 
 def simulate_sheet(
-    name: str,
-    sheet: Mesh,
-    body: BodyModel,
-    record: BodySequence,
-    solver: ClothSolver,
-    *,
-    edge_length_m: float,
-    simulation: SimulationSettings,
-    bounds: HealthBounds,
+    name: str, sheet: Mesh, body: BodyModel, record: BodySequence, solver: ClothSolver, **how: Any
 ) -> list[Mesh]:
     """A single sheet of a garment type in every frame of a motion, see `simulate_sheets`.
 
@@ -132,19 +124,24 @@ def simulate_sheet(
         Nothing if the simulation is out of bounds, of which a warning is logged.
     """
     try:
-        moved = simulate_sheets(
-            {name: sheet},
-            body,
-            record,
-            solver,
-            edge_length_m=edge_length_m,
-            simulation=simulation,
-            bounds=bounds,
-        )
+        return simulate_sheets({name: sheet}, body, record, solver, **how)[name].frames
     except InputError as error:
         LOGGER.warning("skinned, not simulated: %s", error)
         return []
-    return moved[name].frames
+
+
+def make_hang(
+    solver: ClothSolver, frames: int, *, edge_length_m: float, simulation: Mapping[str, Any]
+) -> "Hang | None":
+    """See `Hang`; nothing for no frames.
+
+    Args:
+        solver, frames, edge_length_m: see there.
+        simulation: settings of simulations, as in the config.
+    """
+    if not frames:
+        return None
+    return Hang(solver, frames, edge_length_m, SimulationSettings(**simulation))
 
 
 @dataclass(frozen=True)
