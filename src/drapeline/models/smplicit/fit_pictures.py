@@ -1,6 +1,7 @@
 """Dressed people from pictures: codes, sheets at rest, and sheets worn in layers (SMPLicit 4.3)."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -284,6 +285,8 @@ def _hang_person(
     hung = _hang_sheets(outfit, person, models, hang)
     if not hung:
         return dict(outfit)
+    # Codes are near where they go, so that half of the rounds are enough.
+    fit = replace(settings, rounds=(settings.rounds + 1) // 2)
     codes = {}
     for name, garment in outfit.items():
         model = models[GARMENT_CLASSES[name].model]
@@ -293,7 +296,7 @@ def _hang_person(
             view = garment_view(picture, person, name, around)
             label = f"{picture.name}, person {index + 1}, {name}"
             known = codes_of_class(model, name)
-            (z,) = fit_codes_to_views(model, known, [view], [wearer], [label], settings, seed)
+            (z,) = fit_codes_to_views(model, known, [view], [wearer], [label], fit, seed)
             codes[name] = model, z
     again = dress(body, wearer, codes, settings.wearing, meshing)
     return hang_outfit(again, person, models, hang) or _hung(outfit, hung)
