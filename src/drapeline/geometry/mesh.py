@@ -135,6 +135,14 @@ def boundary_loops(faces: np.ndarray) -> list[np.ndarray]:
     return sorted(loops, key=len, reverse=True)
 
 
+def loop_count(faces: np.ndarray) -> int:
+    """Number of boundary loops; -1 if the surface is no manifold there."""
+    try:
+        return len(boundary_loops(faces))
+    except ValueError:
+        return -1
+
+
 def face_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Unit normals (..., F, 3) of triangles on vertices (..., V, 3); zero where the area is."""
     a, b, c = (np.take(vertices, corner, axis=-2) for corner in triangles.T)

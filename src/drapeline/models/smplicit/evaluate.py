@@ -15,8 +15,8 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import (
     Mesh,
-    boundary_loops,
     face_normals,
+    loop_count,
     mean_edge_length,
     triangulate,
 )
@@ -186,14 +186,6 @@ def surface_measures(sheet: Mesh, true: Mesh, body: Mesh) -> Measures:
         "openings_right": float(same),
         **shape_measures(sheet, body.vertices, body.faces),
     }
-
-
-def loop_count(faces: np.ndarray) -> int:
-    """Number of boundary loops; -1 if the surface is no manifold there."""
-    try:
-        return len(boundary_loops(faces))
-    except ValueError:
-        return -1
 
 
 def _normal_error_deg(sheet: Mesh, true: Mesh, nearest: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from drapeline.bodies.follow import PosedBody, pose_body, with_cloth
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
@@ -254,7 +254,8 @@ def hang_picture(
 
     This is ours. Skinned cloth neither hangs nor folds, and codes that are fitted with it make up
     for that. Here the sheets hang on their wearers, points of space near them follow them from rest
-    into the pose, codes are fitted anew to these points, and their sheets hang once more.
+    into the pose, codes are fitted anew to these points, and their sheets hang once more. A code
+    that has another number of openings now is another kind of garment, and the first one stays.
 
     Args:
         picture, models, settings, meshing, seed: as of `fit_picture`.
@@ -299,6 +300,10 @@ def _hang_person(
             (z,) = fit_codes_to_views(model, known, [view], [wearer], [label], fit, seed)
             codes[name] = model, z
     again = dress(body, wearer, codes, settings.wearing, meshing)
+    for name, garment in outfit.items():
+        # Hung trousers and hung skirts may look alike from one side.
+        if loop_count(again[name].sheet.faces) != loop_count(garment.sheet.faces):
+            again[name] = garment
     return hang_outfit(again, person, models, hang) or _hung(outfit, hung)
 
 

@@ -11,9 +11,8 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import Mesh, triangulate
+from drapeline.geometry.mesh import Mesh, loop_count, triangulate
 from drapeline.metrics.properties import PROPERTIES, measure_properties, properties_of
-from drapeline.models.smplicit.evaluate import loop_count
 from drapeline.models.smplicit.files import TrainingCodes
 from drapeline.models.smplicit.latent import (
     CodeGaussian,

@@ -10,12 +10,11 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
 from drapeline.metrics.predictions import GalleryGarment
 from drapeline.metrics.properties import PROPERTIES, measure_properties, properties_of
-from drapeline.models.smplicit.evaluate import loop_count
 from drapeline.models.smplicit.gallery import CodeSpace, Shown, nearest_type
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.properties import region_of

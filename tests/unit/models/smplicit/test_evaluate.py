@@ -3,7 +3,7 @@ import pytest
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
-from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.models.smplicit import evaluate
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
@@ -12,7 +12,6 @@ from drapeline.models.smplicit.evaluate import (
     constant_errors,
     field_errors,
     fit_held_out,
-    loop_count,
     some_points,
     surface_measures,
     true_meshes,

@@ -119,3 +119,17 @@ def test_garments_hang_and_are_fitted_anew(fitting_model, skirt, monkeypatch, ti
     rise = after.posed.vertices - after.sheet.vertices
     assert rise == pytest.approx(np.tile([0, 0, 0.1], (len(rise), 1)), abs=1e-6)
     assert (after.z == before.z).all() == (times == 1)
+
+
+@pytest.mark.portable
+def test_a_code_of_another_kind_of_garment_is_not_taken(fitting_model, skirt, monkeypatch):
+    how = {"skirt": fitting_model}, QUICK, MESHING, 0
+    picture = street(skirt, ("skirt",))
+    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+    people = fit_picture(picture, *how)
+    whole = people[0]["skirt"].sheet
+    torn = Mesh(whole.vertices, whole.faces[len(whole.faces) // 2 + 40 :])
+    people[0]["skirt"] = people[0]["skirt"]._replace(sheet=torn)
+    (hung,) = hang_picture(picture, people, *how, Lift(2))
+    assert (hung["skirt"].z == people[0]["skirt"].z).all()
+    assert len(hung["skirt"].sheet.faces) == len(torn.faces)
