@@ -62,6 +62,7 @@ REGISTER_TO_BODY = REGISTER_SAMPLES | {"register_static", "plot_registration"}
 FIT_TEMPLATES = {"fit_sample_templates", "fit_static_templates", "fit_learning_templates"}
 IMPORT_MOTIONS = {"import_motion", "import_learning_motions"}
 ANIMATE = {"animate_body", "simulate_learning"}
+HANG = FIT_IMAGES | {"pose_smplicit_garment"}
 # File -> the rules whose code it is part of. Rules that read their results follow.
 RERUN = {
     "motions/retarget.py": IMPORT_MOTIONS,
@@ -69,7 +70,8 @@ RERUN = {
     "motions/variation.py": ANIMATE,
     "generation/sample.py": {"simulate_learning"},
     "bodies/bake.py": {"bake_body"},
-    "bodies/self_collision.py": ANIMATE,
+    "bodies/self_collision.py": ANIMATE | HANG,
+    "generation/moving_sheets.py": HANG,
     "bodies/sampling.py": ANIMATE | {"make_static_outfits"},
     "bodies/weight_transfer.py": {
         *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
@@ -85,11 +87,11 @@ RERUN = {
     | TRAIN_DISPLACEMENT,
     "outfits/patterns/upper.py": {"build_templates"} | MAKE_GARMENTS,
     "outfits/generate.py": MAKE_GARMENTS,
-    "outfits/fabrics.py": MAKE_GARMENTS | SIMULATE,
+    "outfits/fabrics.py": MAKE_GARMENTS | SIMULATE | HANG,
     "outfits/generate_static.py": {"make_static_outfits"},
-    "simulation/simulate.py": SIMULATE,
+    "simulation/simulate.py": SIMULATE | HANG,
     "blender/cloth.py": {"simulate_outfit"},
-    "xpbd/stepping.py": {"simulate_learning"},
+    "xpbd/stepping.py": {"simulate_learning"} | HANG,
     "dataset/writer.py": {"write_sample", "simulate_learning", "reconstruct_garment"},
     "dataset/card.py": {"collect_dataset"},
     "dataset/gltf.py": {

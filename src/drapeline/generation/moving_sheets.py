@@ -23,6 +23,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, boundary_edges, mean_edge_length
 from drapeline.geometry.point_cache import PointCache
+from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.worn import HungSheet, wear_in_layers
@@ -32,7 +33,7 @@ from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
 from drapeline.simulation.solver import ClothSolver
 
-_FABRIC = "cotton"
+_FABRIC = next(iter(FABRICS))  # cotton
 _BAND_M = 0.02  # width of a waistband
 _SLANT_M = 0.06  # from the highest to the lowest point of a waist
 _UP = np.array([0.0, 0.0, 1.0])
