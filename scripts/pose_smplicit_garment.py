@@ -33,8 +33,7 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     name, z = posed_prototype(snakemake.input.gallery)
     wearer = {"gender": gender, "shape": record.shape}
     garment = model.decode(z, **wearer, meshing=Meshing(**wanted.meshing)).sheet
-    garment_type, body = nearest_type(z, model.codes), model.bodies[gender]
-    worn = (garment, garment_type, body, record)
+    worn = garment, nearest_type(z, model.codes), model.bodies[gender], record
     displacement = None
     if snakemake.input.displacement:
         displacement = PoseDisplacement(snakemake.input.displacement).worn_by(**wearer)
@@ -48,19 +47,21 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     rows = {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS}
     if displacement is not None:
         rows["displaced,\nthen skinned"] = clip(shown, wanted.skinning, displacement)
-    moving = clip(frames, wanted.skinning, displacement)
+    simulated = []
     if wanted.simulate:
-        cloth = garment_type, garment, body, first_frames(record, len(frames))
         simulated = simulate_sheet(
-            *cloth,
+            *worn[:3],
+            first_frames(record, len(frames)),
             cloth_solver(snakemake.threads),
             edge_length_m=wanted.edge_length_m,
             simulation=SimulationSettings(**wanted.simulation),
             bounds=HealthBounds(**wanted.bounds),
         )
-        if simulated:
-            moving = place_clip(simulated, garment_type, body, record, frames)
-            rows["simulated"] = [moving[frame] for frame in shown]
+    if simulated:
+        moving = place_clip(simulated, *worn[1:], frames)
+        rows["simulated"] = [moving[frame] for frame in shown]
+    else:
+        moving = clip(frames, wanted.skinning, displacement)
     save_clip(snakemake.output.scene, moving)
     animate_clip(snakemake.output.moving, moving)
     plot_clip(snakemake.output.sheet, rows)

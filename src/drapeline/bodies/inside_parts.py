@@ -75,14 +75,16 @@ class InsideParts:
 
     def __init__(self, parts: BodyParts) -> None:
         start_warp()
-        count = parts.normal_of.shape[0]
-        self._points, self._before = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in "ab")
+        count = parts.faces_of.shape[0]
+        self._points, self._before = (
+            wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
+        )
         faces, first, numbers = (
             wp.array(np.ascontiguousarray(x, dtype=np.int32), dtype=kind, device=_DEVICE)
             for x, kind in (
                 (parts.faces, wp.vec3i),
-                (parts.normal_of.indptr, int),
-                (parts.normal_of.indices, int),
+                (parts.faces_of.indptr, int),
+                (parts.faces_of.indices, int),
             )
         )
         self._body = [self._points, self._before, faces, first, numbers]

@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import JOINT_NAMES
-from drapeline.geometry.mesh import cross_rows, edges
+from drapeline.geometry.mesh import edges
 
 TORSO = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
 LIMBS = {
@@ -100,7 +100,7 @@ class BodyParts:
         part_vertices: ids of each part's vertices.
         part_edges: (E', 2) edges within each part.
         part_faces: (F', 3) faces with two or three corners in each part.
-        normal_of: (V, F) sparse, sums face vectors to vertices.
+        faces_of: (V, F) sparse, with ones where a face has a vertex.
         neighbours: (V, V) sparse adjacency with ones on the diagonal.
         seam: (V, P) bool, vertices within two rings of each part: where parts join, their
             closeness means nothing.
@@ -110,32 +110,18 @@ class BodyParts:
     part_vertices: tuple[np.ndarray, ...]
     part_edges: tuple[np.ndarray, ...]
     part_faces: tuple[np.ndarray, ...]
-    normal_of: csr_matrix
+    faces_of: csr_matrix
     neighbours: csr_matrix
     seam: np.ndarray
 
-    def normals(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
-        """Outward unit normals (n, 3) of the vertices `ids` (n,) of a body (V, 3)."""
-        faces, own = row_entries(self.normal_of, ids)
-        a, b, c = (vertices[self.faces[faces, i]] for i in range(3))
-        products = cross_rows(b - a, c - a)
-        total = np.stack([np.bincount(own, axis, len(ids)) for axis in products.T], axis=1)
-        return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20)
-
     def around(self, ids: np.ndarray) -> np.ndarray:
         """Vertices `ids` (n,) and those that share an edge with one of them, sorted."""
-        return np.unique(row_entries(self.neighbours, ids)[0])
-
-
-def row_entries(matrix: csr_matrix, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (k,) of the entries in some rows of a sparse matrix, and which row (k,) of these."""
-    counts = matrix.indptr[rows + 1] - matrix.indptr[rows]
-    own = np.repeat(np.arange(len(rows)), counts)
-    first = np.cumsum(counts) - counts
-    places = (
-        np.arange(counts.sum()) - np.repeat(first, counts) + np.repeat(matrix.indptr[rows], counts)
-    )
-    return matrix.indices[places], own
+        starts = self.neighbours.indptr[ids]
+        counts = self.neighbours.indptr[ids + 1] - starts
+        # Places of all entries of these rows; slicing the matrix takes several times as long.
+        first = np.cumsum(counts) - counts
+        places = np.arange(counts.sum()) + np.repeat(starts - first, counts)
+        return np.unique(self.neighbours.indices[places])
 
 
 def part_of_joint() -> np.ndarray:

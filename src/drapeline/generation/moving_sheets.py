@@ -117,9 +117,9 @@ def simulate_sheets(
 
 
 def simulate_sheet(
-    name: str, sheet: Mesh, body: BodyModel, record: BodySequence, solver: ClothSolver, **how: Any
+    sheet: Mesh, name: str, body: BodyModel, record: BodySequence, solver: ClothSolver, **how: Any
 ) -> list[Mesh]:
-    """A single sheet of a garment type in every frame of a motion, see `simulate_sheets`.
+    """A sheet of the garment type `name` in every frame of a motion, see `simulate_sheets`.
 
     Returns:
         Nothing if the simulation is out of bounds, of which a warning is logged.

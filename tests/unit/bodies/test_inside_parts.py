@@ -29,20 +29,24 @@ def arms_at(body, angle_rad):
 
 
 def behind(vertices, before, faces, ids, others):
-    """The rule, one vertex after another."""
+    """The rule, one by one: ids of vertices inside, and of those that rounding decides."""
+    inside, unsure = [], []
     if not len(others):
-        return ids[:0]
-    normals = vertex_normals(before, faces)
-    inside = []
+        return inside, unsure
+    normals = vertex_normals(before.astype(float), faces)
     for vertex in ids:
         ways = vertices[vertex].astype(float) - vertices[others]
         distance = np.linalg.norm(ways, axis=1)
         k = distance.argmin()
-        height = ways[k] @ normals[others[k]]
-        steep = distance[k] < 0.015 or height < -0.5 * distance[k]
-        if distance[k] < 0.06 and height < 0 and steep:
+        away, height = distance[k], ways[k] @ normals[others[k]]
+        steep = away < 0.015 or height < -0.5 * away
+        if away < 0.06 and height < 0 and steep:
             inside.append(vertex)
-    return np.array(inside, dtype=int)
+        second = np.partition(distance, 1)[1]
+        close = [away - 0.06, height, away - 0.015, height + 0.5 * away, second - away]
+        if np.abs(close).min() < 1e-5:
+            unsure.append(vertex)
+    return inside, unsure
 
 
 @pytest.mark.parametrize("angle_rad", [1.4, 1.5, 1.7])
@@ -53,8 +57,9 @@ def test_a_slow_twin_agrees(toy_body, parts, angle_rad):
     questions = [(left, torso), (torso, left), (right[:0], torso), (right, torso), (torso, right)]
     found = InsideParts(parts)(vertices, before, questions)
     for (ids, others), inside in zip(questions, found, strict=True):
-        expected = behind(vertices, before, parts.faces, ids, others)
-        np.testing.assert_array_equal(inside, expected)
+        expected, unsure = behind(vertices, before, parts.faces, ids, others)
+        assert len(unsure) < 0.1 * len(ids) + 1
+        np.testing.assert_array_equal(np.setdiff1d(inside, unsure), np.setdiff1d(expected, unsure))
     assert sum(map(len, found)) > 10
 
 

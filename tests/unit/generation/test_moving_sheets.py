@@ -101,15 +101,15 @@ def test_bad_input_is_refused(toy_body, record, skirt):
 
 
 SITTING = REST_POSE.copy()
-SITTING[3:9] += [-0.6, 0, 0, -0.6, 0, 0]
+SITTING[3:9] += [-1.2, 0, 0, -1.2, 0, 0]
 TRANS = np.array([0.3, -1.0, 2.0])
 HANG = Hang(cloth_solver(1), 3, 0.01, SETTINGS)
 
 
-def hang(sheets, toy_body, turn):
-    """Sheets on a sitting body in a world that was turned."""
-    pose = SITTING.copy()
-    pose[:3] = (turn * Rotation.from_rotvec(SITTING[:3])).as_rotvec()
+def hang(sheets, toy_body, turn, pose=SITTING):
+    """Sheets on a body in a pose, in a world that was turned."""
+    pose = pose.copy()
+    pose[:3] = (turn * Rotation.from_rotvec(pose[:3])).as_rotvec()
     up = turn.apply([0.0, 0, 1])
     return HANG(sheets, toy_body, "female", np.zeros(10), pose, TRANS, up)
 
@@ -124,14 +124,17 @@ def test_a_skirt_hangs_on_a_sitting_body(toy_body, skirt):
     front = skirt.vertices[:, 1] < -0.2
     low = skirt.vertices[:, 2] < -0.4
     rise = hung.posed.vertices[:, 2] - TRANS[2] - skirt.vertices[:, 2]
-    assert rise[front & low].mean() > 0.03
+    assert rise[front & low].mean() > 0.05
 
 
 @pytest.mark.parametrize("rotvec", [(np.pi, 0, 0), (-np.pi / 2, 0, 0), (0.3, -0.8, 0.4)])
 def test_hanging_turns_with_the_world(toy_body, skirt, rotvec):
     turn = Rotation.from_rotvec(rotvec)
-    upright = hang({"Skirt": skirt}, toy_body, Rotation.identity())["Skirt"].posed
-    turned = hang({"Skirt": skirt}, toy_body, turn)["Skirt"].posed
+    # At rest, where cloth and body hardly touch; contacts make much of the last digit.
+    upright, turned = (
+        hang({"Skirt": skirt}, toy_body, way, REST_POSE)["Skirt"].posed
+        for way in (Rotation.identity(), turn)
+    )
     # What is turned is upright again for the solver, but may face another way.
     expected = turn.apply(upright.vertices - TRANS) + TRANS
     assert np.linalg.norm(turned.vertices - expected, axis=1).mean() < 0.004

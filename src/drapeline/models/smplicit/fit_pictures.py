@@ -304,6 +304,8 @@ def _hang_person(
         # Hung trousers and hung skirts may look alike from one side.
         if loop_count(again[name].sheet.faces) != loop_count(garment.sheet.faces):
             again[name] = garment
+    if all(again[name] is garment for name, garment in outfit.items()):
+        return _hung(outfit, hung)
     return hang_outfit(again, person, models, hang) or _hung(outfit, hung)
 
 

@@ -130,6 +130,8 @@ def test_a_code_of_another_kind_of_garment_is_not_taken(fitting_model, skirt, mo
     whole = people[0]["skirt"].sheet
     torn = Mesh(whole.vertices, whole.faces[len(whole.faces) // 2 + 40 :])
     people[0]["skirt"] = people[0]["skirt"]._replace(sheet=torn)
-    (hung,) = hang_picture(picture, people, *how, Lift(2))
+    hang = Lift(2)
+    (hung,) = hang_picture(picture, people, *how, hang)
+    assert len(hang.ups) == 1  # there is nothing else to hang
     assert (hung["skirt"].z == people[0]["skirt"].z).all()
     assert len(hung["skirt"].sheet.faces) == len(torn.faces)
