@@ -15,30 +15,30 @@ from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
 
-_DEVICE = "cpu"
 _TORN = wp.constant(1.4)  # stretch from which cloth lets go of what it is not worn on
 _FAR = wp.constant(1.0e3)  # metres, where nothing is near
 _SKIN = wp.constant(1.0e-5)  # metres above a surface, where a ray from it starts
 
 
+@wp.func
+def _face_normal(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
+    a = points[face[0]]
+    return wp.cross(points[face[1]] - a, points[face[2]] - a)
+
+
 @wp.kernel
-def _sum_face_normals(
+def _find_normals(
     points: wp.array(dtype=wp.vec3),
     faces: wp.array(dtype=wp.vec3i),
+    first: wp.array(dtype=int),
+    beside: wp.array(dtype=int),  # faces at a vertex, from its `first` to that of the next
     normals: wp.array(dtype=wp.vec3),
 ):
-    face = faces[wp.tid()]
-    a = points[face[0]]
-    normal = wp.cross(points[face[1]] - a, points[face[2]] - a)
-    wp.atomic_add(normals, face[0], normal)
-    wp.atomic_add(normals, face[1], normal)
-    wp.atomic_add(normals, face[2], normal)
-
-
-@wp.kernel
-def _make_unit(normals: wp.array(dtype=wp.vec3)):
     i = wp.tid()
-    normals[i] = wp.normalize(normals[i])
+    normal = wp.vec3()
+    for k in range(first[i], first[i + 1]):
+        normal += _face_normal(points, faces[beside[k]])
+    normals[i] = wp.normalize(normal)
 
 
 @wp.kernel
@@ -57,12 +57,6 @@ def _blend(values: wp.array(dtype=wp.vec3), face: wp.vec3i, weights: wp.vec3):
     return (
         values[face[0]] * weights[0] + values[face[1]] * weights[1] + values[face[2]] * weights[2]
     )
-
-
-@wp.func
-def _face_normal(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
-    a = points[face[0]]
-    return wp.cross(points[face[1]] - a, points[face[2]] - a)
 
 
 @wp.kernel
@@ -263,21 +257,22 @@ class BodySurface:
     def __init__(self, body: MovingBody, garments: Sequence[np.ndarray]) -> None:
         vertices, count = body.frame(0), sum(map(len, garments))
         flat = np.ascontiguousarray(body.faces, dtype=np.int32)
-        self._faces = wp.array(flat, dtype=wp.vec3i, device=_DEVICE)
+        self._faces = wp.array(flat, dtype=wp.vec3i)
         self._start, self._end, self._points = (
-            wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=_DEVICE) for _ in range(3)
+            wp.array(vertices.astype(np.float32), dtype=wp.vec3) for _ in range(3)
         )
         self._start_normals, self._end_normals = (wp.zeros_like(self._end) for _ in range(2))
-        self._find_normals(self._end, self._end_normals)
+        self._beside = _faces_beside(flat, len(vertices))
+        self._find_normals()
         homes = home_limbs(vertices, body.segments, np.concatenate(garments))
         *limbs, whole = split_limbs(vertices, body.faces, body.segments)
         parts = [*(p if (homes == k).any() else p[:0] for k, p in enumerate(limbs)), whole]
         self._meshes = [self._index(flat[part]) for part in parts]
         ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64)
         self._parts = [
-            wp.array(ids, dtype=wp.uint64, device=_DEVICE),
+            wp.array(ids, dtype=wp.uint64),
             *(
-                wp.array(numbers.astype(np.int32), dtype=int, device=_DEVICE)
+                wp.array(numbers.astype(np.int32), dtype=int)
                 for numbers in (
                     np.cumsum([0, *map(len, parts)])[:-1],
                     np.concatenate(parts),
@@ -286,44 +281,41 @@ class BodySurface:
                 )
             ),
         ]
-        self.anchor = wp.full(count, -1, dtype=int, device=_DEVICE)
-        self.strange = wp.zeros(count, dtype=int, device=_DEVICE)
-        self._searched = wp.zeros(count, dtype=int, device=_DEVICE)
+        self.anchor = wp.full(count, -1, dtype=int)
+        self.strange = wp.zeros(count, dtype=int)
+        self._searched = wp.zeros(count, dtype=int)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
         )
-        self.room = wp.zeros(count, dtype=wp.vec2, device=_DEVICE)
+        self.room = wp.zeros(count, dtype=wp.vec2)
 
     def _index(self, faces: np.ndarray) -> wp.Mesh:
         """Some of the faces (F', 3) for queries; one far away if there are none."""
         if not len(faces):
-            far = wp.array(np.full((3, 3), 1e6, np.float32), dtype=wp.vec3, device=_DEVICE)
-            return wp.Mesh(far, wp.array([0, 1, 2], dtype=wp.int32, device=_DEVICE))
-        return wp.Mesh(self._points, wp.array(faces.ravel(), dtype=wp.int32, device=_DEVICE))
+            far = wp.array(np.full((3, 3), 1e6, np.float32), dtype=wp.vec3)
+            return wp.Mesh(far, wp.array([0, 1, 2], dtype=wp.int32))
+        return wp.Mesh(self._points, wp.array(faces.ravel(), dtype=wp.int32))
 
     def move_to(self, vertices: np.ndarray) -> None:
         """Begin a frame, at whose end the surface is at vertices (B, 3)."""
-        self._start, self._end = self._end, self._start
-        self._start_normals, self._end_normals = self._end_normals, self._start_normals
+        wp.copy(self._start, self._end)
+        wp.copy(self._start_normals, self._end_normals)
         self._end.assign(vertices)
-        self._find_normals(self._end, self._end_normals)
+        self._find_normals()
 
     @property
     def ends(self) -> tuple[wp.array, wp.array, wp.array]:
         """Vertices (B, 3) at both ends of the frame, and their normals at its end."""
         return self._start, self._end, self._end_normals
 
-    def _find_normals(self, points: wp.array, normals: wp.array) -> None:
-        normals.zero_()
+    def _find_normals(self) -> None:
         wp.launch(
-            _sum_face_normals,
-            dim=len(self._faces),
-            inputs=[points, self._faces],
-            outputs=[normals],
-            device=_DEVICE,
+            _find_normals,
+            dim=len(self._end),
+            inputs=[self._end, self._faces, *self._beside],
+            outputs=[self._end_normals],
         )
-        wp.launch(_make_unit, dim=len(points), outputs=[normals], device=_DEVICE)
 
     def find_anchors(
         self,
@@ -346,7 +338,6 @@ class BodySurface:
             dim=len(self._points),
             inputs=[self._start, self._end, clock],
             outputs=[self._points],
-            device=_DEVICE,
         )
         for mesh in self._meshes:
             mesh.refit()
@@ -363,7 +354,6 @@ class BodySurface:
                 *(self.anchor, self._weights, self._away, self.strange, self._searched),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
-            device=_DEVICE,
         )
         wp.launch(
             _find_room,
@@ -374,9 +364,16 @@ class BodySurface:
                 *(self.from_normal, self.to_normal, room_m),
             ],
             outputs=[self.room],
-            device=_DEVICE,
         )
 
 
 def _vectors(count: int) -> wp.array:
-    return wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
+    return wp.zeros(count, dtype=wp.vec3)
+
+
+def _faces_beside(faces: np.ndarray, count: int) -> tuple[wp.array, wp.array]:
+    """Faces at each of so many vertices: where a vertex's begin (V + 1,), and their numbers."""
+    corners = faces.ravel()
+    first = np.concatenate([[0], np.cumsum(np.bincount(corners, minlength=count))])
+    beside = np.argsort(corners, kind="stable") // 3
+    return tuple(wp.array(v.astype(np.int32), dtype=int) for v in (first, beside))

@@ -10,10 +10,10 @@ import warp as wp
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.contact import RELEASED_M, STICKING_M, held_slip
 from drapeline.xpbd.limbs import hand_numbers
+from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
-_DEVICE = "cpu"
 _SLOTS = 4  # triangles that may cover a vertex
 _MOST = wp.constant(_SLOTS)
 _FACING = wp.constant(0.3)  # least cosine between the normals of cloth and the body beneath it
@@ -89,6 +89,7 @@ def lift_covers(
     gap: float,
     reach: float,
     friction: wp.array(dtype=float),
+    moves: Moves,
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -121,14 +122,11 @@ def lift_covers(
             push = depth - old + released
             most = friction[0] * (push - released + STICKING_M)
             slip = held_slip((p + n * hit[0] - then) - (p - o), n, most)
-            move = (n * push - slip) * share
+            shift = (n * push - slip) * share
             lift = n * (released * share)
-            place[c[0]] = a + move * wa
-            place[c[1]] = place[c[1]] + move * wb
-            place[c[2]] = place[c[2]] + move * wc
-            before[c[0]] = before[c[0]] + lift * wa
-            before[c[1]] = before[c[1]] + lift * wb
-            before[c[2]] = before[c[2]] + lift * wc
+            move(moves, place, before, c[0], w, a, shift * wa, lift * wa)
+            move(moves, place, before, c[1], u, place[c[1]], shift * wb, lift * wb)
+            move(moves, place, before, c[2], v, place[c[2]], shift * wc, lift * wc)
 
 
 class CoveredVertices:
@@ -144,11 +142,11 @@ class CoveredVertices:
         self._cloth = cloth
         used = np.unique(faces)
         chosen = used[hand_numbers(used[:, None], segments) == 0].astype(np.int32)
-        self._vertices = wp.array(chosen, dtype=int, device=_DEVICE)
-        self.count = wp.zeros(len(chosen), dtype=int, device=_DEVICE)
-        self.covers = wp.zeros((len(chosen), _SLOTS), dtype=int, device=_DEVICE)
+        self._vertices = wp.array(chosen, dtype=int)
+        self.count = wp.zeros(len(chosen), dtype=int)
+        self.covers = wp.zeros((len(chosen), _SLOTS), dtype=int)
         self.from_place, self.to_place, self.up = (
-            wp.zeros(len(chosen), dtype=wp.vec3, device=_DEVICE) for _ in range(3)
+            wp.zeros(len(chosen), dtype=wp.vec3) for _ in range(3)
         )
 
     def find(
@@ -171,5 +169,4 @@ class CoveredVertices:
             dim=len(self.count),
             inputs=[*cloth, self._vertices, *body, margin_m],
             outputs=[self.count, self.covers, self.from_place, self.to_place, self.up],
-            device=_DEVICE,
         )

@@ -15,10 +15,10 @@ from drapeline.xpbd.lanes import (
     most,
     repeat_first,
 )
+from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
-_DEVICE = "cpu"
 _SLOTS = 24  # triangles that a vertex may be near to
 _MOST = wp.constant(_SLOTS)
 
@@ -89,7 +89,7 @@ def _find_near_triangles(
     margin: float,
     free: float,
     count: wp.array(dtype=int),
-    near: wp.array2d(dtype=int),  # number of the triangle + 1, negative beneath it
+    near: wp.array2d(dtype=int),  # number of the triangle + 1, negative beneath it; 0 for none
 ):
     patch = wp.tid()
     vertices = patches[patch]
@@ -135,17 +135,16 @@ def _sum_relative_ways(
     triangles: wp.array(dtype=wp.vec3i),
     last: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
-    sums: wp.array(dtype=float),  # number of pairs, and squares of their ways past each other
+    sums: wp.array(dtype=wp.vec2),  # number of pairs, and squares of their ways past each other
 ):
     i = wp.tid()
-    square = float(0.0)  # noqa: UP018
+    sum = wp.vec2()
     way = place[i] - last[i]
     for k in range(count[i]):
-        corner = triangles[wp.abs(near[i, k]) - 1][0]
-        square += wp.length_sq(way - place[corner] + last[corner])
-    if count[i] > 0:
-        wp.atomic_add(sums, 0, float(count[i]))
-        wp.atomic_add(sums, 1, square)
+        if near[i, k] != 0:
+            corner = triangles[wp.abs(near[i, k]) - 1][0]
+            sum += wp.vec2(1.0, wp.length_sq(way - place[corner] + last[corner]))
+    sums[i] = sum
 
 
 @wp.kernel
@@ -160,6 +159,7 @@ def touch_cloth(
     own_gap: float,
     layer_gap: float,
     friction: float,
+    moves: Moves,
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -167,6 +167,8 @@ def touch_cloth(
     i = busy[wp.tid()]
     for k in range(count[i]):
         number = near[i, k]
+        if number == 0:
+            continue
         side = float(1.0)  # noqa: UP018
         if number < 0:
             side = -1.0
@@ -208,16 +210,12 @@ def touch_cloth(
                 wb = inverse_mass[c[1]] * u
                 wc = inverse_mass[c[2]] * v
                 share = 1.0 / (w + wa * t + wb * u + wc * v)
-                move = (up * push - slip) * share
+                shift = (up * push - slip) * share
                 lift = up * (released * share)
-                place[i] = p + move * w
-                place[c[0]] = a - move * wa
-                place[c[1]] = a + ab - move * wb
-                place[c[2]] = a + ac - move * wc
-                before[i] = old_p + lift * w
-                before[c[0]] = before[c[0]] - lift * wa
-                before[c[1]] = before[c[1]] - lift * wb
-                before[c[2]] = before[c[2]] - lift * wc
+                move(moves, place, before, i, 1.0, p, shift * w, lift * w)
+                move(moves, place, before, c[0], t, a, -(shift * wa), -(lift * wa))
+                move(moves, place, before, c[1], u, a + ab, -(shift * wb), -(lift * wb))
+                move(moves, place, before, c[2], v, a + ac, -(shift * wc), -(lift * wc))
 
 
 class NearTriangles:
@@ -238,21 +236,19 @@ class NearTriangles:
     def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
         self.triangles, self._layers, self.halves = triangles, layers, halves
         faces = len(triangles) // halves
-        self._lower, self._upper = (
-            wp.zeros(faces, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
-        )
+        self._lower, self._upper = (wp.zeros(faces, dtype=wp.vec3) for _ in range(2))
         self._box(rest)
         self.tree = wp.Bvh(self._lower, self._upper)
         centres = (self._lower.numpy() + self._upper.numpy()) / 2
-        self._centres = wp.array(centres, dtype=wp.vec3, device=_DEVICE)
+        self._centres = wp.array(centres, dtype=wp.vec3)
         patches = make_patches(rest.numpy(), layers.numpy())
         at_rest, sizes = lay_in_lanes(rest.numpy(), patches), (patches >= 0).sum(axis=1)
-        self._patches = wp.array(repeat_first(patches), dtype=LaneIndices, device=_DEVICE)
-        self._sizes = wp.array(sizes, dtype=int, device=_DEVICE)
-        self._rest = wp.array(at_rest, dtype=Lanes, device=_DEVICE)
-        self._sums = wp.zeros(2, dtype=float, device=_DEVICE)
-        self.count = wp.zeros(len(rest), dtype=int, device=_DEVICE)
-        self.near = wp.zeros((len(rest), _SLOTS), dtype=int, device=_DEVICE)
+        self._patches = wp.array(repeat_first(patches), dtype=LaneIndices)
+        self._sizes = wp.array(sizes, dtype=int)
+        self._rest = wp.array(at_rest, dtype=Lanes)
+        self._sums = wp.zeros(len(rest), dtype=wp.vec2)
+        self.count = wp.zeros(len(rest), dtype=int)
+        self.near = wp.zeros((len(rest), _SLOTS), dtype=int)
 
     def find(self, place: wp.array, *, margin_m: float, free_m: float) -> None:
         """Find them again for cloth at `place`, but for those within `free_m` at rest."""
@@ -267,20 +263,17 @@ class NearTriangles:
                 *(self.triangles, self.halves, self._layers, margin_m, free_m),
             ],
             outputs=[self.count, self.near],
-            device=_DEVICE,
         )
 
     def relative_way_m(self, last: wp.array, place: wp.array) -> float:
         """How far vertices went past triangles that they are near to, as a root mean square."""
-        self._sums.zero_()
         wp.launch(
             _sum_relative_ways,
             dim=len(place),
             inputs=[self.count, self.near, self.triangles, last, place],
             outputs=[self._sums],
-            device=_DEVICE,
         )
-        pairs, squares = self._sums.numpy()
+        pairs, squares = self._sums.numpy().sum(axis=0, dtype=np.float64)
         return float(np.sqrt(squares / max(pairs, 1)))
 
     def _box(self, place: wp.array) -> None:
@@ -289,5 +282,4 @@ class NearTriangles:
             dim=len(self._lower),
             inputs=[place, self.triangles, self.halves],
             outputs=[self._lower, self._upper],
-            device=_DEVICE,
         )

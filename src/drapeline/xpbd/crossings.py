@@ -7,10 +7,10 @@ import numpy as np
 import warp as wp
 
 from drapeline.xpbd.edge_contact import edges_of_triangles
+from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
-_DEVICE = "cpu"
 _SLOTS = 3  # triangles that an edge may pass through
 _MOST = wp.constant(_SLOTS)
 _LEAST_SLOPE = wp.constant(0.1)  # sine of the angle between an edge and what it passes through
@@ -84,12 +84,9 @@ def _free_crossed(
     for k in range(count[edge]):
         for end in range(2):
             vertex = edges[edge][end]
-            kept = int(0)  # noqa: RUF046, UP018
             for n in range(near_count[vertex]):
-                if wp.abs(near[vertex, n]) - 1 != crossed[edge, k]:
-                    near[vertex, kept] = near[vertex, n]
-                    kept += 1
-            near_count[vertex] = kept
+                if wp.abs(near[vertex, n]) - 1 == crossed[edge, k]:
+                    near[vertex, n] = 0
 
 
 @wp.func
@@ -113,6 +110,7 @@ def untangle(
     triangles: wp.array(dtype=wp.vec3i),
     inverse_mass: wp.array(dtype=float),
     step: float,
+    moves: Moves,
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -143,8 +141,8 @@ def untangle(
                     ways += _along(p, e, n, place[other])
             if wp.abs(slope) < _LEAST_SLOPE:
                 slope = wp.sign(slope) * _LEAST_SLOPE
-            move = ways - n * (2.0 * wp.dot(e, ways) / slope)
-            move = move * (step / wp.sqrt(wp.length_sq(move) + 1.0))
+            shift = ways - n * (2.0 * wp.dot(e, ways) / slope)
+            shift = shift * (step / wp.sqrt(wp.length_sq(shift) + 1.0))
             s = hit[0]
             u = hit[1]
             v = hit[2]
@@ -154,17 +152,12 @@ def untangle(
             wa = inverse_mass[c[0]] * w
             wb = inverse_mass[c[1]] * u
             wc = inverse_mass[c[2]] * v
-            move = move / (wi * (1.0 - s) + wj * s + wa * w + wb * u + wc * v)
-            place[i] = p + move * wi
-            place[j] = p + d + move * wj
-            place[c[0]] = a - move * wa
-            place[c[1]] = a + ab - move * wb
-            place[c[2]] = a + ac - move * wc
-            before[i] = before[i] + move * wi
-            before[j] = before[j] + move * wj
-            before[c[0]] = before[c[0]] - move * wa
-            before[c[1]] = before[c[1]] - move * wb
-            before[c[2]] = before[c[2]] - move * wc
+            shift = shift / (wi * (1.0 - s) + wj * s + wa * w + wb * u + wc * v)
+            move(moves, place, before, i, 1.0 - s, p, shift * wi, shift * wi)
+            move(moves, place, before, j, s, p + d, shift * wj, shift * wj)
+            move(moves, place, before, c[0], w, a, -(shift * wa), -(shift * wa))
+            move(moves, place, before, c[1], u, a + ab, -(shift * wb), -(shift * wb))
+            move(moves, place, before, c[2], v, a + ac, -(shift * wc), -(shift * wc))
 
 
 class Crossings:
@@ -177,8 +170,8 @@ class Crossings:
 
     def __init__(self, edges: wp.array, triangles: wp.array) -> None:
         self._edges, self._triangles = edges, triangles
-        self.count = wp.zeros(len(edges), dtype=int, device=_DEVICE)
-        self.crossed = wp.zeros((len(edges), _SLOTS), dtype=int, device=_DEVICE)
+        self.count = wp.zeros(len(edges), dtype=int)
+        self.crossed = wp.zeros((len(edges), _SLOTS), dtype=int)
 
     def find(self, place: wp.array, near_count: wp.array, near: wp.array) -> None:
         """Find them again, among the triangles that the ends of an edge are near to.
@@ -194,14 +187,12 @@ class Crossings:
             dim=len(self._edges),
             inputs=[place, self._edges, self._triangles, near_count, near],
             outputs=[self.count, self.crossed],
-            device=_DEVICE,
         )
         wp.launch(
             _free_crossed,
             dim=len(self._edges),
             inputs=[self._edges, self.count, self.crossed],
             outputs=[near_count, near],
-            device=_DEVICE,
         )
 
 

@@ -5,10 +5,10 @@ import warp as wp
 
 from drapeline.geometry.mesh import face_edges
 from drapeline.xpbd.contact import RELEASED_M, narrowed
+from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
-_DEVICE = "cpu"
 _SLOTS = 10  # edges that an edge may be near to
 _MOST = wp.constant(_SLOTS)
 
@@ -54,6 +54,8 @@ def _find_near_edges(
             number = near[ends[0], k]
         else:
             number = near[ends[1], k - near_count[ends[0]]]
+        if number == 0:
+            continue
         sides = triangle_edges[wp.abs(number) - 1]
         for m in range(3):
             other = sides[m]
@@ -96,6 +98,7 @@ def touch_edges(
     room: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
+    moves: Moves,
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -141,16 +144,12 @@ def touch_edges(
                 wa = inverse_mass[a] * (1.0 - t)
                 wb = inverse_mass[b] * t
                 share = 1.0 / (wi * (1.0 - s) + wj * s + wa * (1.0 - t) + wb * t)
-                move = up * ((depth - old + released) * share)
+                shift = up * ((depth - old + released) * share)
                 lift = up * (released * share)
-                place[i] = p + move * wi
-                place[j] = p + d + move * wj
-                place[a] = q - move * wa
-                place[b] = q + e - move * wb
-                before[i] = before[i] + lift * wi
-                before[j] = before[j] + lift * wj
-                before[a] = before[a] - lift * wa
-                before[b] = before[b] - lift * wb
+                move(moves, place, before, i, 1.0 - s, p, shift * wi, lift * wi)
+                move(moves, place, before, j, s, p + d, shift * wj, lift * wj)
+                move(moves, place, before, a, 1.0 - t, q, -(shift * wa), -(lift * wa))
+                move(moves, place, before, b, t, q + e, -(shift * wb), -(lift * wb))
 
 
 class NearEdges:
@@ -163,8 +162,8 @@ class NearEdges:
 
     def __init__(self, edges: wp.array, triangle_edges: wp.array) -> None:
         self._edges, self._triangle_edges = edges, triangle_edges
-        self.count = wp.zeros(len(edges), dtype=int, device=_DEVICE)
-        self.pairs = wp.zeros((len(edges), _SLOTS), dtype=int, device=_DEVICE)
+        self.count = wp.zeros(len(edges), dtype=int)
+        self.pairs = wp.zeros((len(edges), _SLOTS), dtype=int)
 
     def find(
         self,
@@ -191,7 +190,6 @@ class NearEdges:
             dim=len(self._edges),
             inputs=[*cloth, margin_m],
             outputs=[self.count, self.pairs],
-            device=_DEVICE,
         )
 
 

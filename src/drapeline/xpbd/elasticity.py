@@ -252,6 +252,7 @@ def pull_springs(
     # that is missing, 0 in an empty lane
     numbers: wp.array2d(dtype=Lanes),
     inverse_mass: wp.array(dtype=float),
+    first: int,  # row
     sweep: int,
     share: float,  # of the way to where it is content
     pull: wp.array(dtype=Lanes),  # of the sweeps before in this step
@@ -259,7 +260,7 @@ def pull_springs(
     place: wp.array(dtype=wp.vec3),
 ):
     """Pull or push the ends of springs towards their lengths at rest."""
-    row = wp.tid()
+    row = first + wp.tid()
     i = ends[row, 0]
     j = ends[row, 1]
     x, y, z = _difference(place, i, j)
@@ -294,11 +295,12 @@ def turn_hinges(
     weights: wp.array2d(dtype=Lanes),
     numbers: wp.array2d(dtype=Lanes),  # as of springs
     inverse_mass: wp.array(dtype=float),
+    first: int,  # row
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
     """Turn hinges towards their angles at rest."""
-    row = wp.tid()
+    row = first + wp.tid()
     x, y, z = _weighted_sum(place, corners, weights, row)
     u, v, w = _weighted_sum(before, corners, weights, row)
     square = dot_lanes(x, y, z, x, y, z)

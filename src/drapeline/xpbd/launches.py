@@ -3,18 +3,16 @@
 import numpy as np
 import warp as wp
 
-_DEVICE = "cpu"
-
 
 def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
     """A launch to repeat; nothing if `count`, the number of its threads, is 0."""
-    return wp.launch(
-        kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE, record_cmd=True
-    )
+    return wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, record_cmd=True)
 
 
 class BusyLaunch:
     """A launch to repeat for those vertices or edges that are near to something, and no others.
+
+    On a GPU, which would wait for their numbers, it is one for all, of which most end at once.
 
     Args:
         kernel: takes their numbers and `count` before its `inputs`.
@@ -23,15 +21,16 @@ class BusyLaunch:
     """
 
     def __init__(self, kernel: wp.Kernel, count: wp.array, inputs: list, outputs: list) -> None:
-        self._count, self._numbers = count, wp.zeros(len(count), dtype=int, device=_DEVICE)
-        self._launch = record(kernel, 1, [self._numbers, count, *inputs], outputs)
-        self._launch.set_dim(0)
+        self._count = count
+        self._numbers = wp.array(np.arange(len(count), dtype=np.int32), dtype=int)
+        self._launch = record(kernel, len(count), [self._numbers, count, *inputs], outputs)
 
     def find(self) -> None:
         """Find them again, after `count` has changed."""
-        busy = np.flatnonzero(self._count.numpy())
-        self._numbers.numpy()[: len(busy)] = busy
-        self._launch.set_dim(len(busy))
+        if self._count.device.is_cpu:
+            busy = np.flatnonzero(self._count.numpy())
+            self._numbers.numpy()[: len(busy)] = busy
+            self._launch.set_dim(len(busy))
 
     def launch(self) -> None:
         """Launch the kernel for those that were found."""

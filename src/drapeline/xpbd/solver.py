@@ -26,11 +26,16 @@ class XpbdCloth:
 
     Attributes:
         numbers: of the method, the same for all garments and attempts.
+        device: Warp's, that the work is done on.
+        together: whether all constraints of a colour act at once, see `MovingCloth`; on a GPU they
+            always do.
     """
 
     name: ClassVar[str] = "xpbd"
 
     numbers: Numbers = field(default_factory=Numbers)
+    device: str = "cpu"
+    together: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -50,7 +55,9 @@ class XpbdCloth:
     ) -> Iterator[list[np.ndarray]]:
         """Yield the vertices (V, 3) of every garment for each frame; see `ClothSolver`."""
         start_warp()
-        cloth = MovingCloth(garments, body, attempt, self.numbers)
+        cloth = MovingCloth(
+            garments, body, attempt, self.numbers, device=self.device, together=self.together
+        )
         yield [garment.vertices for garment in garments]
         for frame in range(1, len(body)):
             yield cloth.advance(frame)

@@ -19,9 +19,8 @@ from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_spri
 from drapeline.xpbd.lanes import LaneIndices, Lanes, lay_in_lanes
 from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
+from drapeline.xpbd.moves import make_all_moves, make_moves
 from drapeline.xpbd.system import join_garments
-
-_DEVICE = "cpu"
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,17 @@ class Numbers:
 
 
 class MovingCloth:
-    """The garments of an outfit on their way through an attempt."""
+    """The garments of an outfit on their way through an attempt.
+
+    Args:
+        garments: from inner to outer.
+        body: what they collide with.
+        attempt: how finely, and how far from the body.
+        numbers: of the method.
+        device: Warp's, that the work is done on.
+        together: whether constraints of a colour act at once, and all contacts of a kind, as they
+            do on a GPU; if not, all act in turn.
+    """
 
     def __init__(
         self,
@@ -85,69 +94,141 @@ class MovingCloth:
         body: MovingBody,
         attempt: Attempt,
         numbers: Numbers,
+        *,
+        device: str = "cpu",
+        together: bool = False,
     ) -> None:
         self._garments, self._body, self._numbers = garments, body, numbers
         self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
         self._steps = round(attempt.steps * numbers.steps_per_step)
         self._step_s = 1 / FPS / self._steps
+        self._device, self._together = wp.get_device(device), together
+        self._graphs: dict[int, wp.Graph] = {}
+        with wp.ScopedDevice(self._device):
+            self._place_system()
+
+    def _place_system(self) -> None:
+        """Put the system and what it may touch on the device."""
+        garments = self._garments
         system = self._system = join_garments(garments)
         self._place = _vectors(system.vertices)
         self._before, self._speed = wp.zeros_like(self._place), wp.zeros_like(self._place)
+        times = np.arange(self._steps + 1) / self._steps
+        self._clocks = _numbers(np.stack([times[:-1], times[1:]], axis=1).ravel())
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
         self._strain = _numbers(np.zeros(len(system.vertices)))
         self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
-        self._surface = BodySurface(body, [g.vertices for g in garments])
-        layers = wp.array(system.layers, dtype=int, device=_DEVICE)
-        triangles = wp.array(system.triangles, dtype=wp.vec3i, device=_DEVICE)
+        self._surface = BodySurface(self._body, [g.vertices for g in garments])
+        layers = wp.array(system.layers, dtype=int)
+        triangles = wp.array(system.triangles, dtype=wp.vec3i)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
         self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves)
-        self._covered = CoveredVertices(body.segments, body.faces, self._near)
-        pairs = wp.array(system.edges, dtype=wp.vec2i, device=_DEVICE)
+        self._covered = CoveredVertices(self._body.segments, self._body.faces, self._near)
+        pairs = wp.array(system.edges, dtype=wp.vec2i)
         sides = edges_of_triangles(system.edges, system.triangles)
-        self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i, device=_DEVICE))
+        self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i))
         self._crossings = Crossings(pairs, triangles)
-        self._commands = self._record(triangles, layers, pairs)
-
-    def _record(
-        self, triangles: wp.array, layers: wp.array, pairs: wp.array
-    ) -> list[wp.Launch | BusyLaunch]:
-        """What a small step launches, in order; nothing where there is nothing to do."""
-        system, numbers, surface = self._system, self._numbers, self._surface
-        mass, state = _numbers(system.inverse_masses), [self._before, self._place]
-        springs, hinges = system.springs, system.hinges
+        springs = system.springs
         self._measure = record(
             measure_strain,
             len(springs.pairs),
             [
-                wp.array(springs.pairs, dtype=wp.vec2i, device=_DEVICE),
+                wp.array(springs.pairs, dtype=wp.vec2i),
                 _numbers(springs.lengths_m),
                 self._place,
             ],
             [self._strain],
         )
+        self._contacts = self._record_contacts(triangles, layers, pairs)
+        self._commands = self._record()
+
+    def _record(self) -> list[tuple[wp.Launch | BusyLaunch, int]]:
+        """What small steps launch, in order, and every how many of them; nothing for nothing."""
+        system, numbers, surface = self._system, self._numbers, self._surface
+        mass, state = _numbers(system.inverse_masses), [self._before, self._place]
+        springs, hinges = system.springs, system.hinges
         masses = system.inverse_masses[springs.pairs].sum(axis=1)
         pulling = [
             _lanes(springs.pairs, system.spring_lanes, LaneIndices),
             self._responses(springs, masses, system.spring_lanes, 1),
             mass,
         ]
-        pulls = wp.zeros(len(system.spring_lanes), dtype=Lanes, device=_DEVICE)
+        pulls = wp.zeros(len(system.spring_lanes), dtype=Lanes)
         masses = (system.inverse_masses[hinges.vertices] * hinges.weights**2).sum(axis=1)
-        self._turn_hinges = record(
-            turn_hinges,
-            len(system.hinge_lanes),
-            [
-                _lanes(hinges.vertices, system.hinge_lanes, LaneIndices),
-                _lanes(hinges.weights, system.hinge_lanes, Lanes),
-                self._responses(hinges, masses, system.hinge_lanes, numbers.hinge_every),
-            ],
-            [mass, *state],
-        )
+        turning = [
+            _lanes(hinges.vertices, system.hinge_lanes, LaneIndices),
+            _lanes(hinges.weights, system.hinge_lanes, Lanes),
+            self._responses(hinges, masses, system.hinge_lanes, numbers.hinge_every),
+            mass,
+        ]
+        make_moves = []
+        if self._together:
+            make_moves = [record(make_all_moves, len(self._place), [self._moves], state)]
+        launches = [
+            record(
+                predict,
+                len(self._place),
+                [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
+                [self._step_s, *state],
+            ),
+            record(
+                hold,
+                len(system.pinned),
+                [
+                    wp.array(system.pinned, dtype=int),
+                    _numbers(numbers.pin_pull * system.pin_weights),
+                ],
+                [self._pin_start, self._pin_end, self._clock, self._place],
+            ),
+            *(
+                record(pull_springs, count, [*pulling, first, sweep, share], [pulls, *state])
+                for sweep, share in enumerate(numbers.sweeps)
+                for first, count in self._at_once(system.spring_rows)
+            ),
+        ]
+        hinges_turn = [
+            record(turn_hinges, count, [*turning, first], state)
+            for first, count in self._at_once(system.hinge_rows)
+        ]
+        ends = [
+            *(launch for contact in self._contacts for launch in (contact, *make_moves)),
+            record(
+                touch_body,
+                len(self._place),
+                [
+                    *(surface.anchor, surface.from_place, surface.to_place),
+                    *(surface.from_normal, surface.to_normal, surface.room),
+                ],
+                [self._clock, self._carry, self._gap_m, self._friction, *state],
+            ),
+            record(take_speed, len(self._place), state, [self._step_s, self._speed]),
+        ]
+        return [
+            (launch, every)
+            for part, every in ((launches, 1), (hinges_turn, numbers.hinge_every), (ends, 1))
+            for launch in part
+            if launch is not None
+        ]
+
+    def _at_once(self, rows: np.ndarray) -> list[tuple[int, int]]:
+        """First rows, and how many, of the constraints that a launch solves: a colour, or all."""
+        if self._together:
+            return list(zip(rows[:-1].tolist(), np.diff(rows).tolist(), strict=True))
+        return [(0, int(rows[-1]))]
+
+    def _record_contacts(
+        self, triangles: wp.array, layers: wp.array, pairs: wp.array
+    ) -> list[BusyLaunch]:
+        """What pushes cloth off the body and other cloth, but for the body's surface itself."""
+        system, numbers, room = self._system, self._numbers, self._surface.room
+        mass = _numbers(system.inverse_masses)
+        moves = self._moves = make_moves(len(self._place) if self._together else 0)
+        state = [moves, self._before, self._place]
         opposite = opposite_vertices(system.edges, system.triangles)
-        opposite = wp.array(opposite, dtype=wp.vec2i, device=_DEVICE)
-        self._contacts = [
+        opposite = wp.array(opposite, dtype=wp.vec2i)
+        return [
             BusyLaunch(
                 lift_covers,
                 self._covered.count,
@@ -164,16 +245,13 @@ class MovingCloth:
                 touch_cloth,
                 self._near.count,
                 [self._near.near, triangles, layers, mass],
-                [
-                    *(surface.room, numbers.self_gap_m, self._gap_m, numbers.cloth_friction),
-                    *state,
-                ],
+                [room, numbers.self_gap_m, self._gap_m, numbers.cloth_friction, *state],
             ),
             BusyLaunch(
                 touch_edges,
                 self._near_edges.count,
                 [self._near_edges.pairs, pairs, layers, mass],
-                [surface.room, numbers.self_gap_m, self._gap_m, *state],
+                [room, numbers.self_gap_m, self._gap_m, *state],
             ),
             BusyLaunch(
                 untangle,
@@ -182,45 +260,6 @@ class MovingCloth:
                 [numbers.untangle_m, *state],
             ),
         ]
-        launches = [
-            record(
-                predict,
-                len(self._place),
-                [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
-                [self._step_s, *state],
-            ),
-            record(
-                hold,
-                len(system.pinned),
-                [
-                    wp.array(system.pinned, dtype=int, device=_DEVICE),
-                    _numbers(numbers.pin_pull * system.pin_weights),
-                ],
-                [self._pin_start, self._pin_end, self._clock, self._place],
-            ),
-            *(
-                record(
-                    pull_springs,
-                    len(system.spring_lanes),
-                    [*pulling, sweep, share],
-                    [pulls, *state],
-                )
-                for sweep, share in enumerate(numbers.sweeps)
-            ),
-            self._turn_hinges,
-            *self._contacts,
-            record(
-                touch_body,
-                len(self._place),
-                [
-                    *(surface.anchor, surface.from_place, surface.to_place),
-                    *(surface.from_normal, surface.to_normal, surface.room),
-                ],
-                [self._clock, self._carry, self._gap_m, self._friction, *state],
-            ),
-            record(take_speed, len(self._place), state, [self._step_s, self._speed]),
-        ]
-        return [launch for launch in launches if launch is not None]
 
     def _responses(
         self, constraints: Springs | Hinges, masses: np.ndarray, lanes: np.ndarray, every: int
@@ -241,18 +280,34 @@ class MovingCloth:
             np.stack([constraints.lengths_m, compliance, damping, ease], axis=1), lanes
         )
         rows[:, 3][lanes < 0] = 0  # an empty lane repeats a full one, and must move nothing
-        return wp.array(rows.astype(np.float32), dtype=Lanes, device=_DEVICE)
+        return wp.array(rows.astype(np.float32), dtype=Lanes)
 
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
 
     def advance(self, frame: int) -> list[np.ndarray]:
         """Go from the frame before to `frame`: vertices (V, 3) of each garment then."""
-        self._begin(frame)
-        every = self._search_every()
-        clock = self._clock.numpy()
+        with wp.ScopedDevice(self._device):
+            self._begin(frame)
+            every = self._search_every()
+            if self._device.is_cuda:
+                self._replay(every)
+            else:
+                self._step(every)
+            return self._system.split(self._place.numpy().copy())
+
+    def _replay(self, every: int) -> None:
+        """Do what `_step` does without its many launches one by one."""
+        if every not in self._graphs:
+            with wp.ScopedCapture() as capture:
+                self._step(every)
+            self._graphs[every] = capture.graph
+        wp.capture_launch(self._graphs[every])
+
+    def _step(self, every: int) -> None:
+        """Take the small steps of a frame, and search every so many."""
         for step in range(self._steps):
-            clock[:] = step / self._steps, (step + 1) / self._steps
+            wp.copy(self._clock, self._clocks, src_offset=2 * step, count=2)
             if step % every == 0:
                 self._search()
             if step == 0:
@@ -261,10 +316,9 @@ class MovingCloth:
             if step % every == 0:
                 for contact in self._contacts:
                     contact.find()
-            for command in self._commands:
-                if command is not self._turn_hinges or step % self._numbers.hinge_every == 0:
-                    command.launch()
-        return self._system.split(self._place.numpy().copy())
+            for launch, steps in self._commands:
+                if step % steps == 0:
+                    launch.launch()
 
     def _search_every(self) -> int:
         """Small steps in which cloth goes past cloth by `way_m`, as fast as in the frame before."""
@@ -311,19 +365,18 @@ class MovingCloth:
                 dim=len(self._speed),
                 inputs=[wp.vec3(*(way * FPS))],
                 outputs=[self._speed],
-                device=_DEVICE,
             )
         self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
         self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
 
 
 def _vectors(rows: np.ndarray) -> wp.array:
-    return wp.array(np.ascontiguousarray(rows, dtype=np.float32), dtype=wp.vec3, device=_DEVICE)
+    return wp.array(np.ascontiguousarray(rows, dtype=np.float32), dtype=wp.vec3)
 
 
 def _numbers(values: np.ndarray) -> wp.array:
-    return wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=float, device=_DEVICE)
+    return wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=float)
 
 
 def _lanes(values: np.ndarray, lanes: np.ndarray, dtype: type) -> wp.array:
-    return wp.array(lay_in_lanes(values, lanes), dtype=dtype, device=_DEVICE)
+    return wp.array(lay_in_lanes(values, lanes), dtype=dtype)

@@ -29,6 +29,7 @@ class ClothSystem:
         starts: (G + 1,) where each garment begins.
         springs, hinges: in order of their colours; springs along edges before diagonals.
         spring_lanes, hinge_lanes: (R, LANES), which of them are solved at once, see `fill_lanes`.
+        spring_rows, hinge_rows: (C + 1,), where the rows of each colour begin.
         pinned: (P,) int32, vertices that are held.
         pin_weights: (P,) 0-1.
     """
@@ -44,6 +45,8 @@ class ClothSystem:
     hinges: Hinges
     spring_lanes: np.ndarray
     hinge_lanes: np.ndarray
+    spring_rows: np.ndarray
+    hinge_rows: np.ndarray
     pinned: np.ndarray
     pin_weights: np.ndarray
 
@@ -67,10 +70,10 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
     hinges = [make_hinges(v, g.faces, g.fabric) for v, g in zip(rest, garments, strict=True)]
     pairs = [edges(g.faces) for g in garments]
     diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
-    joined_springs, spring_lanes = _join_constraints(
+    joined_springs, spring_lanes, spring_rows = _join_constraints(
         springs, "pairs", starts, np.concatenate(diagonal)
     )
-    joined_hinges, hinge_lanes = _join_constraints(
+    joined_hinges, hinge_lanes, hinge_rows = _join_constraints(
         hinges, "vertices", starts, np.zeros(sum(len(h.vertices) for h in hinges), dtype=bool)
     )
     return ClothSystem(
@@ -85,6 +88,8 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
         hinges=joined_hinges,
         spring_lanes=spring_lanes,
         hinge_lanes=hinge_lanes,
+        spring_rows=spring_rows,
+        hinge_rows=hinge_rows,
         pinned=_join([g.pins.vertices for g in garments], starts),
         pin_weights=np.concatenate([g.pins.weights for g in garments]),
     )
@@ -109,8 +114,8 @@ def _join(numbers: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
 
 def _join_constraints(
     parts: Sequence[Constraints], ends: str, starts: np.ndarray, later: np.ndarray
-) -> tuple[Constraints, np.ndarray]:
-    """Constraints of all garments in the order of their colours, and their lanes.
+) -> tuple[Constraints, np.ndarray, np.ndarray]:
+    """Constraints of all garments in the order of their colours, their lanes and colours' rows.
 
     Those that are to come `later` (C,) have colours of their own.
     """
@@ -124,4 +129,7 @@ def _join_constraints(
         for name in kind.__dataclass_fields__
         if name != ends
     }
-    return kind(**{ends: joined[order]}, **fields), fill_lanes(colours[order])
+    lanes = fill_lanes(colours[order])
+    starts_colour = np.diff(colours[order][lanes[:, 0]], prepend=-1) > 0
+    rows = np.append(np.flatnonzero(starts_colour), len(lanes))
+    return kind(**{ends: joined[order]}, **fields), lanes, rows

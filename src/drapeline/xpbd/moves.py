@@ -1,0 +1,89 @@
+"""How contacts move vertices: one after the other on a processor, all at once on a GPU."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+# Whole numbers add up to the same whatever their order, and with them two runs to the same bytes.
+_PER_M = wp.constant(float(2**40))
+_PER_WEIGHT = wp.constant(float(2**16))
+
+
+@wp.struct
+class Moves:
+    """What contacts that act at once add up to; without vertices where they act in turn.
+
+    Attributes:
+        place, before: (V, 3) of the ways of each vertex, and of the place that it came from.
+        weight: (V,) of the shares that vertices have in contacts.
+    """
+
+    place: wp.array2d(dtype=wp.int64)
+    before: wp.array2d(dtype=wp.int64)
+    weight: wp.array(dtype=int)
+
+
+def make_moves(count: int) -> Moves:
+    """No moves of so many vertices; of none for contacts that act in turn."""
+    moves = Moves()
+    moves.place, moves.before = (wp.zeros((count, 3), dtype=wp.int64) for _ in range(2))
+    moves.weight = wp.zeros(count, dtype=int)
+    return moves
+
+
+@wp.func
+def _add(sums: wp.array2d(dtype=wp.int64), i: int, way: wp.vec3):
+    for axis in range(3):
+        wp.atomic_add(sums, i, axis, wp.int64(way[axis] * _PER_M))
+
+
+@wp.func
+def move(
+    moves: Moves,
+    place: wp.array(dtype=wp.vec3),
+    before: wp.array(dtype=wp.vec3),
+    i: int,
+    weight: float,
+    start: wp.vec3,
+    way: wp.vec3,
+    lift: wp.vec3,
+):
+    """Move a vertex, and the place that it came from, for a contact.
+
+    Args:
+        moves: where to add it up, if that is to be.
+        i: the vertex, which is at `start` now.
+        weight: its share in its side of the contact, 1 for a vertex that touches a triangle.
+        way, lift: of the vertex, and of the place that it came from.
+    """
+    if moves.weight.shape[0] == 0:
+        place[i] = start + way
+        before[i] = before[i] + lift
+    else:
+        _add(moves.place, i, way)
+        _add(moves.before, i, lift)
+        wp.atomic_add(moves.weight, i, int(wp.abs(weight) * _PER_WEIGHT))
+
+
+@wp.kernel
+def make_all_moves(moves: Moves, before: wp.array(dtype=wp.vec3), place: wp.array(dtype=wp.vec3)):
+    """Make the moves that were added up, and forget them.
+
+    Vertices whose shares are more than 1 make the mean of their moves, since what is pushed by two
+    contacts at once would go too far.
+    """
+    i = wp.tid()
+    weight = moves.weight[i]
+    if weight == 0:
+        return
+    share = 1.0 / (wp.max(1.0, float(weight) / _PER_WEIGHT) * _PER_M)
+    way = wp.vec3()
+    lift = wp.vec3()
+    for axis in range(3):
+        way[axis] = float(moves.place[i, axis]) * share
+        lift[axis] = float(moves.before[i, axis]) * share
+        moves.place[i, axis] = wp.int64(0)
+        moves.before[i, axis] = wp.int64(0)
+    moves.weight[i] = 0
+    place[i] = place[i] + way
+    before[i] = before[i] + lift
