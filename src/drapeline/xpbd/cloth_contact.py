@@ -1,18 +1,21 @@
 """Cloth against cloth: vertices keep to the side of the triangles that they are on."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
 from drapeline.xpbd.contact import RELEASED_M, held_slip, narrowed
 from drapeline.xpbd.lanes import (
-    LaneIndices,
-    Lanes,
+    LANES,
     count_less,
     dot_lanes,
     gather_lanes,
+    lane_types,
     lay_in_lanes,
     make_patches,
     most,
+    overload_lanes,
     repeat_first,
 )
 from drapeline.xpbd.moves import Moves, move
@@ -68,9 +71,9 @@ def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float
 
 
 @wp.func
-def _outside(x: Lanes, low: float, high: float):
+def _outside(x: Any, low: float, high: float):
     # How far a coordinate in each lane is outside of a range, negative within it.
-    return most(Lanes(low) - x, x - Lanes(high))
+    return most(type(x)(low) - x, x - type(x)(high))
 
 
 @wp.kernel
@@ -78,9 +81,9 @@ def _find_near_triangles(
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
-    patches: wp.array(dtype=LaneIndices),  # vertices of a garment that are looked up together
+    patches: wp.array(dtype=Any),  # vertices of a garment that are looked up together
     sizes: wp.array(dtype=int),
-    rest: wp.array2d(dtype=Lanes),
+    rest: wp.array2d(dtype=Any),
     rest_centres: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
     triangles: wp.array(dtype=wp.vec3i),
@@ -95,7 +98,7 @@ def _find_near_triangles(
     vertices = patches[patch]
     for m in range(sizes[patch]):
         count[vertices[m]] = 0
-    x, y, z = gather_lanes(place, vertices)
+    x, y, z = gather_lanes(place, vertices, rest[patch, 0])
     layer = layers[vertices[0]]
     half = wp.vec3(margin, margin, margin)
     low = wp.vec3(wp.min(x), wp.min(y), wp.min(z)) - half
@@ -112,11 +115,11 @@ def _find_near_triangles(
         if layers[triangles[halves * face][0]] == layer:
             # Parts of a garment that are close at rest are held apart by the cloth itself.
             centre = rest_centres[face]
-            u = rest[patch, 0] - Lanes(centre[0])
-            v = rest[patch, 1] - Lanes(centre[1])
-            w = rest[patch, 2] - Lanes(centre[2])
-            away = most(away, Lanes(free * free) - dot_lanes(u, v, w, u, v, w))
-        if count_less(away, Lanes(0.0)) > 0:
+            u = rest[patch, 0] - type(x)(centre[0])
+            v = rest[patch, 1] - type(x)(centre[1])
+            w = rest[patch, 2] - type(x)(centre[2])
+            away = most(away, type(x)(free * free) - dot_lanes(u, v, w, u, v, w))
+        if count_less(away, type(x)(0.0)) > 0:
             for m in range(sizes[patch]):
                 if away[m] < 0.0:
                     i = vertices[m]
@@ -126,6 +129,9 @@ def _find_near_triangles(
                         if side != 0 and count[i] < _MOST:
                             near[i, count[i]] = side * (number + 1)
                             count[i] = count[i] + 1
+
+
+overload_lanes(_find_near_triangles, numbers=["rest"], indices=["patches"])
 
 
 @wp.kernel
@@ -226,6 +232,7 @@ class NearTriangles:
         triangles: (F, 3); halves of a quad follow one another if `halves` is 2.
         layers: (V,) number of each vertex's garment.
         halves: triangles per face.
+        width: of the lanes in which vertices are looked up.
 
     Attributes:
         triangles, halves: as given.
@@ -233,7 +240,9 @@ class NearTriangles:
         count, near: how many triangles each vertex is near to, and their numbers.
     """
 
-    def __init__(self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int) -> None:
+    def __init__(
+        self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int, width: int = LANES
+    ) -> None:
         self.triangles, self._layers, self.halves = triangles, layers, halves
         faces = len(triangles) // halves
         self._lower, self._upper = (wp.zeros(faces, dtype=wp.vec3) for _ in range(2))
@@ -241,11 +250,12 @@ class NearTriangles:
         self.tree = wp.Bvh(self._lower, self._upper)
         centres = (self._lower.numpy() + self._upper.numpy()) / 2
         self._centres = wp.array(centres, dtype=wp.vec3)
-        patches = make_patches(rest.numpy(), layers.numpy())
+        patches = make_patches(rest.numpy(), layers.numpy(), width)
         at_rest, sizes = lay_in_lanes(rest.numpy(), patches), (patches >= 0).sum(axis=1)
-        self._patches = wp.array(repeat_first(patches), dtype=LaneIndices)
+        number, index = lane_types(width)
+        self._patches = wp.array(repeat_first(patches), dtype=index)
         self._sizes = wp.array(sizes, dtype=int)
-        self._rest = wp.array(at_rest, dtype=Lanes)
+        self._rest = wp.array(at_rest, dtype=number)
         self._sums = wp.zeros(len(rest), dtype=wp.vec2)
         self.count = wp.zeros(len(rest), dtype=int)
         self.near = wp.zeros((len(rest), _SLOTS), dtype=int)
@@ -258,7 +268,7 @@ class NearTriangles:
             _find_near_triangles,
             dim=len(self._sizes),
             inputs=[
-                *(self.tree.id, self._lower, self._upper),
+                *(wp.uint64(self.tree.id), self._lower, self._upper),
                 *(self._patches, self._sizes, self._rest, self._centres, place),
                 *(self.triangles, self.halves, self._layers, margin_m, free_m),
             ],

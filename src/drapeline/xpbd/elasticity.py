@@ -1,13 +1,14 @@
 """What cloth resists: springs along threads and diagonals, and hinges that bend."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from drapeline.geometry.mesh import edges, face_edges, triangulate
 from drapeline.outfits.fabrics import Fabric
-from drapeline.xpbd.lanes import LANES, NOT_NEGATIVE, LaneIndices, Lanes, dot_lanes, gather_lanes
+from drapeline.xpbd.lanes import NOT_NEGATIVE, dot_lanes, gather_lanes, overload_lanes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -203,12 +204,12 @@ def _lengths(ways: np.ndarray, least: float = _SHORT_M) -> np.ndarray:
 
 
 @wp.func
-def _difference(values: wp.array(dtype=wp.vec3), i: LaneIndices, j: LaneIndices):
+def _difference(values: wp.array(dtype=wp.vec3), i: Any, j: Any, like: Any):
     # Of the values at two vertices in each lane, by axis.
-    x = Lanes()
-    y = Lanes()
-    z = Lanes()
-    for k in range(LANES):
+    x = type(like)()
+    y = type(like)()
+    z = type(like)()
+    for k in range(len(like)):
         way = values[i[k] & NOT_NEGATIVE] - values[j[k] & NOT_NEGATIVE]
         x[k] = way[0]
         y[k] = way[1]
@@ -219,17 +220,18 @@ def _difference(values: wp.array(dtype=wp.vec3), i: LaneIndices, j: LaneIndices)
 @wp.func
 def _weighted_sum(
     values: wp.array(dtype=wp.vec3),
-    corners: wp.array2d(dtype=LaneIndices),
-    weights: wp.array2d(dtype=Lanes),
+    corners: wp.array2d(dtype=Any),
+    weights: wp.array2d(dtype=Any),
     row: int,
 ):
     # Of the values at the corners in each lane, by axis.
-    x = Lanes()
-    y = Lanes()
-    z = Lanes()
+    like = weights[row, 0]
+    x = type(like)()
+    y = type(like)()
+    z = type(like)()
     for corner in range(4):
-        u, v, w = gather_lanes(values, corners[row, corner])
         weight = weights[row, corner]
+        u, v, w = gather_lanes(values, corners[row, corner], weight)
         x += wp.cw_mul(weight, u)
         y += wp.cw_mul(weight, v)
         z += wp.cw_mul(weight, w)
@@ -237,9 +239,9 @@ def _weighted_sum(
 
 
 @wp.func
-def _length(square: Lanes):
-    length = Lanes()
-    for k in range(LANES):
+def _length(square: Any):
+    length = type(square)()
+    for k in range(len(square)):
         # Never 0, so that what has no length has no direction, instead of NaN.
         length[k] = wp.sqrt(square[k]) + _SHORTEST_M
     return length
@@ -247,15 +249,15 @@ def _length(square: Lanes):
 
 @wp.kernel
 def pull_springs(
-    ends: wp.array2d(dtype=LaneIndices),
+    ends: wp.array2d(dtype=Any),
     # length at rest; compliance over step^2; compliance times damping over step; push per metre
     # that is missing, 0 in an empty lane
-    numbers: wp.array2d(dtype=Lanes),
+    numbers: wp.array2d(dtype=Any),
     inverse_mass: wp.array(dtype=float),
     first: int,  # row
     sweep: int,
     share: float,  # of the way to where it is content
-    pull: wp.array(dtype=Lanes),  # of the sweeps before in this step
+    pull: wp.array(dtype=Any),  # of the sweeps before in this step
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
@@ -263,8 +265,8 @@ def pull_springs(
     row = first + wp.tid()
     i = ends[row, 0]
     j = ends[row, 1]
-    x, y, z = _difference(place, i, j)
-    u, v, w = _difference(before, i, j)
+    x, y, z = _difference(place, i, j, numbers[row, 0])
+    u, v, w = _difference(before, i, j, numbers[row, 0])
     square = dot_lanes(x, y, z, x, y, z)
     length = _length(square)
     rate = wp.cw_div(square - dot_lanes(x, y, z, u, v, w), length)
@@ -280,7 +282,7 @@ def pull_springs(
     x = wp.cw_mul(x, push)
     y = wp.cw_mul(y, push)
     z = wp.cw_mul(z, push)
-    for k in range(LANES):
+    for k in range(len(push)):
         # In turn: an empty lane has the ends of a full one, and moves them by nothing.
         way = wp.vec3(x[k], y[k], z[k])
         a = i[k] & NOT_NEGATIVE
@@ -291,9 +293,9 @@ def pull_springs(
 
 @wp.kernel
 def turn_hinges(
-    corners: wp.array2d(dtype=LaneIndices),
-    weights: wp.array2d(dtype=Lanes),
-    numbers: wp.array2d(dtype=Lanes),  # as of springs
+    corners: wp.array2d(dtype=Any),
+    weights: wp.array2d(dtype=Any),
+    numbers: wp.array2d(dtype=Any),  # as of springs
     inverse_mass: wp.array(dtype=float),
     first: int,  # row
     before: wp.array(dtype=wp.vec3),
@@ -314,9 +316,13 @@ def turn_hinges(
     for corner in range(4):
         which = corners[row, corner]
         weight = weights[row, corner]
-        for k in range(LANES):
+        for k in range(len(push)):
             i = which[k] & NOT_NEGATIVE
             place[i] = place[i] + wp.vec3(x[k], y[k], z[k]) * (weight[k] * inverse_mass[i])
+
+
+overload_lanes(pull_springs, numbers=["numbers", "pull"], indices=["ends"])
+overload_lanes(turn_hinges, numbers=["weights", "numbers"], indices=["corners"])
 
 
 @wp.kernel

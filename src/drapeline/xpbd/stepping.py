@@ -16,7 +16,7 @@ from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
 from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
-from drapeline.xpbd.lanes import LaneIndices, Lanes, lay_in_lanes
+from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes
 from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
 from drapeline.xpbd.moves import make_all_moves, make_moves
@@ -110,7 +110,8 @@ class MovingCloth:
     def _place_system(self) -> None:
         """Put the system and what it may touch on the device."""
         garments = self._garments
-        system = self._system = join_garments(garments)
+        self._width = 1 if self._together else LANES
+        system = self._system = join_garments(garments, self._width)
         self._place = _vectors(system.vertices)
         self._before, self._speed = wp.zeros_like(self._place), wp.zeros_like(self._place)
         times = np.arange(self._steps + 1) / self._steps
@@ -124,7 +125,7 @@ class MovingCloth:
         layers = wp.array(system.layers, dtype=int)
         triangles = wp.array(system.triangles, dtype=wp.vec3i)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
-        self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves)
+        self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves, self._width)
         self._covered = CoveredVertices(self._body.segments, self._body.faces, self._near)
         pairs = wp.array(system.edges, dtype=wp.vec2i)
         sides = edges_of_triangles(system.edges, system.triangles)
@@ -149,17 +150,18 @@ class MovingCloth:
         system, numbers, surface = self._system, self._numbers, self._surface
         mass, state = _numbers(system.inverse_masses), [self._before, self._place]
         springs, hinges = system.springs, system.hinges
+        number, index = lane_types(self._width)
         masses = system.inverse_masses[springs.pairs].sum(axis=1)
         pulling = [
-            _lanes(springs.pairs, system.spring_lanes, LaneIndices),
+            _lanes(springs.pairs, system.spring_lanes, index),
             self._responses(springs, masses, system.spring_lanes, 1),
             mass,
         ]
-        pulls = wp.zeros(len(system.spring_lanes), dtype=Lanes)
+        pulls = wp.zeros(len(system.spring_lanes), dtype=number)
         masses = (system.inverse_masses[hinges.vertices] * hinges.weights**2).sum(axis=1)
         turning = [
-            _lanes(hinges.vertices, system.hinge_lanes, LaneIndices),
-            _lanes(hinges.weights, system.hinge_lanes, Lanes),
+            _lanes(hinges.vertices, system.hinge_lanes, index),
+            _lanes(hinges.weights, system.hinge_lanes, number),
             self._responses(hinges, masses, system.hinge_lanes, numbers.hinge_every),
             mass,
         ]
@@ -269,7 +271,7 @@ class MovingCloth:
         Args:
             constraints: C springs or hinges.
             masses: (C,) sums of inverse masses that they act on.
-            lanes: (R, LANES), see `fill_lanes`.
+            lanes: (R, width), see `fill_lanes`.
             every: small steps from one solution to the next.
         """
         compliance = 1 / constraints.stiffness_n_m
@@ -280,7 +282,7 @@ class MovingCloth:
             np.stack([constraints.lengths_m, compliance, damping, ease], axis=1), lanes
         )
         rows[:, 3][lanes < 0] = 0  # an empty lane repeats a full one, and must move nothing
-        return wp.array(rows.astype(np.float32), dtype=Lanes)
+        return wp.array(rows.astype(np.float32), dtype=lane_types(self._width)[0])
 
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])

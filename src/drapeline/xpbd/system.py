@@ -10,7 +10,7 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.colouring import colour_constraints
 from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
-from drapeline.xpbd.lanes import fill_lanes
+from drapeline.xpbd.lanes import LANES, fill_lanes
 
 Constraints = TypeVar("Constraints", Springs, Hinges)
 
@@ -28,7 +28,7 @@ class ClothSystem:
         layers: (V,) int32, number of a vertex's garment, from inner to outer.
         starts: (G + 1,) where each garment begins.
         springs, hinges: in order of their colours; springs along edges before diagonals.
-        spring_lanes, hinge_lanes: (R, LANES), which of them are solved at once, see `fill_lanes`.
+        spring_lanes, hinge_lanes: (R, width), which of them are solved at once, see `fill_lanes`.
         spring_rows, hinge_rows: (C + 1,), where the rows of each colour begin.
         pinned: (P,) int32, vertices that are held.
         pin_weights: (P,) 0-1.
@@ -55,8 +55,8 @@ class ClothSystem:
         return np.split(vertices, self.starts[1:-1])
 
 
-def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
-    """Make one system of garments, from inner to outer."""
+def join_garments(garments: Sequence[ClothGarment], width: int = LANES) -> ClothSystem:
+    """Make one system of garments, from inner to outer, for lanes of a width."""
     sizes = [len(g.vertices) for g in garments]
     starts = np.concatenate([[0], np.cumsum(sizes)])
     masses = [_masses(g) for g in garments]
@@ -71,10 +71,14 @@ def join_garments(garments: Sequence[ClothGarment]) -> ClothSystem:
     pairs = [edges(g.faces) for g in garments]
     diagonal = [np.arange(len(s.pairs)) >= len(p) for s, p in zip(springs, pairs, strict=True)]
     joined_springs, spring_lanes, spring_rows = _join_constraints(
-        springs, "pairs", starts, np.concatenate(diagonal)
+        springs, "pairs", starts, np.concatenate(diagonal), width
     )
     joined_hinges, hinge_lanes, hinge_rows = _join_constraints(
-        hinges, "vertices", starts, np.zeros(sum(len(h.vertices) for h in hinges), dtype=bool)
+        hinges,
+        "vertices",
+        starts,
+        np.zeros(sum(len(h.vertices) for h in hinges), dtype=bool),
+        width,
     )
     return ClothSystem(
         vertices=np.concatenate([g.vertices for g in garments]).astype(np.float32),
@@ -113,7 +117,7 @@ def _join(numbers: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
 
 
 def _join_constraints(
-    parts: Sequence[Constraints], ends: str, starts: np.ndarray, later: np.ndarray
+    parts: Sequence[Constraints], ends: str, starts: np.ndarray, later: np.ndarray, width: int
 ) -> tuple[Constraints, np.ndarray, np.ndarray]:
     """Constraints of all garments in the order of their colours, their lanes and colours' rows.
 
@@ -129,7 +133,7 @@ def _join_constraints(
         for name in kind.__dataclass_fields__
         if name != ends
     }
-    lanes = fill_lanes(colours[order])
+    lanes = fill_lanes(colours[order], width)
     starts_colour = np.diff(colours[order][lanes[:, 0]], prepend=-1) > 0
     rows = np.append(np.flatnonzero(starts_colour), len(lanes))
     return kind(**{ends: joined[order]}, **fields), lanes, rows
