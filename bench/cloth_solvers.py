@@ -1,23 +1,34 @@
-"""CPU time and health of the two cloth solvers, on the same samples.
+"""Time and health of the two cloth solvers, on the same samples.
 
 OMP_NUM_THREADS=1 .venv/bin/python bench/cloth_solvers.py results 00002 00003
+OMP_NUM_THREADS=1 .venv/bin/python bench/cloth_solvers.py --gpu results 00002 00003
 
 The folder is that of an experiment that has made its outfits. Each sample is simulated by both
 solvers, one after the other, each in a process of its own on one core, with the default settings of
-`simulation` and a single attempt. Times are of that process's processor, from its start to its end:
-imports, the transition, the measures of every frame and the files included.
+`simulation` and a single attempt. Times are of that process, from its start to its end: imports,
+the transition, the measures of every frame and the files included. With --gpu it is the fast solver
+on a core and on a GPU, twice each: runs of the same digest end in the same bytes.
 """
 
+import hashlib
 import json
 import os
 import resource
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
-SOLVERS = {"blender": "drapeline.blender.solver", "xpbd": "drapeline.xpbd.solver"}
+SOLVERS = {
+    "blender": ("drapeline.blender.solver", "cpu"),
+    "xpbd": ("drapeline.xpbd.solver", "cpu"),
+    "xpbd on a GPU": ("drapeline.xpbd.solver", "gpu"),
+}
 SETTINGS = {
     "steps_min": 14,
     "steps_max": 14,
@@ -43,7 +54,8 @@ def simulate(solver: str, results: str, sample: str, folder: str) -> None:
     from drapeline.simulation.health import HealthBounds
     from drapeline.simulation.simulate import DressedBody, simulate_outfit
 
-    cloth = import_module(SOLVERS[solver]).cloth_solver(1)
+    module, accelerator = SOLVERS[solver]
+    cloth = import_module(module).cloth_solver(1, accelerator)
     outfits = Path(results) / "outfits"
     outfit = load_outfit(outfits / f"{sample}.npz", outfits / f"{sample}.json")
     body = Path(results).parent / f"resources/body/{outfit.gender}.npz"
@@ -59,40 +71,53 @@ def simulate(solver: str, results: str, sample: str, folder: str) -> None:
     )
 
 
-def run(solver: str, results: str, sample: str) -> tuple[float, dict[str, float]]:
-    """CPU seconds of a process that simulates one sample, and the measures of its health."""
+def run(solver: str, results: str, sample: str) -> dict[str, Any]:
+    """Seconds of a process that simulates one sample and of its CPU, health, and a digest."""
     with TemporaryDirectory() as name:
         folder = f"{name}/{sample}"
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         subprocess.run(
             [sys.executable, __file__, "--one", solver, results, sample, folder],
             check=True,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        after, ended = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         status = json.loads(Path(folder, "status.json").read_text())
-    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return seconds, status["attempts"][-1]["measures"]
+        files = sorted(Path(folder).glob("*.f32"))
+        digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    return {
+        "cpu_s": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+        "wall_s": ended - begun,
+        "measures": status["attempts"][-1]["measures"],
+        "digest": digest[:8],
+    }
 
 
-def main(results: str, samples: list[str]) -> None:
-    """Print a row per sample and solver, and the ratio of all times."""
+def main(solvers: Sequence[str], results: str, samples: Sequence[str], runs: int = 1) -> None:
+    """Print a row per sample, solver and run, and the ratio of all times."""
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    print("sample\tsolver\tcpu_s\t" + "\t".join(MEASURES))
-    totals = dict.fromkeys(SOLVERS, 0.0)
-    run("xpbd", results, samples[0])  # compiles the kernels, once on each machine
-    for sample in samples:
-        for solver in SOLVERS:
-            seconds, measures = run(solver, results, sample)
-            totals[solver] += seconds
-            numbers = "\t".join(f"{measures[name]:.4f}" for name in MEASURES)
-            print(f"{sample}\t{solver}\t{seconds:.1f}\t{numbers}", flush=True)
-    print(f"blender / xpbd: {totals['blender'] / totals['xpbd']:.1f}")
+    print("sample\tsolver\tcpu_s\twall_s\tdigest\t" + "\t".join(MEASURES))
+    totals = {solver: {"cpu_s": 0.0, "wall_s": 0.0} for solver in solvers}
+    for solver in solvers:
+        run(solver, results, samples[0])  # compiles the kernels, once on each machine
+    for sample, solver in product(samples, solvers):
+        for _ in range(runs):
+            done = run(solver, results, sample)
+            for name in totals[solver]:
+                totals[solver][name] += done[name]
+            numbers = "\t".join(f"{done['measures'][name]:.4f}" for name in MEASURES)
+            times = f"{done['cpu_s']:.1f}\t{done['wall_s']:.1f}"
+            print(f"{sample}\t{solver}\t{times}\t{done['digest']}\t{numbers}", flush=True)
+    first, last = solvers[0], solvers[-1]
+    for name in ("cpu_s", "wall_s"):
+        print(f"{name}, {first} / {last}: {totals[first][name] / totals[last][name]:.1f}")
 
 
 if __name__ == "__main__":
     if sys.argv[1] == "--one":
         simulate(*sys.argv[2:])
+    elif sys.argv[1] == "--gpu":
+        main(["xpbd", "xpbd on a GPU"], sys.argv[2], sys.argv[3:], runs=2)
     else:
-        main(sys.argv[1], sys.argv[2:])
+        main(["blender", "xpbd"], sys.argv[1], sys.argv[2:])

@@ -33,7 +33,7 @@ with rule_log(snakemake.log[0]) as log:
         outfits = settling.settle_static(
             outfits,
             bodies,
-            solver.cloth_solver(snakemake.threads),
+            solver.cloth_solver(snakemake.threads, wanted.settling["accelerator"]),
             frames=wanted.settling["frames"],
             settings=wanted.settling["settings"],
             bounds=wanted.settling["bounds"],

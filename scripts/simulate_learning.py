@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     given, params = snakemake.input, snakemake.params
-    solver = import_module(params.solver).cloth_solver(snakemake.threads)
+    module = import_module(params.solver)
+    solver = module.cloth_solver(snakemake.threads, params.accelerator)
     wearers = {
         gender: Wearer(
             load_body(given[f"{gender}_body"]),

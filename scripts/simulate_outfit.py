@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    solver = import_module(snakemake.params.solver).cloth_solver(snakemake.threads)
+    params = snakemake.params
+    module = import_module(params.solver)
+    solver = module.cloth_solver(snakemake.threads, params.accelerator)
     status = simulate_outfit(
         snakemake.output[0],
         DressedBody(
@@ -24,7 +26,7 @@ with rule_log(snakemake.log[0]) as log:
             load_outfit(snakemake.input.outfit, snakemake.input.parameters),
         ),
         solver,
-        settings=SimulationSettings(**snakemake.params.settings),
-        bounds=HealthBounds(**snakemake.params.bounds),
+        settings=SimulationSettings(**params.settings),
+        bounds=HealthBounds(**params.bounds),
     )
     log.info("%s %s", status["status"], status["reason"])

@@ -100,6 +100,6 @@ class Follower:
             ]
 
 
-def cloth_solver(threads: int) -> Follower:
+def cloth_solver(threads: int, accelerator: str = "cpu") -> Follower:
     """As each solver's module has it."""
     return Follower()

@@ -5,6 +5,7 @@ import warp as wp
 
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.launches import BusyLaunch
+from drapeline.xpbd.moves import make_all_moves, make_moves
 
 OWN_GAP, LAYER_GAP = 0.007, 0.004
 MASS = np.array([1.0, 2, 3, 4])
@@ -23,6 +24,8 @@ GAPS = [
 def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=()):
     """Places (4, 3) after a contact, and those that count as before it.
 
+    A contact alone does the same whether contacts act in turn or at once.
+
     Args:
         kernel: `touch_cloth` or `touch_edges`.
         near: what each vertex or edge is near to, by the kernel's numbers; 0 for nothing.
@@ -33,6 +36,13 @@ def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=(
         friction: of the kernel, if it has one.
     """
     start_warp()
+    args = (kernel, near, parts, old, new, layers, room, friction)
+    in_turn, at_once = (_after_contact(*args, together=together) for together in (False, True))
+    np.testing.assert_allclose(at_once, in_turn, atol=1e-7)
+    return in_turn
+
+
+def _after_contact(kernel, near, parts, old, new, layers, room, friction, *, together):
     near = np.array(near, np.int32)
     state = [wp.array(np.float32(part), dtype=wp.vec3, device="cpu") for part in (old, new)]
     launch = BusyLaunch(
@@ -46,9 +56,10 @@ def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=(
             wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
             *(OWN_GAP, LAYER_GAP, *friction),
         ],
-        outputs=state,
+        outputs=[moves := make_moves(4 if together else 0), *state],
     )
     launch.find()
     launch.launch()
+    wp.launch(make_all_moves, dim=len(moves.weight), inputs=[moves], outputs=state)
     before, place = (part.numpy().astype(float) for part in state)
     return place, before

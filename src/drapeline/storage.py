@@ -318,7 +318,8 @@ def create_array(path: str | Path, dtype: type, shape: tuple[int, ...]) -> np.me
     header = {
         "descr": np.lib.format.dtype_to_descr(np.dtype(dtype)),
         "fortran_order": False,
-        "shape": shape,
+        # NumPy 2 would write its own integers in a way that it does not read.
+        "shape": tuple(map(int, shape)),
     }
     with open(path, "wb") as stream:
         np.lib.format.write_array_header_1_0(stream, header)

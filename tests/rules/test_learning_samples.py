@@ -49,6 +49,7 @@ def shard(tmp_path_factory, run_rule, baked_bodies):
             "seed": 5,
             "plans": [asdict(plan) for plan in PLANS],
             "solver": "drapeline.xpbd.solver",
+            "accelerator": "cpu",
             "bodies": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
             "outfits": {
                 "edge_length_m": 0.04,

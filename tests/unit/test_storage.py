@@ -399,7 +399,7 @@ def test_a_mapped_array_that_the_disk_has_no_room_for_is_refused_when_it_is_made
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("shape", [(4, 3), (0, 3), ()])
+@pytest.mark.parametrize("shape", [(4, 3), (0, 3), (), (np.int64(4), 3)])
 def test_a_mapped_array_begins_with_zeros_and_takes_its_room(tmp_path, shape):
     path = tmp_path / "x.npy"
     array = create_array(path, np.float32, shape)

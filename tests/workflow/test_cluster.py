@@ -69,9 +69,12 @@ def test_what_uses_a_gpu_asks_for_one_where_the_config_does(project, tmp_path, a
     config = yaml.safe_load((ROOT / TINY).read_text())
     for model in ("gcvae", "garment4d"):
         config[model]["trainer"] = {"accelerator": accelerator}
+    config.setdefault("simulation", {})["accelerator"] = accelerator
     (tmp_path / "mine.yaml").write_text(json.dumps(config))
     jobs = planned_jobs(project, "all", "--configfile", str(tmp_path / "mine.yaml"))
     asked = {rule: resources.get("gpu") for rule, resources in jobs}
     for rule in ("train_svae", "train_dvae", "train_garment4d_posed", "evaluate_garment4d"):
         assert asked[rule] == gpus, rule
+    assert asked["simulate_learning"] == gpus
+    assert asked["simulate_outfit"] == "0"  # by Blender
     assert asked["evaluate_static"] is None

@@ -42,10 +42,12 @@ rule simulate_learning:
     resources:
         mem_mb=3000,
         runtime=minutes(LEARNING_S),
+        gpu=simulation_gpus(config["learning"]["solver"]),
     params:
         seed=config["seed"],
         plans=learning_plans,
         solver=LEARNING_SOLVER,
+        accelerator=config["simulation"]["accelerator"],
         bodies=BODY_SETTINGS,
         outfits={
             **OUTFIT_SETTINGS,

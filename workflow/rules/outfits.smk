@@ -85,6 +85,7 @@ SETTLING = {}
 if config["static"]["settle_frames"]:
     SETTLING = {
         "modules": ["drapeline.generation.settled", "drapeline.xpbd.solver"],
+        "accelerator": config["simulation"]["accelerator"],
         "frames": config["static"]["settle_frames"],
         "settings": {**config["simulation"]["settings"], "pose_frames": 1},
         "bounds": config["simulation"]["bounds"],
@@ -108,6 +109,7 @@ rule make_static_outfits:
     resources:
         mem_mb=2000,
         runtime=minutes((40 + 10 * config["static"]["settle_frames"]) * STATIC_SHARD),
+        gpu=simulation_gpus("xpbd") if SETTLING else 0,
     params:
         seed=config["seed"],
         plans=shard_plans,

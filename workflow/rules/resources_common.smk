@@ -62,6 +62,15 @@ def gpus(model):
     return trainer["devices"] if trainer["devices"] not in ("auto", -1) else 1
 
 
+# Solvers that can use a GPU.
+GPU_SOLVERS = {"xpbd"}
+
+
+def simulation_gpus(solver):
+    """GPUs that a simulation asks for: none unless its solver can use one and the config insists."""
+    return int(solver in GPU_SOLVERS and config["simulation"]["accelerator"] == "gpu")
+
+
 def vae_seconds(model):
     """Seconds of a training of the svae or the dvae."""
     chosen = config["gcvae"][model]

@@ -26,8 +26,10 @@ rule simulate_outfit:
     resources:
         mem_mb=memory(550 * CLOTH_MEMORY),
         runtime=minutes(SIMULATION_S),
+        gpu=simulation_gpus(config["simulation"]["solver"]),
     params:
         solver=SOLVER_MODULE,
+        accelerator=config["simulation"]["accelerator"],
         settings=lookup(dpath="simulation/settings", within=config),
         bounds=lookup(dpath="simulation/bounds", within=config),
         code=source_hash("simulate_outfit", SOLVER_MODULE),

@@ -39,8 +39,9 @@ class ClothGarment:
 class ClothSolver(Protocol):
     """Moves garments with a body. It knows nothing of attempts, health or files of the dataset.
 
-    A solver lives in a package of its own, with a module that has `cloth_solver(threads)`, which
-    returns one that takes no more than so many cores (see docs/how-to/extending.md).
+    A solver lives in a package of its own, with a module that has
+    `cloth_solver(threads, accelerator)`, which returns one that takes no more than so many cores,
+    and a GPU where "auto" or "gpu" allow it and it can (see docs/how-to/extending.md).
     """
 
     @property

@@ -23,14 +23,17 @@ class BusyLaunch:
     def __init__(self, kernel: wp.Kernel, count: wp.array, inputs: list, outputs: list) -> None:
         self._count = count
         self._numbers = wp.array(np.arange(len(count), dtype=np.int32), dtype=int)
-        self._launch = record(kernel, len(count), [self._numbers, count, *inputs], outputs)
+        self._launch = record(kernel, 1, [self._numbers, count, *inputs], outputs)
+        self._launch.set_dim(0)
 
     def find(self) -> None:
         """Find them again, after `count` has changed."""
-        if self._count.device.is_cpu:
-            busy = np.flatnonzero(self._count.numpy())
-            self._numbers.numpy()[: len(busy)] = busy
-            self._launch.set_dim(len(busy))
+        if self._count.device.is_cuda:
+            self._launch.set_dim(len(self._count))
+            return
+        busy = np.flatnonzero(self._count.numpy())
+        self._numbers.numpy()[: len(busy)] = busy
+        self._launch.set_dim(len(busy))
 
     def launch(self) -> None:
         """Launch the kernel for those that were found."""

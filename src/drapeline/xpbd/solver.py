@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
+from drapeline.errors import InputError
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
@@ -15,8 +16,21 @@ from drapeline.simulation.solver import ClothGarment, ClothSolver
 from drapeline.xpbd.stepping import MovingCloth, Numbers
 
 
-def cloth_solver(threads: int) -> ClothSolver:
-    """The fast solver; it takes one core, whatever the number of threads."""
+def cloth_solver(threads: int, accelerator: str = "cpu") -> ClothSolver:
+    """The fast solver; it takes one core, whatever the number of threads, and a GPU if asked to.
+
+    Raises:
+        InputError: there is no GPU, and the accelerator is "gpu".
+    """
+    if accelerator == "cpu":
+        return XpbdCloth()
+    start_warp()
+    if wp.is_cuda_available():
+        return XpbdCloth(device="cuda", together=True)
+    if accelerator == "gpu":
+        raise InputError(
+            "simulation.accelerator is gpu, but Warp finds no CUDA device, expected auto or cpu"
+        )
     return XpbdCloth()
 
 
@@ -39,8 +53,8 @@ class XpbdCloth:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """All numbers of the method."""
-        return asdict(self.numbers)
+        """All numbers of the method, and where and in which order it works."""
+        return {**asdict(self.numbers), "device": self.device, "together": self.together}
 
     def versions(self) -> dict[str, str]:
         """Warp's version."""

@@ -10,6 +10,7 @@ from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.launches import BusyLaunch
+from drapeline.xpbd.moves import make_all_moves, make_moves
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import Numbers
 from sheet_toys import drop, sheet
@@ -22,8 +23,8 @@ def vectors(rows):
     return wp.array(np.float32(rows).reshape(-1, 3), dtype=wp.vec3, device="cpu")
 
 
-@pytest.fixture
-def lift():
+@pytest.fixture(params=[False, True], ids=["in turn", "at once"])
+def lift(request):
     """lift(height, ...) -> heights of a triangle's corners, in the end and when the step began."""
     start_warp()
 
@@ -47,11 +48,12 @@ def lift():
                 *(skin.covers, skin.from_place, skin.to_place, skin.up),
                 *(triangles, mass, clock, vectors([0, 0, 0]), GAP_M, MARGIN_M, friction),
             ],
-            [before, place],
+            [moves := make_moves(3 * request.param), before, place],
         )
         launch.find()
         for _ in range(steps):
             launch.launch()
+            wp.launch(make_all_moves, dim=len(moves.weight), inputs=[moves, before, place])
         return place.numpy()[:, 2], before.numpy()[:, 2]
 
     return run

@@ -8,9 +8,9 @@ from drapeline.seeding import rng_for
 from drapeline.xpbd.colouring import colour_constraints
 from drapeline.xpbd.lanes import (
     LANES,
-    Lanes,
     count_less,
     fill_lanes,
+    lane_types,
     lay_in_lanes,
     make_patches,
     most,
@@ -18,11 +18,12 @@ from drapeline.xpbd.lanes import (
 from sheet_toys import sheet
 
 
+@pytest.mark.parametrize("width", [1, LANES])
 @pytest.mark.parametrize("sizes", [[0], [1], [8], [9], [3, 16, 7], [8, 8, 1]])
-def test_each_constraint_has_one_lane_and_a_row_one_colour(sizes):
+def test_each_constraint_has_one_lane_and_a_row_one_colour(sizes, width):
     colours = np.repeat(np.arange(len(sizes)), sizes)
-    lanes = fill_lanes(colours)
-    assert lanes.shape == (sum(-(-size // LANES) for size in sizes), LANES)
+    lanes = fill_lanes(colours, width)
+    assert lanes.shape == (sum(-(-size // width) for size in sizes), width)
     assert lanes[lanes >= 0].tolist() == list(range(len(colours)))
     for row in lanes:
         assert len(np.unique(colours[row[row >= 0]])) == 1
@@ -34,7 +35,7 @@ def test_full_lanes_of_a_row_share_no_vertex():
     pairs = edges(sheet(0.0).faces)
     colours = colour_constraints(pairs, 169)
     order = np.argsort(colours, kind="stable")
-    lanes = fill_lanes(colours[order])
+    lanes = fill_lanes(colours[order], LANES)
     for row in lanes:
         ends = pairs[order][row[row >= 0]].ravel()
         assert len(np.unique(ends)) == len(ends)
@@ -42,19 +43,20 @@ def test_full_lanes_of_a_row_share_no_vertex():
 
 def test_an_empty_lane_repeats_the_first_of_its_row():
     values = np.arange(22).reshape(11, 2)
-    laid = lay_in_lanes(values, fill_lanes(np.repeat([0, 1], [9, 2])))
+    laid = lay_in_lanes(values, fill_lanes(np.repeat([0, 1], [9, 2]), LANES))
     assert laid.shape == (3, 2, LANES)
     assert laid[0].T.tolist() == values[:8].tolist()
     assert laid[1, 0].tolist() == [16] * LANES
     assert laid[2, 1].tolist() == [19, 21, *[19] * 6]
 
 
+@pytest.mark.parametrize("width", [1, LANES])
 @pytest.mark.parametrize("sizes", [[1], [8], [100, 3], [57, 64, 9]])
-def test_patches_have_each_point_once_and_one_group(sizes):
+def test_patches_have_each_point_once_and_one_group(sizes, width):
     points = rng_for(1, "points").uniform(size=(sum(sizes), 3))
     groups = np.repeat(np.arange(len(sizes)), sizes)
-    patches = make_patches(points, groups)
-    assert len(patches) == sum(-(-size // LANES) for size in sizes)
+    patches = make_patches(points, groups, width)
+    assert len(patches) == sum(-(-size // width) for size in sizes)
     assert sorted(patches[patches >= 0]) == list(range(len(points)))
     for row in patches:
         assert len(np.unique(groups[row[row >= 0]])) == 1
@@ -63,16 +65,19 @@ def test_patches_have_each_point_once_and_one_group(sizes):
 def test_points_of_a_patch_lie_together():
     x, y = np.meshgrid(np.arange(16.0), np.arange(8.0))
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-    for row in make_patches(points, np.zeros(128, dtype=int)):
+    for row in make_patches(points, np.zeros(128, dtype=int), LANES):
         assert sorted(np.ptp(points[row], axis=0)) == [0, 1, 3]
 
 
-def test_the_larger_of_two_numbers_and_how_many_are_less():
+@pytest.mark.parametrize("width", [1, LANES])
+def test_the_larger_of_two_numbers_and_how_many_are_less(width):
+    number, _ = lane_types(width)
+
     @wp.kernel
     def compare(
-        a: wp.array(dtype=Lanes),
-        b: wp.array(dtype=Lanes),
-        larger: wp.array(dtype=Lanes),
+        a: wp.array(dtype=number),
+        b: wp.array(dtype=number),
+        larger: wp.array(dtype=number),
         less: wp.array(dtype=int),
     ):
         i = wp.tid()
@@ -80,8 +85,8 @@ def test_the_larger_of_two_numbers_and_how_many_are_less():
         less[i] = count_less(a[i], b[i])
 
     start_warp()
-    one, two = rng_for(1, "lanes").integers(0, 4, (2, 9, LANES)).astype(np.float32)
-    a, b = (wp.array(values, dtype=Lanes, device="cpu") for values in (one, two))
+    one, two = rng_for(1, "lanes").integers(0, 4, (2, 9, width)).astype(np.float32)
+    a, b = (wp.array(values, dtype=number, device="cpu") for values in (one, two))
     larger, less = wp.zeros_like(a), wp.zeros(9, dtype=int, device="cpu")
     wp.launch(compare, dim=9, inputs=[a, b], outputs=[larger, less], device="cpu")
     np.testing.assert_array_equal(larger.numpy(), np.maximum(one, two))

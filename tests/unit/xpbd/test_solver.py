@@ -1,10 +1,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import warp as wp
 from threadpoolctl import threadpool_limits
 
 from cloth_toys import FRAMES, dress, skirt
+from drapeline.errors import InputError
 from drapeline.geometry.point_cache import PointCache
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
@@ -17,6 +19,18 @@ def test_it_is_named_with_its_numbers_and_version():
     assert solver.name == "xpbd"
     assert solver.settings["steps_per_step"] == 2.5
     assert solver.versions() == {"warp": wp.config.version}
+
+
+def test_it_takes_a_gpu_where_there_is_one_and_it_may(monkeypatch):
+    monkeypatch.setattr(wp, "is_cuda_available", lambda: True)
+    assert [cloth_solver(1, name).device for name in ("cpu", "auto", "gpu")] == [
+        *("cpu", "cuda", "cuda")
+    ]
+    assert cloth_solver(1, "gpu").settings["together"]
+    monkeypatch.setattr(wp, "is_cuda_available", lambda: False)
+    assert cloth_solver(1, "auto") == cloth_solver(1)
+    with pytest.raises(InputError, match=r"^simulation.accelerator is gpu, but .* no CUDA device"):
+        cloth_solver(1, "gpu")
 
 
 def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, toy_body):

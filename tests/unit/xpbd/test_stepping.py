@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -6,7 +7,9 @@ import pytest
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd import system
-from sheet_toys import GAP_M, beneath_share, sheet
+from drapeline.xpbd.launches import BusyLaunch
+from drapeline.xpbd.solver import XpbdCloth
+from sheet_toys import GAP_M, beneath_share, drop, sheet
 
 EDGE_M = 0.03
 
@@ -108,3 +111,39 @@ def test_triangles_are_simulated_as_well(run):
     (fall,) = run([replace(piece, faces=triangulate(piece.faces))], 40)
     assert np.linalg.norm(fall[-1], axis=1).min() > 0.1
     assert fall[-1, 0, 2] < 0.07
+
+
+@pytest.fixture
+def run_at_once(tmp_path):
+    """As `run`, but constraints of a colour and contacts of a kind act at once."""
+    return partial(drop, tmp_path, XpbdCloth(together=True))
+
+
+def test_constraints_at_once_are_those_in_turn(run, run_at_once):
+    """Those of a colour share no vertex; without contact nothing else differs."""
+    piece = sheet(1.0, pin=first_row(1), path=lambda frame: np.array([0, 0.01 * frame, 0]))
+    (in_turn,), (at_once,) = (simulate([piece], 12) for simulate in (run, run_at_once))
+    assert np.abs(in_turn[-1] - piece.vertices).max() > 0.1
+    np.testing.assert_allclose(at_once, in_turn, atol=1e-4)
+
+
+def test_contacts_at_once_hold_layers_on_a_ball(run_at_once):
+    under, over = sheet(0.115, name="in"), sheet(0.13, name="out")
+    inner, outer = run_at_once([under, over], 30, steps=16)
+    assert np.linalg.norm(inner[-1], axis=1).min() > 0.1
+    assert beneath_share(outer[-1], inner[-1], under.faces) < 0.02
+    assert np.linalg.norm(outer[-1], axis=1).min() > 0.1 + 1.5 * GAP_M
+
+
+def test_contacts_at_once_have_no_order(run_at_once, monkeypatch):
+    pieces = [sheet(0.115, name="in"), sheet(0.13, name="out")]
+    cloths = run_at_once(pieces, 12)
+
+    def find_backwards(launch):
+        busy = np.flatnonzero(launch._count.numpy())[::-1]
+        launch._numbers.numpy()[: len(busy)] = busy
+        launch._launch.set_dim(len(busy))
+
+    monkeypatch.setattr(BusyLaunch, "find", find_backwards)
+    for cloth, again in zip(cloths, run_at_once(pieces, 12), strict=True):
+        np.testing.assert_array_equal(again, cloth)

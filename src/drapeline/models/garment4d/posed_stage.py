@@ -102,7 +102,7 @@ class PosedStage(Stage):
         # Some were computed before the network was moved to where it is trained.
         device = batch["points"].device
         return [
-            PointLevel(*(torch.cat(x).to(device) for x in zip(*level, strict=True)))
+            PointLevel(*(torch.cat([x.to(device) for x in xs]) for xs in zip(*level, strict=True)))
             for level in by_level
         ]
 

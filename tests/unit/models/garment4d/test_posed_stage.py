@@ -9,6 +9,7 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import DressedSequences
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.checkpoints import read_checkpoint
@@ -71,6 +72,27 @@ def test_point_levels_from_memory_are_those_of_the_network(trained_posed, sequen
     stage.point_levels(batch)
     stage.point_levels(batch)
     assert asked == [1, count, count]
+
+
+def test_point_levels_from_memory_go_where_those_of_the_network_are(
+    trained_posed, sequences, monkeypatch
+):
+    """Some were computed before the network was moved to where it is trained."""
+    stage = load_stage(trained_posed, PosedStage)
+    batch = batch_of(stage, sequences, "val")
+    count = len(batch["names"])
+    stage.point_levels({key: value[: count - 1] for key, value in batch.items()})
+    estimate, cpu_points = stage.estimate_canonical, batch["points"]
+
+    def elsewhere(points):
+        found = estimate(cpu_points[-len(points) :])
+        levels = [PointLevel(*(x.to("meta") for x in level)) for level in found.levels]
+        return found._replace(levels=levels)
+
+    monkeypatch.setattr(stage, "estimate_canonical", elsewhere)
+    for level in stage.point_levels({**batch, "points": cpu_points.to("meta")}):
+        assert {x.device.type for x in level} == {"meta"}
+
 
 
 def test_windows_that_canonical_garments_were_predicted_from_are_not_asked_for_again(
