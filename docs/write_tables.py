@@ -85,6 +85,8 @@ SCANS = {
     "smplicit_scan_nearest": "SMPLicit, training code with the least loss",
     "smplicit_scan_code": "SMPLicit, fitted code",
     "smplicit_scan_joint": "SMPLicit, code and body fitted jointly",
+    "smplicit_scan_nearest_hung": "SMPLicit, training code with the least loss, hung",
+    "smplicit_scan_hung": "SMPLicit, code fitted again to cloth that hangs",
     "static_ppca_scan": "masked PPCA (ours), fitted code",
     "svae_scan": "garment VAE, as printed, fitted code",
     "garment4d_scan_pca": "PCA of Garment4D's templates, fitted",

@@ -6,6 +6,7 @@ import torch
 
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.shards import samples_of_shards
+from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.fitted_scans import save_fitted_scans
 from drapeline.metrics.table import write_metrics
 from drapeline.models.compare_scans import (
@@ -18,6 +19,7 @@ from drapeline.models.smplicit.fit_scans import FitScan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.scan_fitter import SmplicitScanFitter
 from drapeline.rule_log import rule_log
+from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -29,8 +31,10 @@ with rule_log(snakemake.log[0]):
     bodies = next(iter(models.values())).bodies
     samples = [*given.samples, *samples_of_shards(given.learning)]
     scans = known_scans(given.scans, samples, bodies)
-    fits = BodyFit(**params.body), FitScan(**params.fit), Meshing(**params.meshing)
-    fitter = SmplicitScanFitter(models, *fits, params.seed)
+    settings = FitScan(**params.fit)
+    fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
+    hang = make_hang(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    fitter = SmplicitScanFitter(models, *fits, hang)
     about = {"split": params.split, "seed": params.seed}
     rows, found = compare_scan_fits(scans, fitter, **about)
     states = {

@@ -7,12 +7,14 @@ import torch
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.segmented_scans import save_scans, segment_scans
+from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.fitted_scans import save_fitted_scans
 from drapeline.models.smplicit.fit_scans import FitScan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.own_scans import find_in_scans, shown_scan, write_found
 from drapeline.report.models.scans import OWN
 from drapeline.rule_log import rule_log
+from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -24,8 +26,10 @@ with rule_log(snakemake.log[0]):
     bodies = next(iter(models.values())).bodies
     read = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
     scans = segment_scans(read, params.garments, name=given.points)
-    fits = BodyFit(**params.body), FitScan(**params.fit), Meshing(**params.meshing)
-    found = find_in_scans(scans, models, *fits, params.seed)
+    settings = FitScan(**params.fit)
+    fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
+    hang = make_hang(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    found = find_in_scans(scans, models, *fits, hang)
     write_found(made.folder, scans, found)
     save_scans(made.scans, scans, [one.body for one in found])
     save_fitted_scans(

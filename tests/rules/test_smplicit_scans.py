@@ -17,6 +17,13 @@ from tiny_sample import write_tiny_sample
 BODY_FIT = {"steps": 2, "joint_steps": 2, "points": 200}
 FIT = {"cloth": 60, "around": 60, "starts": 2, "steps": 2, "joint_steps": 1}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
+SIMULATION = {
+    "steps_min": 4,
+    "steps_max": 4,
+    "shape_frames": 1,
+    "pose_frames": 2,
+}
+HANGING = {"hanging": {"edge_length_m": 0.05, "simulation": SIMULATION}}
 TRANS = np.array([0.2, 0.1, 0.9])
 
 
@@ -42,7 +49,8 @@ def test_scans_of_a_sample_have_a_fitted_body(scanned):
     assert not np.array_equal(body.rotations, scan.estimate.rotations)
 
 
-def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, tmp_path):
+@pytest.mark.parametrize("frames", [0, 2])
+def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, tmp_path, frames):
     sample, scans = scanned
     run_rule(
         "evaluate_scans_smplicit",
@@ -51,18 +59,23 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
         params={
             "split": "test",
             "body": BODY_FIT,
-            "fit": FIT,
+            "fit": FIT | {"hang_frames": frames},
             "meshing": MESHING,
             "seed": 0,
+            **HANGING,
         },
     )
     rows = read_metrics(tmp_path / "metrics.tsv")
     assert {row.variant for row in rows} == {
         *(f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")),
+        *(f"smplicit_scan_{name}" for name in ("nearest_hung", "hung") if frames),
         *(f"scan_body_{name}" for name in ("estimated", "fitted", "joint")),
     }
     (shown,) = load_fitted_scans(tmp_path / "shown.npz").values()
     assert set(shown["smplicit_scan_joint"]) == {"Skirt"}
+    skinned, moved = (shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("joint", "moved"))
+    # The cloth that hangs is coarser.
+    assert (len(moved.vertices) < 0.8 * len(skinned.vertices)) == bool(frames)
     assert {TRUE, BODY} <= set(shown)
     run_rule("tabulate_scans", input=[tmp_path / "metrics.tsv"], output=[tmp_path / "page.html"])
     assert "SMPLicit: fitted code" in (tmp_path / "page.html").read_text()
@@ -91,7 +104,8 @@ def write_own(folder, toy_body):
 
 
 @pytest.mark.portable
-def test_a_users_scans_get_their_garments(run_rule, skirt, tmp_path, toy_body):
+@pytest.mark.parametrize("frames", [0, 2])
+def test_a_users_scans_get_their_garments(run_rule, skirt, tmp_path, toy_body, frames):
     write_own(tmp_path, toy_body)
     made = tmp_path / "made"
     run_rule(
@@ -111,9 +125,10 @@ def test_a_users_scans_get_their_garments(run_rule, skirt, tmp_path, toy_body):
             "up": "z",
             "fps": 30,
             "body": BODY_FIT,
-            "fit": FIT,
+            "fit": FIT | {"hang_frames": frames},
             "meshing": MESHING,
             "seed": 0,
+            **HANGING,
         },
     )
     with open(made / "own/garments.tsv") as stream:

@@ -28,7 +28,6 @@ COVERED_BY = {
     "models/gcvae/static_model": "rules/test_train_svae.py",
     "models/gcvae/static_template": "rules/test_train_svae.py",
     "models/smplicit/figure_cases": "rules/test_smplicit.py",
-    "models/smplicit/own_scans": "rules/test_smplicit_scans.py",
     "models/smplicit/scan_fitter": "rules/test_smplicit_scans.py",
     "motions/pieces": "unit/motions/test_variation.py",
     "registration/to_body/samples": "rules/test_register_sample.py",

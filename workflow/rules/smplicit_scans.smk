@@ -20,6 +20,7 @@ rule evaluate_scans_smplicit:
         body=lookup(dpath="scans/body", within=config),
         fit=lookup(dpath="smplicit/fit_scans", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        hanging=HANGING,
         seed=config["seed"],
         code=source_hash("evaluate_scans_smplicit"),
     script:
@@ -51,6 +52,7 @@ rule fit_own_scans:
         body=lookup(dpath="scans/body", within=config),
         fit=lookup(dpath="smplicit/fit_scans", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        hanging=HANGING,
         seed=config["seed"],
         code=source_hash("fit_own_scans"),
     script:

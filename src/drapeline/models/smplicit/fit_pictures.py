@@ -299,14 +299,11 @@ def _hang_person(
             known = codes_of_class(model, name)
             (z,) = fit_codes_to_views(model, known, [view], [wearer], [label], fit, seed)
             codes[name] = model, z
-    again = dress(body, wearer, codes, settings.wearing, meshing)
-    for name, garment in outfit.items():
-        # Hung trousers and hung skirts may look alike from one side.
-        if loop_count(again[name].sheet.faces) != loop_count(garment.sheet.faces):
-            again[name] = garment
+    # Hung trousers and hung skirts may look alike from one side.
+    again = same_kinds(dress(body, wearer, codes, settings.wearing, meshing), outfit)
     if all(again[name] is garment for name, garment in outfit.items()):
-        return _hung(outfit, hung)
-    return hang_outfit(again, person, models, hang) or _hung(outfit, hung)
+        return as_hung(outfit, hung)
+    return hang_outfit(again, person, models, hang) or as_hung(outfit, hung)
 
 
 def hang_outfit(
@@ -317,7 +314,7 @@ def hang_outfit(
 ) -> dict[str, FittedGarment]:
     """The garments of a person as they hang; nothing if that fails."""
     hung = _hang_sheets(outfit, person, models, hang)
-    return _hung(outfit, hung) if hung else {}
+    return as_hung(outfit, hung) if hung else {}
 
 
 def _hang_sheets(
@@ -343,9 +340,22 @@ def _hang_sheets(
     }
 
 
-def _hung(
+def same_kinds(
+    outfit: Mapping[str, FittedGarment], before: Mapping[str, FittedGarment]
+) -> dict[str, FittedGarment]:
+    """Garments, or those before them that had another number of openings: another kind."""
+    return {
+        name: garment
+        if loop_count(garment.sheet.faces) == loop_count(before[name].sheet.faces)
+        else before[name]
+        for name, garment in outfit.items()
+    }
+
+
+def as_hung(
     outfit: Mapping[str, FittedGarment], hung: Mapping[str, HungSheet]
 ) -> dict[str, FittedGarment]:
+    """Garments as they hang; those that do not, as they are."""
     return {
         name: garment._replace(sheet=hung[name].rest, posed=hung[name].posed)
         if name in hung

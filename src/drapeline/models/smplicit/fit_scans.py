@@ -8,20 +8,21 @@ As in the fit of codes to known fields, absolute differences are minimised as we
 damped Gauss-Newton steps. The network is gone through backwards once for all derivatives: what the
 point, the wearer's shape and the code change in it are sums in its first layers.
 
-The paper's prior is |z|; here it is the mean square of w, see `CodePrior`.
+The paper's prior is |z|; here it is the mean square of w, see `CodePrior`. Beyond the paper, codes
+can be fitted once more to garments that hang on the body that was found, see `fit_to_cloth`.
 
 P points, H and H0 sums of the decoder's first query layer and first joint layer, Z numbers of a
 code, U unknowns of the body.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 
-from drapeline.bodies.follow import move_to_rest, pose_body
+from drapeline.bodies.follow import move_to_rest, pose_body, with_cloth
 from drapeline.bodies.moved_body import SHAPE, UNKNOWNS, BodyState, MovedBody
 from drapeline.bodies.rest_body import SHAPES, shape_basis
 from drapeline.bodies.scan_fit import BodyFit, BodyTerms
@@ -33,6 +34,7 @@ from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.smplicit.fit_images import code_prior, spread_codes
 from drapeline.models.smplicit.scan_points import FieldPoints, field_points
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
+from drapeline.outfits.worn import HungSheet
 from drapeline.seeding import rng_for
 
 if TYPE_CHECKING:
@@ -58,6 +60,7 @@ class FitScan:
         weight: of a garment's points, as a number of independent ones.
         field_m: how far fields are off the scan's distances, metres.
         neighbours: vertices of the body that a point follows back to rest; 1 in the paper.
+        hang_frames: for which a cloth solver lets garments hang on people; 0 for skinning alone.
     """
 
     cloth: int = 500
@@ -70,6 +73,7 @@ class FitScan:
     weight: float = 180.0
     field_m: float = 0.005
     neighbours: int = 1
+    hang_frames: int = 0
 
 
 class FittedScan(NamedTuple):
@@ -258,6 +262,11 @@ class GarmentTerms:
                 damping *= _MORE
         return w
 
+    def whiten(self, z: np.ndarray) -> np.ndarray:
+        """(Z,) the w of a code."""
+        w = self.prior.whiten(torch.from_numpy(z.astype(np.float32))[None])
+        return w[0].numpy().astype(np.float64)
+
     def code(self, w: np.ndarray) -> np.ndarray:
         """(Z,) the code of w."""
         return self.prior.codes(torch.from_numpy(w.astype(np.float32))[None])[0].numpy()
@@ -327,7 +336,62 @@ def fit_scan(
             f"{scan.name}: shows {' and '.join(scan.garments)}, expected a garment of the models"
             f" {', '.join(models)}"
         )
-    model = models[MODEL_OF_GARMENT[wanted[0]]].bodies[scan.gender]
+    moved, terms = _terms(scan, models, wanted, body, settings, seed)
+    starts, codes = {}, {}
+    for name, part in terms.items():
+        places = PointsAtRest(part.points.places, moved, settings.neighbours).places
+        starts[name] = part.best_start(places, body.shape)
+        codes[name] = part.fit(places, body.shape, starts[name])
+    rng = rng_for(seed, "scan body", scan.name, "jointly")
+    body_terms = BodyTerms(scan.points, scan.skin, scan.estimate, scan.joints, body_fit, rng)
+    jointly, again = _fit_jointly(body_terms, terms, codes, moved, settings)
+    return ScanFits(
+        *(
+            FittedScan({name: terms[name].code(w) for name, w in every.items()}, state)
+            for every, state in ((starts, body), (codes, body), (jointly, again))
+        )
+    )
+
+
+def fit_to_cloth(
+    scan: SegmentedScan,
+    models: Mapping[str, "SmplicitModel"],
+    found: FittedScan,
+    hung: Mapping[str, HungSheet],
+    settings: FitScan,
+    seed: int,
+) -> dict[str, np.ndarray]:
+    """Codes of garments that hang on the body, fitted once more; the others' as they are.
+
+    Points near a sheet follow it from the pose back to rest, and not the body alone: skinned cloth
+    neither hangs nor folds, and codes that are fitted with it make up for that.
+
+    Args:
+        scan, models, settings, seed: as of `fit_scan`.
+        found: codes and body.
+        hung: garment -> its sheet as it hangs on that body.
+    """
+    moved, terms = _terms(scan, models, [*hung], found.body, settings, seed)
+    state = found.body
+    posed = pose_body(moved.model, state.shape, state.pose, state.trans)
+    codes = dict(found.codes)
+    for name, part in terms.items():
+        around = with_cloth(posed, hung[name].rest.vertices, hung[name].posed.vertices)
+        places = move_to_rest(part.points.places, around, settings.neighbours).places
+        codes[name] = part.code(part.fit(places, state.shape, part.whiten(codes[name])))
+    return codes
+
+
+def _terms(
+    scan: SegmentedScan,
+    models: Mapping[str, "SmplicitModel"],
+    names: Sequence[str],
+    body: BodyState,
+    settings: FitScan,
+    seed: int,
+) -> tuple[MovedBody, dict[str, GarmentTerms]]:
+    """The body, and what a scan says about each of some garments on it."""
+    model = models[MODEL_OF_GARMENT[names[0]]].bodies[scan.gender]
     moved = MovedBody(model, body)
     normals = vertex_normals(moved.vertices, model.faces)
     terms = {
@@ -347,22 +411,9 @@ def fit_scan(
             scan.gender,
             settings,
         )
-        for name in wanted
+        for name in names
     }
-    starts, codes = {}, {}
-    for name, part in terms.items():
-        places = PointsAtRest(part.points.places, moved, settings.neighbours).places
-        starts[name] = part.best_start(places, body.shape)
-        codes[name] = part.fit(places, body.shape, starts[name])
-    rng = rng_for(seed, "scan body", scan.name, "jointly")
-    body_terms = BodyTerms(scan.points, scan.skin, scan.estimate, scan.joints, body_fit, rng)
-    jointly, again = _fit_jointly(body_terms, terms, codes, moved, settings)
-    return ScanFits(
-        *(
-            FittedScan({name: terms[name].code(w) for name, w in every.items()}, state)
-            for every, state in ((starts, body), (codes, body), (jointly, again))
-        )
-    )
+    return moved, terms
 
 
 def _fit_jointly(

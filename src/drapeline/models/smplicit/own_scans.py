@@ -16,14 +16,23 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_scans import BODY, Fits
 from drapeline.metrics.garment import distances_mm
-from drapeline.models.smplicit.fit_pictures import FittedGarment, Wearer, dress
-from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
+from drapeline.models.smplicit.fit_pictures import (
+    FittedGarment,
+    Hang,
+    Wearer,
+    as_hung,
+    dress,
+    same_kinds,
+)
+from drapeline.models.smplicit.fit_scans import FitScan, FittedScan, fit_scan, fit_to_cloth
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
-from drapeline.outfits.worn import Wearing
+from drapeline.outfits.worn import HungSheet, Wearing
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, save_npz
+
+_UP = np.array([0.0, 0.0, 1.0])  # of a scan's world
 
 
 class DressedScan(NamedTuple):
@@ -49,6 +58,7 @@ def find_garments(
     settings: FitScan,
     meshing: Meshing,
     seed: int,
+    hang: Hang | None,
 ) -> DressedScan:
     """The body in a scan, then its garments and the body once more.
 
@@ -58,6 +68,7 @@ def find_garments(
         body_fit, settings: of the fits.
         meshing: how sheets are extracted.
         seed: of the points that count.
+        hang: hangs sheets on the body; None for skinning alone.
 
     Raises:
         InputError: no model knows a garment of the scan, or one has too few points.
@@ -66,6 +77,8 @@ def find_garments(
     body = fit_scan_body(scan, model, body_fit, seed)
     found = fit_scan(scan, models, body, body_fit, settings, seed).joint
     posed, garments = dress_scan(scan, models, found.codes, found.body, meshing)
+    if hang:
+        garments = hang_scan(scan, models, found, garments, settings, meshing, seed, hang)
     skin = Mesh(posed.posed.astype(np.float32), posed.faces)
     return DressedScan(found.body, skin, garments, move_garments(scan, garments, posed))
 
@@ -84,6 +97,56 @@ def dress_scan(
     return posed, dress(posed, Wearer(scan.gender, body.shape), chosen, Wearing(), meshing)
 
 
+def hang_garments(
+    scan: SegmentedScan,
+    models: Mapping[str, SmplicitModel],
+    garments: Mapping[str, FittedGarment],
+    body: BodyState,
+    hang: Hang,
+) -> dict[str, HungSheet]:
+    """Sheets as they hang on the body in a scan; none if that fails."""
+    return hang(
+        {name: garment.sheet for name, garment in garments.items()},
+        next(iter(models.values())).bodies[scan.gender],
+        scan.gender,
+        body.shape,
+        body.pose,
+        body.trans,
+        _UP,
+    )
+
+
+def hang_scan(
+    scan: SegmentedScan,
+    models: Mapping[str, SmplicitModel],
+    found: FittedScan,
+    garments: Mapping[str, FittedGarment],
+    settings: FitScan,
+    meshing: Meshing,
+    seed: int,
+    hang: Hang,
+) -> dict[str, FittedGarment]:
+    """The garments of a scan as they hang on its body, with codes fitted to that.
+
+    As in pictures, see `hang_picture`: they hang, codes are fitted to points that follow them, and
+    their sheets hang once more. What cannot be hung stays as it is.
+
+    Args:
+        scan, models, settings, meshing, seed: as of `find_garments`.
+        found: codes and body.
+        garments: of these codes, as `dress_scan` made them.
+        hang: hangs sheets.
+    """
+    hung = hang_garments(scan, models, garments, found.body, hang)
+    if not hung:
+        return dict(garments)
+    codes = fit_to_cloth(scan, models, found, hung, settings, seed)
+    _, again = dress_scan(scan, models, codes, found.body, meshing)
+    again = same_kinds(again, garments)
+    once_more = hang_garments(scan, models, again, found.body, hang)
+    return as_hung(again, once_more) if once_more else as_hung(garments, hung)
+
+
 def move_garments(
     scan: SegmentedScan, garments: Mapping[str, FittedGarment], body: PosedBody
 ) -> dict[str, Mesh]:
@@ -100,10 +163,11 @@ def find_in_scans(
     settings: FitScan,
     meshing: Meshing,
     seed: int,
+    hang: Hang | None,
 ) -> list[DressedScan]:
     """What `find_garments` finds in each of the scans."""
     return [
-        find_garments(scan, models, body_fit, settings, meshing, seed)
+        find_garments(scan, models, body_fit, settings, meshing, seed, hang)
         for scan in progress(scans, total=len(scans), label="scans")
     ]
 

@@ -6,14 +6,21 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit.fit_pictures import Hang, as_hung
 from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from drapeline.models.smplicit.own_scans import dress_scan, move_garments
+from drapeline.models.smplicit.own_scans import (
+    dress_scan,
+    hang_garments,
+    hang_scan,
+    move_garments,
+)
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 
 START, NEAREST, CODE, JOINT, MOVED = (
     f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")
 )
+NEAREST_HUNG, HUNG = (f"smplicit_scan_{name}" for name in ("nearest_hung", "hung"))
 
 
 class SmplicitScanFitter:
@@ -21,13 +28,16 @@ class SmplicitScanFitter:
 
     The start is the mean code of the garment's type on the body as it was estimated. On the fitted
     body there are the training code that fits best, and the fitted code. Body and codes are then
-    fitted jointly, and in the end sheets are moved to the points.
+    fitted jointly. If there is something to hang them, the garments hang, their codes are fitted to
+    that, see `hang_scan`, and those of the training code that fits best hang as well. In the end
+    sheets are moved to the points.
 
     Args:
         models: by their names of `FIELD_MODELS`.
         body_fit, settings: of the fits.
         meshing: how sheets are extracted.
         seed: of the points that count.
+        hang: hangs sheets on bodies; None for skinning alone.
 
     Attributes:
         bodies: scan's name -> the body as fitted jointly.
@@ -40,9 +50,10 @@ class SmplicitScanFitter:
         settings: FitScan,
         meshing: Meshing,
         seed: int,
+        hang: Hang | None = None,
     ) -> None:
         self._models, self._body_fit, self._settings = models, body_fit, settings
-        self._meshing, self._seed = meshing, seed
+        self._meshing, self._seed, self._hang = meshing, seed, hang
         self.bodies: dict[str, BodyState] = {}
 
     def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
@@ -66,9 +77,17 @@ class SmplicitScanFitter:
             variant: dress_scan(scan, self._models, *way, self._meshing)
             for variant, way in ways.items()
         }
-        worn = {
-            variant: {name: garment.posed for name, garment in garments.items()}
-            for variant, (_, garments) in dressed.items()
-        }
         wearer, garments = dressed[JOINT]
+        outfits = {variant: found_garments for variant, (_, found_garments) in dressed.items()}
+        if self._hang:
+            nearest = outfits[NEAREST]
+            hung = hang_garments(scan, self._models, nearest, body, self._hang)
+            outfits[NEAREST_HUNG] = as_hung(nearest, hung)
+            how = self._settings, self._meshing, self._seed, self._hang
+            garments = hang_scan(scan, self._models, found.joint, garments, *how)
+            outfits[HUNG] = garments
+        worn = {
+            variant: {name: garment.posed for name, garment in outfit.items()}
+            for variant, outfit in outfits.items()
+        }
         return {**worn, MOVED: move_garments(scan, garments, wearer)}

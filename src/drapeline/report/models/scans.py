@@ -30,6 +30,8 @@ _FITS = {
     "smplicit_scan_nearest": "SMPLicit: training code with the least loss",
     "smplicit_scan_code": "SMPLicit: fitted code",
     "smplicit_scan_joint": "SMPLicit: code and body fitted jointly",
+    "smplicit_scan_nearest_hung": "SMPLicit: training code with the least loss, hung",
+    "smplicit_scan_hung": "SMPLicit: code fitted again to cloth that hangs",
     "svae_scan": "SVAE, as printed: fitted code",
     "static_ppca_scan": "Masked PPCA: fitted code",
     "garment4d_scan_pca": "PCA of Garment4D's templates: fitted components",
@@ -61,6 +63,7 @@ _PAPER = [
 _COLUMNS = {
     "smplicit_scan_start": "SMPLicit:\nthe start",
     "smplicit_scan_joint": "SMPLicit:\ncode and body",
+    "smplicit_scan_hung": "SMPLicit:\nhung",
     "smplicit_scan_moved": "SMPLicit:\nmoved",
     "svae_scan": "SVAE:\ncode",
     "static_ppca_scan": "Masked PPCA:\ncode",

@@ -94,7 +94,6 @@ def test_point_levels_from_memory_go_where_those_of_the_network_are(
         assert {x.device.type for x in level} == {"meta"}
 
 
-
 def test_windows_that_canonical_garments_were_predicted_from_are_not_asked_for_again(
     sequences, trained_posed, monkeypatch
 ):

@@ -7,8 +7,17 @@ import torch
 from drapeline.bodies.moved_body import UNKNOWNS, BodyState, MovedBody
 from drapeline.bodies.rest_body import shape_basis
 from drapeline.frames import REST_POSE
-from drapeline.models.smplicit.fit_scans import FitScan, GarmentTerms, PointsAtRest
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit import fit_scans
+from drapeline.models.smplicit.fit_scans import (
+    FitScan,
+    FittedScan,
+    GarmentTerms,
+    PointsAtRest,
+    fit_to_cloth,
+)
 from drapeline.models.smplicit.scan_points import FieldPoints
+from drapeline.outfits.worn import HungSheet
 
 STEP = 1e-3
 STATE = BodyState.of(
@@ -122,3 +131,38 @@ def test_slopes_of_points_at_rest_are_the_differences(toy_body):
     # Another vertex may become the closest within a step.
     away = np.abs(found - expected) > 0.02 * np.abs(expected).max()
     assert away.any(axis=1).mean() < 0.2
+
+
+def test_points_on_cloth_that_hangs_follow_it_back_to_rest(terms, toy_body, monkeypatch):
+    """Its codes go on from where they are, and those of cloth that does not hang stay."""
+    state = BodyState.of(REST_POSE, np.array([0.1, 0.2, 1.0]), np.zeros(10))
+    rest = (around_hips(300) - STATE.trans).astype(np.float32)
+    hung = (rest + state.trans + [0, 0.03, -0.1]).astype(np.float32)
+    faces = np.arange(300, dtype=np.int32).reshape(-1, 3)
+    seen = []
+
+    def fit(places, shape, w):
+        seen.append((places, shape, w))
+        return w + 1
+
+    part = copy.copy(terms)
+    part.points = terms.points._replace(places=hung[:40].astype(np.float64))
+    monkeypatch.setattr(part, "fit", fit, raising=False)
+    given = []
+
+    def toy_terms(*args):
+        given.append(args)
+        return MovedBody(toy_body, state), {"Skirt": part}
+
+    monkeypatch.setattr(fit_scans, "_terms", toy_terms)
+    z, other = terms.code(np.linspace(-0.5, 0.5, 5)), np.arange(3.0)
+    found = FittedScan({"Skirt": z, "Top": other}, state)
+    sheets = {"Skirt": HungSheet(Mesh(rest, faces), Mesh(hung, faces))}
+    codes = fit_to_cloth("scan", {}, found, sheets, FitScan(), 7)
+    assert given == [("scan", {}, ["Skirt"], state, FitScan(), 7)]
+    ((places, shape, w),) = seen
+    np.testing.assert_allclose(places, rest[:40], atol=1e-5)
+    np.testing.assert_array_equal(shape, state.shape)
+    np.testing.assert_allclose(terms.code(w), z, atol=1e-5)
+    np.testing.assert_allclose(codes["Skirt"], terms.code(w + 1), atol=1e-5)
+    assert codes["Top"] is other

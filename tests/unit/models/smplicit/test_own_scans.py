@@ -1,0 +1,82 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drapeline.bodies.moved_body import BodyState
+from drapeline.frames import REST_POSE
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit import own_scans
+from drapeline.models.smplicit.fit_pictures import FittedGarment
+from drapeline.models.smplicit.fit_scans import FitScan, FittedScan
+from drapeline.models.smplicit.own_scans import hang_scan
+from drapeline.outfits.worn import HungSheet
+
+SQUARE = Mesh(np.zeros((4, 3), np.float32), np.int32([[0, 1, 2], [0, 2, 3]]))
+TWO_PIECES = Mesh(np.zeros((6, 3), np.float32), np.int32([[0, 1, 2], [3, 4, 5]]))
+STATE = BodyState.of(REST_POSE, np.array([1.0, 2.0, 3.0]), np.arange(10.0))
+SCAN = SimpleNamespace(gender="male")
+MODELS = {"skirt": SimpleNamespace(bodies={"male": "body"})}
+
+
+def garment(z, sheet=SQUARE):
+    return FittedGarment(np.array([z]), sheet, sheet)
+
+
+class Lift:
+    """Hangs sheets as much higher as it has hung others before, a number of times."""
+
+    def __init__(self, times):
+        self.times, self.wearers = times, []
+
+    def __call__(self, sheets, *wearer):
+        self.wearers.append(wearer)
+        rise = np.float32(len(self.wearers))
+        if rise > self.times:
+            return {}
+        return {name: HungSheet(s, Mesh(s.vertices + rise, s.faces)) for name, s in sheets.items()}
+
+
+@pytest.fixture
+def hang_skirt(monkeypatch):
+    """hang_skirt(hang, sheet) -> the skirt as it hangs, whose code is 1 and becomes 2."""
+    found = FittedScan({"Skirt": np.array([1.0])}, STATE)
+
+    def run(hang, sheet=SQUARE):
+        def again(scan, models, given, hung, *how):
+            assert (scan, models, given) == (SCAN, MODELS, found)
+            assert (hung["Skirt"].posed.vertices == 1).all()
+            return {"Skirt": np.array([2.0])}
+
+        def dress(scan, models, codes, body, meshing):
+            assert (codes["Skirt"], body) == (2.0, STATE)
+            return None, {"Skirt": garment(2.0, sheet)}
+
+        monkeypatch.setattr(own_scans, "fit_to_cloth", again)
+        monkeypatch.setattr(own_scans, "dress_scan", dress)
+        worn = {"Skirt": garment(1.0)}
+        return hang_scan(SCAN, MODELS, found, worn, FitScan(), None, 0, hang)["Skirt"]
+
+    return run
+
+
+@pytest.mark.parametrize(("times", "z", "rise"), [(0, 1, 0), (1, 1, 1), (2, 2, 2)])
+def test_garments_hang_are_fitted_and_hang_once_more(hang_skirt, times, z, rise):
+    """As far as they can be hung."""
+    hang = Lift(times)
+    skirt = hang_skirt(hang)
+    assert skirt.z == z
+    assert (skirt.posed.vertices == rise).all()
+    body, gender, shape, pose, trans, up = hang.wearers[0]
+    assert (body, gender) == ("body", "male")
+    np.testing.assert_array_equal(shape, STATE.shape)
+    np.testing.assert_allclose(pose, STATE.pose)
+    np.testing.assert_array_equal(trans, STATE.trans)
+    np.testing.assert_array_equal(up, [0, 0, 1])
+    assert len(hang.wearers) == min(times + 1, 2)
+
+
+def test_a_code_of_another_kind_of_garment_is_not_taken(hang_skirt):
+    skirt = hang_skirt(Lift(2), TWO_PIECES)
+    assert skirt.z == 1
+    assert (skirt.posed.vertices == 2).all()
