@@ -7,17 +7,18 @@ import torch
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.generation.moving_sheets import make_hang
-from drapeline.metrics.fitted_scans import save_fitted_scans
+from drapeline.metrics.fitted_scans import BODY, save_fitted_scans
 from drapeline.metrics.table import write_metrics
 from drapeline.models.compare_scans import (
     body_rows,
     compare_scan_fits,
     known_scans,
+    skin_of,
     truth_shown,
 )
 from drapeline.models.smplicit.fit_scans import FitScan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from drapeline.models.smplicit.scan_fitter import SmplicitScanFitter
+from drapeline.models.smplicit.scan_fitter import ON_JOINT_BODY, SmplicitScanFitter
 from drapeline.rule_log import rule_log
 from drapeline.xpbd.solver import cloth_solver
 
@@ -43,7 +44,13 @@ with rule_log(snakemake.log[0]):
         "scan_body_joint": [fitter.bodies[known.scan.name] for known in scans],
     }
     write_metrics(made.metrics, [*rows, *body_rows(scans, states, bodies, **about)])
-    shown = {
-        known.scan.name: {**found[known.scan.name], **truth_shown(known, bodies)} for known in scans
-    }
+    shown = {}
+    for known in scans:
+        scan = known.scan
+        own = {BODY: skin_of(fitter.bodies[scan.name], bodies[scan.gender])}
+        fitted = {
+            variant: {**garments, **own} if variant in ON_JOINT_BODY else garments
+            for variant, garments in found[scan.name].items()
+        }
+        shown[scan.name] = {**fitted, **truth_shown(known, bodies)}
     save_fitted_scans(made.shown, shown)

@@ -72,7 +72,9 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
         *(f"scan_body_{name}" for name in ("estimated", "fitted", "joint")),
     }
     (shown,) = load_fitted_scans(tmp_path / "shown.npz").values()
-    assert set(shown["smplicit_scan_joint"]) == {"Skirt"}
+    assert set(shown["smplicit_scan_code"]) == {"Skirt"}
+    for name in ("joint", "moved", *(["hung"] if frames else [])):
+        assert set(shown[f"smplicit_scan_{name}"]) == {"Skirt", BODY}
     skinned, moved = (shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("joint", "moved"))
     # The cloth that hangs is coarser.
     assert (len(moved.vertices) < 0.8 * len(skinned.vertices)) == bool(frames)

@@ -14,7 +14,8 @@ CLASSES = ("short upper", "long upper", "short lower", "long lower", "whole body
 TRUE, BODY = "true", "body"  # what figures show besides fits
 _LONG = 0.5  # share of the limb
 
-# Variant -> garment type, or `BODY` -> posed triangles.
+# Variant -> garment type, or `BODY` -> posed triangles. The variant `BODY` has the body that is
+# shown where a variant has none of its own.
 Fits = Mapping[str, Mapping[str, Mesh]]
 
 

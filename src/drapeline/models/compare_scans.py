@@ -126,10 +126,18 @@ def compare_scan_fits(
 
 
 def truth_shown(known: KnownScan, bodies: Mapping[str, BodyModel]) -> Fits:
-    """Simulated garments of a scan, and the body that was fitted to it, for figures."""
-    state, body = known.body, bodies[known.scan.gender]
+    """Simulated garments and body of a scan, and the body that was fitted to it, for figures."""
+    body = bodies[known.scan.gender]
+    return {
+        TRUE: {**known.true, BODY: Mesh(known.true_body, body.faces)},
+        BODY: {BODY: skin_of(known.body, body)},
+    }
+
+
+def skin_of(state: BodyState, body: BodyModel) -> Mesh:
+    """The triangles of a body in a state."""
     vertices, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
-    return {TRUE: known.true, BODY: {BODY: Mesh(vertices[0], body.faces)}}
+    return Mesh(vertices[0], body.faces)
 
 
 def body_rows(
@@ -162,5 +170,5 @@ def body_rows(
 
 def body_error_mm(known: KnownScan, state: BodyState, body: BodyModel) -> float:
     """Mean distance between the vertices of the simulated body and of one in a state."""
-    found, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
-    return float(1000 * np.linalg.norm(found[0] - known.true_body, axis=1).mean())
+    found = skin_of(state, body).vertices
+    return float(1000 * np.linalg.norm(found - known.true_body, axis=1).mean())

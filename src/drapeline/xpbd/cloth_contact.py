@@ -144,13 +144,13 @@ def _sum_relative_ways(
     sums: wp.array(dtype=wp.vec2),  # number of pairs, and squares of their ways past each other
 ):
     i = wp.tid()
-    sum = wp.vec2()
+    total = wp.vec2()
     way = place[i] - last[i]
     for k in range(count[i]):
         if near[i, k] != 0:
             corner = triangles[wp.abs(near[i, k]) - 1][0]
-            sum += wp.vec2(1.0, wp.length_sq(way - place[corner] + last[corner]))
-    sums[i] = sum
+            total += wp.vec2(1.0, wp.length_sq(way - place[corner] + last[corner]))
+    sums[i] = total
 
 
 @wp.kernel

@@ -165,9 +165,9 @@ class MovingCloth:
             self._responses(hinges, masses, system.hinge_lanes, numbers.hinge_every),
             mass,
         ]
-        make_moves = []
+        moves = []
         if self._together:
-            make_moves = [record(make_all_moves, len(self._place), [self._moves], state)]
+            moves = [record(make_all_moves, len(self._place), [self._moves], state)]
         launches = [
             record(
                 predict,
@@ -195,7 +195,7 @@ class MovingCloth:
             for first, count in self._at_once(system.hinge_rows)
         ]
         ends = [
-            *(launch for contact in self._contacts for launch in (contact, *make_moves)),
+            *(launch for contact in self._contacts for launch in (contact, *moves)),
             record(
                 touch_body,
                 len(self._place),

@@ -15,6 +15,7 @@ from drapeline.models.compare_scans import (
     body_rows,
     compare_scan_fits,
     known_scans,
+    skin_of,
     truth_shown,
 )
 from tiny_sample import write_tiny_sample
@@ -122,7 +123,10 @@ def test_bodies_are_compared_by_their_vertices(known, bodies):
     assert len({row.key for row in rows}) == len(rows)
 
 
-def test_figures_get_the_simulated_garments_and_the_fitted_body(known, bodies):
+def test_figures_get_the_simulated_garments_and_both_bodies(known, bodies):
     shown = truth_shown(known[0], bodies)
-    assert shown[TRUE] is known[0].true
-    assert len(shown[BODY][BODY].vertices) == len(bodies["female"].v_template)
+    assert {name: shown[TRUE][name] for name in known[0].true} == known[0].true
+    np.testing.assert_array_equal(shown[TRUE][BODY].vertices, known[0].true_body)
+    fitted = skin_of(known[0].body, bodies[known[0].scan.gender])
+    np.testing.assert_array_equal(shown[BODY][BODY].vertices, fitted.vertices)
+    assert len(fitted.vertices) == len(bodies["female"].v_template)

@@ -1,9 +1,17 @@
 from functools import partial
 
 import pytest
+import warp as wp
 
 from drapeline.xpbd.solver import cloth_solver
 from sheet_toys import drop
+
+
+@pytest.fixture(autouse=True)
+def _on_the_processor():
+    """Where there is a GPU, Warp would put arrays there."""
+    with wp.ScopedDevice("cpu"):
+        yield
 
 
 @pytest.fixture

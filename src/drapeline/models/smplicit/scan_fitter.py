@@ -23,6 +23,9 @@ START, NEAREST, CODE, JOINT, MOVED = (
 NEAREST_HUNG, HUNG = (f"smplicit_scan_{name}" for name in ("nearest_hung", "hung"))
 
 
+ON_JOINT_BODY = frozenset([JOINT, HUNG, MOVED])
+
+
 class SmplicitScanFitter:
     """Fulfils `ScanFitter`.
 

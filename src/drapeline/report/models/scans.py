@@ -194,8 +194,9 @@ def _row(scan: SegmentedScan, fits: Fits, columns: Sequence[str]) -> list[GridCe
         GridCell(scene.picture(cloud_parts(scan.points[known], scan.labels[known], scene)))
     ]
     for name in columns:
-        garments = fits.get(name, {})
-        parts = [ColouredMesh(body.vertices, body.faces, BODY_COLOUR)]
+        garments = dict(fits.get(name, {}))
+        wearer = garments.pop(BODY, body)
+        parts = [ColouredMesh(wearer.vertices, wearer.faces, BODY_COLOUR)]
         parts += [
             ColouredMesh(mesh.vertices, mesh.faces, garment_colour(garment))
             for garment, mesh in garments.items()

@@ -7,6 +7,7 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan, save_scans
 from drapeline.frames import REST_POSE
+from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.fitted_scans import BODY, TRUE, save_fitted_scans
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.report.models.scans import OWN, plot_own_scans, plot_scans, write_scans_page
@@ -80,6 +81,20 @@ def test_a_sheet_has_a_row_for_each_scan_and_no_more_than_asked(tmp_path):
     one, two = (Image.open(tmp_path / f"{most}.png").size for most in (1, 2))
     assert two[0] == one[0]
     assert two[1] > one[1] + 200
+
+
+def test_what_has_a_body_of_its_own_is_shown_on_it(tmp_path):
+    save_scans(tmp_path / "scans.npz", [scan("00007_015")], [STATE])
+    sizes = []
+    for name, own in (("common", {}), ("own", {BODY: Mesh(1.3 * MAN.vertices, MAN.faces)})):
+        fits = {"smplicit_scan_joint": {"Skirt": CLOTH, **own}, BODY: {BODY: MAN}}
+        save_fitted_scans(tmp_path / f"{name}.npz", {"00007_015": fits})
+        plot_scans(
+            tmp_path / f"{name}.png", [tmp_path / "scans.npz"], [tmp_path / f"{name}.npz"], 1
+        )
+        image = np.asarray(Image.open(tmp_path / f"{name}.png").convert("L"))
+        sizes.append((image[:, image.shape[1] // 2 :] < 240).sum())
+    assert sizes[1] > 1.2 * sizes[0]
 
 
 def test_without_scans_a_card_says_so(tmp_path):
