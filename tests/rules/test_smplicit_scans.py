@@ -73,6 +73,11 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
     }
     (shown,) = load_fitted_scans(tmp_path / "shown.npz").values()
     assert set(shown["smplicit_scan_code"]) == {"Skirt"}
+    if frames:
+        nearest, hung = (
+            shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("nearest", "nearest_hung")
+        )
+        assert len(hung.vertices) < 0.8 * len(nearest.vertices)
     for name in ("joint", "moved", *(["hung"] if frames else [])):
         assert set(shown[f"smplicit_scan_{name}"]) == {"Skirt", BODY}
     skinned, moved = (shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("joint", "moved"))
