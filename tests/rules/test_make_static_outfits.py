@@ -75,6 +75,7 @@ def settling(**bounds):
     shares = {"layer_share_mean": 1.0, "self_share_mean": 1.0}
     return {
         "modules": [settle_static.__module__, cloth_solver.__module__],
+        "accelerator": "cpu",
         "frames": 12,
         "settings": asdict(SimulationSettings(8, 8, shape_frames=2, pose_frames=1)),
         "bounds": {**wide, **shares, "stretch_low": 0.0, "stretch_high": 9.0, **bounds},

@@ -62,7 +62,7 @@ REGISTER_TO_BODY = REGISTER_SAMPLES | {"register_static", "plot_registration"}
 FIT_TEMPLATES = {"fit_sample_templates", "fit_static_templates", "fit_learning_templates"}
 IMPORT_MOTIONS = {"import_motion", "import_learning_motions"}
 ANIMATE = {"animate_body", "simulate_learning"}
-HANG = FIT_IMAGES | {"pose_smplicit_garment"}
+HANG = FIT_IMAGES | FIT_SCANS | {"pose_smplicit_garment"}
 # File -> the rules whose code it is part of. Rules that read their results follow.
 RERUN = {
     "motions/retarget.py": IMPORT_MOTIONS,

@@ -23,6 +23,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
+    Hang,
     View,
     Wearer,
     dress,
@@ -111,6 +112,7 @@ class FittingModel(SmplicitModel):
         shape: Sequence[float] = (0.0,) * SHAPES,
         joints: np.ndarray | None = None,
         seed: int = 0,
+        hang: Hang | None = None,
     ) -> ScannedGarment:
         """The garment in a segmented scan, and the body under it; see `find_garments`.
 
@@ -125,6 +127,8 @@ class FittingModel(SmplicitModel):
             shape: (10,) as estimated; the mean one if not given.
             joints: (24, 3) positions of the joints in the scan, if they were predicted apart.
             seed: of the points that count.
+            hang: hangs its sheet on the body, see `drapeline.generation.moving_sheets.make_hang`;
+                skinned if None.
 
         Raises:
             InputError: an argument has another size, the points are not in metres, not near the
@@ -143,7 +147,7 @@ class FittingModel(SmplicitModel):
         scans = to_scans([points], parameters, self.bodies, labels=[labels])
         (scan,) = segment_scans(scans, [name], name="points")
         models = {self.name: self}
-        found = find_garments(scan, models, BodyFit(), FitScan(), Meshing(), seed)
+        found = find_garments(scan, models, BodyFit(), FitScan(), Meshing(), seed, hang)
         state = found.body
         place = state.pose, state.trans, state.shape
         return ScannedGarment(found.garments[name], found.moved[name], *place)

@@ -4,6 +4,10 @@ import pytest
 from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
+from drapeline.geometry.mesh import Mesh
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.outfits.worn import HungSheet
+from gallery_toys import TubeField
 from smplicit_toys import PICTURE_PX, toy_camera
 
 WEARER = {"gender": "female", "shape": [0.0] * 10, "pose": REST_POSE.tolist()}
@@ -54,6 +58,18 @@ def test_a_scan_gives_the_garment_and_the_body_under_it(fitting_model, toy_body)
     assert len(found.garment.sheet.vertices) == len(found.moved.vertices)
     assert found.pose.shape == (72,)
     np.testing.assert_allclose(found.trans, PLACE, atol=0.03)
+
+
+@pytest.mark.portable
+def test_the_garment_of_a_scan_hangs_if_it_can_be_hung(fitting_model, toy_body, monkeypatch):
+    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+
+    def lift(sheets, *wearer):
+        return {n: HungSheet(s, Mesh(s.vertices + PLACE, s.faces)) for n, s in sheets.items()}
+
+    garment = fitting_model.fit_points(*standing(toy_body), **ESTIMATE, hang=lift).garment
+    assert len(garment.sheet.vertices)
+    np.testing.assert_allclose(garment.posed.vertices, garment.sheet.vertices + PLACE, atol=1e-5)
 
 
 @pytest.mark.parametrize(
