@@ -64,6 +64,21 @@ def test_shards_replace_the_steps_of_samples(project):
     assert not any(rule.startswith("make_samples") for rule in single)
 
 
+@pytest.mark.parametrize(
+    ("solver", "accelerator", "gpus"),
+    [("xpbd", "gpu", "1"), ("xpbd", "auto", "0"), ("blender", "gpu", "0")],
+)
+def test_shards_ask_for_a_gpu_where_their_simulations_do(
+    project, tmp_path, solver, accelerator, gpus
+):
+    mine = {"simulation": {"solver": solver, "accelerator": accelerator}}
+    (tmp_path / "mine.yaml").write_text(json.dumps(mine))
+    files = TINY, SHARDS, str(tmp_path / "mine.yaml")
+    jobs = planned_jobs(project, "all", "--configfile", *files)
+    asked = [resources["gpu"] for rule, resources in jobs if rule.startswith("make_samples")]
+    assert asked == [gpus] * 2
+
+
 @pytest.mark.parametrize(("accelerator", "gpus"), [("auto", "0"), ("gpu", "1")])
 def test_what_uses_a_gpu_asks_for_one_where_the_config_does(project, tmp_path, accelerator, gpus):
     config = yaml.safe_load((ROOT / TINY).read_text())

@@ -23,6 +23,7 @@ for SHARD, MEMBERS in SAMPLE_SHARDS.items():
         resources:
             mem_mb=memory(550 * CLOTH_MEMORY),
             runtime=minutes(len(MEMBERS) * SAMPLE_S),
+            gpu=simulation_gpus(config["simulation"]["solver"]),
         params:
             folder=shard_folder(SHARD),
             plans=[asdict(SAMPLES[sample]) for sample in MEMBERS],
