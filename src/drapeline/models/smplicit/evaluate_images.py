@@ -44,8 +44,8 @@ from drapeline.models.smplicit.pictures import (
     GARMENT_CLASSES,
     Person,
     Picture,
+    class_of_garment,
 )
-from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rendering.modalities import cast_rays
 from drapeline.rule_log import progress
@@ -95,16 +95,6 @@ class KnownPicture:
     def segment(self, garments: Mapping[str, Mesh]) -> np.ndarray:
         """(H, W) indices into `CLASSES` of what its camera would see of other garments."""
         return _segment(self.body, garments, self.person.camera)
-
-
-def class_of_garment(garment: str) -> str:
-    """The class of `GARMENT_CLASSES` that a segmentation calls a garment type."""
-    region = GARMENT_TYPES[garment].region
-    return next(
-        name
-        for name, (_, stands) in GARMENT_CLASSES.items()
-        if stands == garment or (region == "upper" and name == "upper")
-    )
 
 
 def take_pictures(

@@ -85,6 +85,22 @@ class Wearer(NamedTuple):
     shape: np.ndarray
 
 
+class Sought(NamedTuple):
+    """A garment that is looked for in a picture.
+
+    Attributes:
+        model: of the garment.
+        codes: (n, cut + style) of the training garments that starts and the prior are taken from.
+        view: of it.
+        name: for errors, and for the seeds of its points.
+    """
+
+    model: "SmplicitModel"
+    codes: np.ndarray
+    view: View
+    name: str
+
+
 def look_at_points(
     model: "SmplicitModel", view: View, settings: FitImage, rng: np.random.Generator, name: str
 ) -> SeenPoints:
@@ -220,10 +236,10 @@ def fit_picture(
     for kind in dict.fromkeys(name for _, name in wanted):
         model = models[GARMENT_CLASSES[kind].model]
         own = [(i, name) for i, name in wanted if name == kind]
-        views = [garment_view(picture, picture.people[i], kind, bodies[i]) for i, _ in own]
+        sought = [_seek(picture, i, kind, model, bodies[i]) for i, _ in own]
         wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
-        names = [f"{picture.name}, person {i + 1}, {kind}" for i, _ in own]
-        known = codes_of_class(model, kind)
+        views, names = [one.view for one in sought], [one.name for one in sought]
+        known = sought[0].codes
         found = fit_codes_to_views(model, known, views, wearers, names, settings, seed)
         codes.update(zip(own, found, strict=True))
     return [
@@ -265,40 +281,48 @@ def hang_picture(
     Returns:
         As `fit_picture`; what cannot be hung stays as it is.
     """
-    return [
-        _hang_person(picture, index, outfit, models, settings, meshing, seed, hang)
-        for index, outfit in enumerate(people)
-    ]
+    hung = []
+    for index, (person, outfit) in enumerate(zip(picture.people, people, strict=True)):
+        body = _posed(person, models)
+        sought = {
+            name: _seek(picture, index, name, models[GARMENT_CLASSES[name].model], body)
+            for name in outfit
+        }
+        hung.append(hang_person(person, outfit, sought, settings, meshing, seed, hang))
+    return hung
 
 
-def _hang_person(
-    picture: Picture,
-    index: int,
+def hang_person(
+    person: Person,
     outfit: Mapping[str, FittedGarment],
-    models: Mapping[str, "SmplicitModel"],
+    sought: Mapping[str, Sought],
     settings: FitImage,
     meshing: "Meshing",
     seed: int,
     hang: Hang,
 ) -> dict[str, FittedGarment]:
-    person = picture.people[index]
-    body, wearer = _posed(person, models), Wearer(person.gender, person.shape)
+    """The garments of one person as they hang, with codes fitted to that; see `hang_picture`.
+
+    Args:
+        person: who wears them.
+        outfit: class -> garment as fitted without hanging.
+        sought: class -> what it was found in.
+        settings, meshing, seed, hang: see there.
+    """
+    models = {GARMENT_CLASSES[name].model: one.model for name, one in sought.items()}
     hung = _hang_sheets(outfit, person, models, hang)
     if not hung:
         return dict(outfit)
+    body, wearer = _posed(person, models), Wearer(person.gender, person.shape)
     # Codes are near where they go, so that half of the rounds are enough.
     fit = replace(settings, rounds=(settings.rounds + 1) // 2)
-    codes = {}
-    for name, garment in outfit.items():
-        model = models[GARMENT_CLASSES[name].model]
-        codes[name] = model, garment.z
-        if name in hung:
-            around = with_cloth(body, hung[name].rest.vertices, hung[name].posed.vertices)
-            view = garment_view(picture, person, name, around)
-            label = f"{picture.name}, person {index + 1}, {name}"
-            known = codes_of_class(model, name)
-            (z,) = fit_codes_to_views(model, known, [view], [wearer], [label], fit, seed)
-            codes[name] = model, z
+    codes = {name: (sought[name].model, garment.z) for name, garment in outfit.items()}
+    for name, sheet in hung.items():
+        around = with_cloth(body, sheet.rest.vertices, sheet.posed.vertices)
+        model, known, view, label = sought[name]
+        views = [view._replace(body=around)]
+        (z,) = fit_codes_to_views(model, known, views, [wearer], [label], fit, seed)
+        codes[name] = model, z
     # Hung trousers and hung skirts may look alike from one side.
     again = same_kinds(dress(body, wearer, codes, settings.wearing, meshing), outfit)
     if all(again[name] is garment for name, garment in outfit.items()):
@@ -367,6 +391,15 @@ def as_hung(
 def _posed(person: Person, models: Mapping[str, "SmplicitModel"]) -> PosedBody:
     body = next(iter(models.values())).bodies[person.gender]
     return pose_body(body, person.shape, person.pose, person.trans)
+
+
+def _seek(
+    picture: Picture, index: int, name: str, model: "SmplicitModel", body: PosedBody
+) -> Sought:
+    """A class of garments on the picture's person of that number."""
+    view = garment_view(picture, picture.people[index], name, body)
+    label = f"{picture.name}, person {index + 1}, {name}"
+    return Sought(model, codes_of_class(model, name), view, label)
 
 
 def garment_view(picture: Picture, person: Person, name: str, body: PosedBody) -> View:

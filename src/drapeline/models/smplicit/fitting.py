@@ -24,14 +24,17 @@ from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
     Hang,
+    Sought,
     View,
     Wearer,
     dress,
     fit_codes_to_views,
+    hang_person,
 )
 from drapeline.models.smplicit.fit_scans import FitScan
 from drapeline.models.smplicit.model import Meshing, SmplicitModel, check_gender, finite
 from drapeline.models.smplicit.own_scans import find_garments
+from drapeline.models.smplicit.pictures import Person, class_of_garment
 from drapeline.rendering.camera import Camera
 
 
@@ -68,6 +71,7 @@ class FittingModel(SmplicitModel):
         trans: Sequence[float],
         unsure: np.ndarray | None = None,
         seed: int = 0,
+        hang: Hang | None = None,
     ) -> FittedGarment:
         """The garment that a picture shows on a known body; see `fit_pictures` for whole pictures.
 
@@ -81,6 +85,8 @@ class FittingModel(SmplicitModel):
             unsure: (H, W) bool, pixels that tell nothing about the garment, such as those of what
                 hides it.
             seed: of the points that the fit looks at.
+            hang: hangs its sheet on the body, see `drapeline.generation.moving_sheets.make_hang`;
+                what is upright in the picture is taken for upright. Skinned if None.
 
         Raises:
             InputError: an argument has another size, the model is not for that type, no pixel shows
@@ -91,14 +97,20 @@ class FittingModel(SmplicitModel):
         at = finite("pose", pose, 72), finite("trans", trans, 3)
         body = pose_body(self.bodies[gender], wearer.shape, *at)
         unsure = np.zeros_like(shown) if unsure is None else unsure
-        views, settings = [View(shown, unsure, camera, body)], FitImage()
         if garment is not None and garment not in self.garments:
             raise InputError(
                 f"garment: {garment!r:.60}, expected one of {', '.join(self.garments)}"
             )
         codes = self.codes.z if garment is None else self.codes_of(garment)
-        (z,) = fit_codes_to_views(self, codes, views, [wearer], [self.name], settings, seed)
-        return dress(body, wearer, {self.name: (self, z)}, settings.wearing, Meshing())[self.name]
+        view, settings, meshing = View(shown, unsure, camera, body), FitImage(), Meshing()
+        (z,) = fit_codes_to_views(self, codes, [view], [wearer], [self.name], settings, seed)
+        name = class_of_garment(garment or self.garments[0])
+        outfit = dress(body, wearer, {name: (self, z)}, settings.wearing, meshing)
+        if hang:
+            person = Person(gender, wearer.shape, *at, camera, shown, unsure, (name,))
+            sought = {name: Sought(self, codes, view, self.name)}
+            outfit = hang_person(person, outfit, sought, settings, meshing, seed, hang)
+        return outfit[name]
 
     def fit_points(
         self,
@@ -127,8 +139,7 @@ class FittingModel(SmplicitModel):
             shape: (10,) as estimated; the mean one if not given.
             joints: (24, 3) positions of the joints in the scan, if they were predicted apart.
             seed: of the points that count.
-            hang: hangs its sheet on the body, see `drapeline.generation.moving_sheets.make_hang`;
-                skinned if None.
+            hang: hangs its sheet on the body, as in `fit_image`.
 
         Raises:
             InputError: an argument has another size, the points are not in metres, not near the

@@ -36,6 +36,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.errors import InputError, refuse_damage
 from drapeline.frames import GENDERS
+from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.rendering.camera import Camera
 from drapeline.storage import open_arrays, read_json
 
@@ -66,6 +67,16 @@ GARMENT_CLASSES = {
 }
 BACKGROUND, BODY, UNKNOWN = "background", "body", "unknown"
 CLASSES = (BACKGROUND, BODY, UNKNOWN, *GARMENT_CLASSES)
+
+
+def class_of_garment(garment: str) -> str:
+    """The class of `GARMENT_CLASSES` that a segmentation calls a garment type."""
+    region = GARMENT_TYPES[garment].region
+    return next(
+        name
+        for name, (_, stands) in GARMENT_CLASSES.items()
+        if stands == garment or (region == "upper" and name == "upper")
+    )
 
 
 def _table(*names: str) -> dict[int, str]:

@@ -8,7 +8,6 @@ from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.table import find_value
 from drapeline.models.smplicit.evaluate_images import (
     PictureEvaluation,
-    class_of_garment,
     measure_outfit,
     silhouette_iou,
     take_pictures,
@@ -17,7 +16,6 @@ from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import FittedGarment
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import CLASSES
-from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.worn import HungSheet
 from gallery_toys import TubeField, save_toy_model, training_codes
 from tiny_sample import write_tiny_sample
@@ -45,18 +43,6 @@ def pictures(models, tiny):
 
 def outfit_of(meshes):
     return {name: FittedGarment(np.zeros(18), mesh, mesh) for name, mesh in meshes.items()}
-
-
-def test_every_garment_type_has_a_class():
-    classes = {garment: class_of_garment(garment) for garment in GARMENT_TYPES}
-    assert classes == {
-        "Tshirt": "upper",
-        "Top": "upper",
-        "Trousers": "trousers",
-        "Skirt": "skirt",
-        "Jumpsuit": "jumpsuit",
-        "Dress": "dress",
-    }
 
 
 def test_pictures_are_of_different_frames_and_sides(pictures, tiny, toy_body):

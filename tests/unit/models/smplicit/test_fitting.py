@@ -23,6 +23,26 @@ def test_a_garment_is_fitted_and_worn(fitting_model, skirt, toy_body):
     np.testing.assert_array_equal(found.z, again.z)
 
 
+@pytest.mark.portable
+def test_the_garment_of_a_picture_hangs_if_it_can_be_hung(fitting_model, skirt, monkeypatch):
+    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
+    ups, risen = [], np.array([0.0, 0.0, 0.1])
+
+    def lift(sheets, body, gender, shape, pose, trans, up):
+        ups.append(up)
+        return {n: HungSheet(s, Mesh(s.vertices + risen, s.faces)) for n, s in sheets.items()}
+
+    place = {**WEARER, "trans": [0.0] * 3}
+    skinned = fitting_model.fit_image(skirt, toy_camera(), **place)
+    hung = fitting_model.fit_image(skirt, toy_camera(), **place, hang=lift)
+    np.testing.assert_allclose(ups, np.tile(-toy_camera().axes[1], (2, 1)))
+    assert (hung.z != skinned.z).any()  # fitted again, to cloth that hangs higher
+    rise = hung.posed.vertices - hung.sheet.vertices
+    np.testing.assert_allclose(rise, np.tile(risen, (len(rise), 1)), atol=1e-6)
+    unable = fitting_model.fit_image(skirt, toy_camera(), **place, hang=lambda *wearer: {})
+    np.testing.assert_array_equal(unable.posed.vertices, skinned.posed.vertices)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

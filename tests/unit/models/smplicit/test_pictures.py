@@ -10,9 +10,11 @@ from drapeline.models.smplicit.pictures import (
     CLASSES,
     GARMENT_CLASSES,
     LABELS,
+    class_of_garment,
     read_picture,
     weak_perspective,
 )
+from drapeline.outfits.garment_types import GARMENT_TYPES
 from smplicit_toys import toy_bodies
 
 SIZE = (80, 60)  # width and height
@@ -136,3 +138,15 @@ def test_images_of_another_size_than_the_segmentation_are_named(read, given, tmp
     Image.fromarray(np.ones((30, 40), np.uint8)).save(tmp_path / "small.png")
     with pytest.raises(InputError, match=r"small\.png, has 40 x 30 pixels, expected 80 x 60"):
         read({**given, key: "small.png"})
+
+
+def test_every_garment_type_has_a_class():
+    classes = {garment: class_of_garment(garment) for garment in GARMENT_TYPES}
+    assert classes == {
+        "Tshirt": "upper",
+        "Top": "upper",
+        "Trousers": "trousers",
+        "Skirt": "skirt",
+        "Jumpsuit": "jumpsuit",
+        "Dress": "dress",
+    }
