@@ -73,6 +73,7 @@ def _find_anchors(
     end: wp.array(dtype=wp.vec3),
     start_normals: wp.array(dtype=wp.vec3),
     end_normals: wp.array(dtype=wp.vec3),
+    clock: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
     home_reach: float,
     reach: float,
@@ -145,7 +146,8 @@ def _find_anchors(
             else:
                 part = last
                 far = reach
-    if anchor[i] >= 0:
+    # Within a frame, those that were not searched again are known.
+    if anchor[i] >= 0 and (search or clock[0] == 0.0):
         face = faces[anchor[i]]
         from_place[i] = _blend(start, face, weights[i])
         to_place[i] = _blend(end, face, weights[i])
@@ -347,7 +349,7 @@ class BodySurface:
             dim=len(place),
             inputs=[
                 *surface,
-                *(self._start_normals, self._end_normals, place),
+                *(self._start_normals, self._end_normals, clock, place),
                 *(home_reach_m, reach_m, gap_m, slack_m),
             ],
             outputs=[
