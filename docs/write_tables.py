@@ -19,7 +19,7 @@ from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.tables import read_table
-from drapeline.metrics.fitted_scans import CLASSES
+from drapeline.metrics.fitted_scans import CLASSES, COMMON
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value, read_metrics
 from drapeline.models.smplicit.variants import FIELD_MODELS
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
@@ -32,7 +32,7 @@ BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DO
 NAMES = {"Tshirt": "t-shirt"} | {name: name.lower() for name in GARMENTS if name != "Tshirt"}
 STATIC = {
     "static_ppca": "masked PPCA (ours)",
-    "svae": "garment VAE, as printed",
+    "svae": "garment VAE",
     "pca": "PCA of offsets",
     "mean_garment": "mean garment of the type",
     "nearest_cvar": "nearest training garment in the conditions",
@@ -40,7 +40,7 @@ STATIC = {
 DYNAMIC = {
     "dynamic_ppca_settled": "masked PPCA (ours), pushed out of the body",
     "dynamic_ppca": "masked PPCA (ours)",
-    "dvae_unposed_4": "garment VAE, as printed",
+    "dvae_unposed_4": "garment VAE",
     "skinned_static": "garment at rest, skinned",
     "skinned_mean": "mean garment of the type, skinned",
 }
@@ -63,7 +63,7 @@ CODES = {
     "garment4d_pca": "PCA of Garment4D's templates",
     "body_pca": "PCA of offsets",
     "smplicit": "SMPLicit, fitted code",
-    "svae": "garment VAE, as printed",
+    "svae": "garment VAE",
     "body_registered": "registered to the body, no code",
     "template_registered": "registered to the template, no code",
 }
@@ -88,14 +88,14 @@ SCANS = {
     "smplicit_scan_nearest_hung": "SMPLicit, training code with the least loss, hung",
     "smplicit_scan_hung": "SMPLicit, code fitted again to cloth that hangs",
     "static_ppca_scan": "masked PPCA (ours), fitted code",
-    "svae_scan": "garment VAE, as printed, fitted code",
+    "svae_scan": "garment VAE, fitted code",
     "garment4d_scan_pca": "PCA of Garment4D's templates, fitted",
     "garment4d_scan_posed": "Garment4D's networks",
-    "smplicit_scan_moved": "SMPLicit, moved to the points",
-    "static_ppca_scan_moved": "masked PPCA (ours), moved to the points",
-    "svae_scan_moved": "garment VAE, moved to the points",
-    "garment4d_scan_moved": "PCA of Garment4D's templates, moved to the points",
-    "garment4d_scan_ours": "Garment4D's networks, moved to the points",
+    "smplicit_scan_moved": "SMPLicit, hung, then moved to the points",
+    "static_ppca_scan_moved": "masked PPCA (ours), skinned, then moved to the points",
+    "svae_scan_moved": "garment VAE, skinned, then moved to the points",
+    "garment4d_scan_moved": "PCA of Garment4D's templates, skinned, then moved to the points",
+    "garment4d_scan_ours": "Garment4D's networks, then moved to the points",
 }
 # Stage -> the files whose rules belong to it.
 STAGES = {
@@ -399,7 +399,7 @@ def scans(results: Results) -> str:
             )
             by_class = {
                 part: results.value(variant, part, "surface_to_true_mm", 1).split(" ")[0]
-                for part in CLASSES
+                for part in (*CLASSES, COMMON)
                 if any(one.garment == part for one in results.metrics)
             }
             row = {"fit": name, "garments": str(found.n), "to the truth mm": to_true}

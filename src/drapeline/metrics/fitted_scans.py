@@ -11,6 +11,7 @@ from drapeline.storage import load_npz, save_npz
 
 # As in table 2 of SMPLicit, which has no garments for the whole body.
 CLASSES = ("short upper", "long upper", "short lower", "long lower", "whole body")
+COMMON = "common types"  # garments of the types that every model can learn, of whatever class
 TRUE, BODY = "true", "body"  # what figures show besides fits
 _LONG = 0.5  # share of the limb
 

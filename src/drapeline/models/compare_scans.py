@@ -14,13 +14,13 @@ from drapeline.dataset.record import solver_name
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.metrics.fitted_scans import BODY, TRUE, Fits, scan_class
+from drapeline.metrics.fitted_scans import BODY, COMMON, TRUE, Fits, scan_class
 from drapeline.metrics.garment import area_distances_mm
 from drapeline.metrics.properties import measure_properties
 from drapeline.metrics.sequence import Measured, sequence_summary
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.contract import ScanFitter
-from drapeline.outfits.garment_types import GARMENT_TYPES
+from drapeline.outfits.garment_types import GARMENT_TYPES, TEMPLATE_TYPES
 from drapeline.rule_log import progress
 
 MODEL = "scan"
@@ -98,6 +98,9 @@ def compare_scan_fits(
 ) -> tuple[list[MetricRow], dict[str, Fits]]:
     """Distances between simulated and fitted garments, by variant and class, over their area.
 
+    Models do not know the same garments: the rows of the class `COMMON` are means over those that
+    all of them know.
+
     Args:
         scans: to fit.
         fitter: of a model.
@@ -108,6 +111,7 @@ def compare_scan_fits(
         Rows, and scan's name -> fits.
     """
     measured: dict[str, list[Measured]] = {}
+    common: dict[str, list[Measured]] = {}
     found: dict[str, Fits] = {}
     for known in progress(scans, total=len(scans), label="scans"):
         fits = found[known.scan.name] = fitter.fit(known.scan, known.body)
@@ -117,11 +121,14 @@ def compare_scan_fits(
                 row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
                 one = Measured(known.sample, known.classes[name], row, known.source)
                 measured.setdefault(variant, []).append(one)
-    rows = [
-        row
-        for variant, part in measured.items()
-        for row in sequence_summary(part, variant=variant, split=split, seed=seed, model=MODEL)
-    ]
+                if name in TEMPLATE_TYPES:
+                    common.setdefault(variant, []).append(one._replace(garment=COMMON))
+    how = {"split": split, "seed": seed, "model": MODEL}
+    rows = []
+    for variant, part in measured.items():
+        rows += sequence_summary(part, variant=variant, **how)
+        every = sequence_summary(common.get(variant, []), variant=variant, **how)
+        rows += [row for row in every if row.garment == COMMON]
     return rows, found
 
 

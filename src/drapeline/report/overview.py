@@ -2,7 +2,9 @@
 
 import base64
 import io
+from collections import ChainMap
 from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from html import escape
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +14,7 @@ from PIL import Image
 
 from drapeline.dataset.record import SampleRecord, outfit_text
 from drapeline.dataset.tables import read_table
-from drapeline.metrics.table import ALL, MetricRow, find_value, read_metrics
+from drapeline.metrics.table import ALL, MetricRow, read_metrics
 from drapeline.report.dataset.health import MEASURES
 from drapeline.report.dataset.records import accepted_records
 from drapeline.report.html import write_page
@@ -55,19 +57,23 @@ class Figure(NamedTuple):
 
 
 class _Comparison(NamedTuple):
-    """An error of a model beside that of a trivial baseline.
+    """An error of a model beside those of other models and of the best baseline.
+
+    Variants may be patterns such as "smplicit_*_fitted", whose error is the mean over them.
 
     Attributes:
         title: what is compared.
         metric: in millimetres.
         models: variant -> name; the first that was evaluated is shown.
-        baseline: likewise, without any learning.
+        networks: variant -> name, of the papers; stands beside it.
+        baselines: variant -> name; the best stands beside it.
     """
 
     title: str
     metric: str
     models: Mapping[str, str]
-    baseline: tuple[str, str]
+    networks: Mapping[str, str]
+    baselines: Mapping[str, str]
 
 
 _COMPARISONS = (
@@ -75,7 +81,12 @@ _COMPARISONS = (
         "Garments at rest, rebuilt from codes",
         "surface_error_mm",
         {"static_ppca": "masked PPCA", "svae": "garment VAE"},
-        ("mean_garment", "mean garment of the type"),
+        {"svae": "garment VAE"},
+        {
+            "pca": "PCA of offsets",
+            "mean_garment": "mean garment of the type",
+            "nearest_cvar": "nearest training garment",
+        },
     ),
     _Comparison(
         "Garments in motion, rebuilt from codes",
@@ -85,13 +96,28 @@ _COMPARISONS = (
             "dynamic_ppca": "masked PPCA",
             "dvae_unposed_4": "garment VAE",
         },
-        ("skinned_static", "garment at rest, skinned"),
+        {"dvae_unposed_4": "garment VAE"},
+        {
+            "skinned_mean": "mean garment of the type, skinned",
+            "skinned_static": "garment at rest, skinned",
+        },
     ),
     _Comparison(
         "Garments in motion, from point clouds",
         "vertex_error_mm",
-        {"ours": "Garment4D, our variant", "posed": "Garment4D"},
-        ("lbs", "interpolated skinning alone"),
+        {"ours": "Garment4D with our final step", "posed": "Garment4D"},
+        {"posed": "Garment4D"},
+        {"lbs": "interpolated skinning", "untrained": "untrained network"},
+    ),
+    _Comparison(
+        "Garments at rest, from distance fields",
+        "surface_to_true_mm",
+        {"smplicit_*_fitted": "SMPLicit, fitted code"},
+        {},
+        {
+            "smplicit_*_nearest_cut": "nearest training garment",
+            "smplicit_*_mean_code": "mean code",
+        },
     ),
 )
 
@@ -197,25 +223,35 @@ def _registration_figures(table: str | Path) -> list[Figure]:
 def _model_figures(metrics: str | Path) -> list[Figure]:
     rows = read_metrics(metrics)
     figures = []
-    for title, metric, models, (baseline, baseline_name) in _COMPARISONS:
-        errors = {variant: _mean_error(rows, variant, metric) for variant in (*models, baseline)}
-        found = next((variant for variant in models if errors[variant] is not None), None)
-        if found is None:
+    for title, metric, *groups in _COMPARISONS:
+        errors = {variant: _mean_error(rows, variant, metric) for variant in ChainMap(*groups)}
+        models, networks, baselines = (
+            {variant: name for variant, name in group.items() if errors[variant] is not None}
+            for group in groups
+        )
+        if not models:
             continue
-        note = models[found]
-        if errors[baseline] is not None:
-            note += f"; {baseline_name}: {errors[baseline]:.1f} mm"
-        figures.append(Figure(title, f"{errors[found]:.1f} mm", note))
+        shown, note = next(iter(models.items()))
+        beside = [variant for variant in networks if variant != shown]
+        if baselines:
+            beside.append(min(baselines, key=errors.get))
+        names = networks | baselines
+        notes = [note, *(f"{names[variant]}: {errors[variant]:.1f} mm" for variant in beside)]
+        figures.append(Figure(title, f"{errors[shown]:.1f} mm", "; ".join(notes)))
     return figures
 
 
 def _mean_error(rows: Sequence[MetricRow], variant: str, metric: str) -> float | None:
-    """Over all test garments or, where models are trained per type, the mean of the types."""
-    whole = find_value(rows, variant, "test", ALL, metric)
-    if whole:
-        return whole.value
-    found = [row.value for row in rows if row[1:3] == (variant, "test") and row.metric == metric]
-    return float(np.mean(found)) if found else None
+    """Over all test garments or, where models are trained apart, the mean of theirs."""
+    found = [
+        row
+        for row in rows
+        if fnmatchcase(row.variant, variant)
+        and (row.split, row.metric, row.source) == ("test", metric, "")
+    ]
+    whole = [row.value for row in found if row.garment == ALL]
+    values = whole or [row.value for row in found]
+    return float(np.mean(values)) if values else None
 
 
 def _numbers(figures: Iterable[Figure]) -> str:

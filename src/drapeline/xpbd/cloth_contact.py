@@ -24,6 +24,7 @@ wp.set_module_options({"enable_backward": False})
 
 _SLOTS = 24  # triangles that a vertex may be near to
 _MOST = wp.constant(_SLOTS)
+_ROUNDED = 1.001  # so that corners are within a box's radius, whatever is rounded
 
 
 @wp.kernel
@@ -85,6 +86,7 @@ def _find_near_triangles(
     sizes: wp.array(dtype=int),
     rest: wp.array2d(dtype=Any),
     rest_centres: wp.array(dtype=wp.vec3),
+    rest_radii: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
     triangles: wp.array(dtype=wp.vec3i),
     halves: int,
@@ -113,12 +115,14 @@ def _find_near_triangles(
             _outside(z, low[2], high[2]),
         )
         if layers[triangles[halves * face][0]] == layer:
-            # Parts of a garment that are close at rest are held apart by the cloth itself.
+            # Parts of a garment that are close at rest are held apart by the cloth itself; a face's
+            # own corners always are, however large it is.
             centre = rest_centres[face]
+            held = wp.max(free, rest_radii[face])
             u = rest[patch, 0] - type(x)(centre[0])
             v = rest[patch, 1] - type(x)(centre[1])
             w = rest[patch, 2] - type(x)(centre[2])
-            away = most(away, type(x)(free * free) - dot_lanes(u, v, w, u, v, w))
+            away = most(away, type(x)(held * held) - dot_lanes(u, v, w, u, v, w))
         if count_less(away, type(x)(0.0)) > 0:
             for m in range(sizes[patch]):
                 if away[m] < 0.0:
@@ -248,8 +252,9 @@ class NearTriangles:
         self._lower, self._upper = (wp.zeros(faces, dtype=wp.vec3) for _ in range(2))
         self._box(rest)
         self.tree = wp.Bvh(self._lower, self._upper)
-        centres = (self._lower.numpy() + self._upper.numpy()) / 2
-        self._centres = wp.array(centres, dtype=wp.vec3)
+        low, high = self._lower.numpy(), self._upper.numpy()
+        self._centres = wp.array((low + high) / 2, dtype=wp.vec3)
+        self._radii = wp.array(_ROUNDED * np.linalg.norm(high - low, axis=1) / 2, dtype=float)
         patches = make_patches(rest.numpy(), layers.numpy(), width)
         at_rest, sizes = lay_in_lanes(rest.numpy(), patches), (patches >= 0).sum(axis=1)
         number, index = lane_types(width)
@@ -261,7 +266,10 @@ class NearTriangles:
         self.near = wp.zeros((len(rest), _SLOTS), dtype=int)
 
     def find(self, place: wp.array, *, margin_m: float, free_m: float) -> None:
-        """Find them again for cloth at `place`, but for those within `free_m` at rest."""
+        """Find them again for cloth at `place`, but for those within `free_m` at rest.
+
+        Nor are a face's own corners near to it, whatever its size.
+        """
         self._box(place)
         self.tree.refit()
         wp.launch(
@@ -269,7 +277,7 @@ class NearTriangles:
             dim=len(self._sizes),
             inputs=[
                 *(wp.uint64(self.tree.id), self._lower, self._upper),
-                *(self._patches, self._sizes, self._rest, self._centres, place),
+                *(self._patches, self._sizes, self._rest, self._centres, self._radii, place),
                 *(self.triangles, self.halves, self._layers, margin_m, free_m),
             ],
             outputs=[self.count, self.near],

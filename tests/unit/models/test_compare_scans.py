@@ -8,7 +8,7 @@ import pytest
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.segmented_scans import ScanSettings, save_scans, scan_sample
 from drapeline.errors import DamagedFile
-from drapeline.metrics.fitted_scans import BODY, TRUE
+from drapeline.metrics.fitted_scans import BODY, COMMON, TRUE
 from drapeline.metrics.table import ALL, find_value
 from drapeline.models.compare_scans import (
     MODEL,
@@ -86,13 +86,28 @@ def test_distances_are_those_of_the_fits_by_class(known):
     rows, found = compare_scan_fits(known, Raised(known, [0.0, 0.02]), split="test", seed=3)
     assert {(row.model, row.split, row.seed) for row in rows} == {(MODEL, "test", 3)}
     classes = {name for one in known for name in one.classes.values()}
-    assert {row.garment for row in rows} == {ALL, *classes}
+    assert {row.garment for row in rows} == {ALL, COMMON, *classes}
     exact = find_value(rows, "raised_0.0", "test", ALL, "surface_to_true_mm")
     assert exact.value == pytest.approx(0, abs=1e-3)
     assert exact.n == sum(len(one.true) for one in known)
     for metric in ("surface_to_true_mm", "true_to_surface_mm"):
         assert 0 < find_value(rows, "raised_0.02", "test", ALL, metric).value < 20.1
     assert set(found) == {one.scan.name for one in known}
+
+
+def test_garments_that_all_models_know_have_rows_of_their_own(known):
+    (one, other), metric = known, "surface_to_true_mm"
+    dress = one._replace(true={"Dress": other.true["Skirt"]}, classes={"Dress": "whole body"})
+
+    def found(scans, garment):
+        fitter = Raised(scans, [0.02])
+        rows, _ = compare_scan_fits(scans, fitter, split="test", seed=3)
+        return find_value(rows, "raised_0.02", "test", garment, metric)
+
+    every, common = (found([dress, other], name) for name in (ALL, COMMON))
+    assert common == found([other], ALL)._replace(garment=COMMON)
+    assert every.n == common.n + 1
+    assert found([dress], COMMON) is None
 
 
 def test_garments_of_several_solvers_have_rows_of_their_own_besides_those_of_all(known):

@@ -17,6 +17,7 @@ from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
 from drapeline.models.smplicit.fit_images import FitImage, fit_garments
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
+from drapeline.models.smplicit.model import REACH_M
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
 from drapeline.outfits.worn import HungSheet, Wearing, wear
 from drapeline.rendering.camera import Camera
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from drapeline.bodies.model import BodyModel
     from drapeline.models.smplicit.model import Meshing, SmplicitModel
 
-# No garment at rest is further from the body: tops, trousers, and those with skirts.
-_REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": 0.4, "whole": 0.4}
+# No garment at rest is further from the body; tops and trousers are closer than those with skirts.
+_REACH_M = {"upper": 0.17, "trousers": 0.17, "skirt": REACH_M, "whole": REACH_M}
 
 
 class FittedGarment(NamedTuple):

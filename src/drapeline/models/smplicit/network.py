@@ -111,11 +111,15 @@ class GarmentField(TrainableModule):
     def validation_step(self, batch: Batch) -> None:
         """Distances at points that a style was not fitted to, for the encoder's z_cut."""
         training = self.settings.training
+        near, space = (
+            min(wanted, batch[f"{name}_distance"].shape[1] // 2)
+            for name, wanted in (("near", training.near), ("space", training.space))
+        )
         known, asked = (
             self._points(
                 batch,
-                slice(part * training.near, (part + 1) * training.near),
-                slice(part * training.space, (part + 1) * training.space),
+                slice(part * near, (part + 1) * near),
+                slice(part * space, (part + 1) * space),
             )
             for part in range(2)
         )

@@ -9,7 +9,7 @@ from drapeline.report.models.garment_columns import garment_columns
 
 # Shown under these names and in this order; other representations go by their variant.
 _CODES = {
-    "svae": "SVAE, as printed",
+    "svae": "SVAE",
     "static_ppca": "Masked PPCA",
     "body_pca": "PCA of offsets from the body",
     "garment4d_pca": "PCA of Garment4D's templates",

@@ -11,7 +11,14 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_scans import BODY, CLASSES, TRUE, Fits, load_fitted_scans
+from drapeline.metrics.fitted_scans import (
+    BODY,
+    CLASSES,
+    COMMON,
+    TRUE,
+    Fits,
+    load_fitted_scans,
+)
 from drapeline.metrics.table import ALL, HIGH, LOW, MetricRow, find_value, read_metrics
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import GridCell, save_contact_sheet, save_grid, text_card
@@ -32,15 +39,15 @@ _FITS = {
     "smplicit_scan_joint": "SMPLicit: code and body fitted jointly",
     "smplicit_scan_nearest_hung": "SMPLicit: training code with the least loss, hung",
     "smplicit_scan_hung": "SMPLicit: code fitted again to cloth that hangs",
-    "svae_scan": "SVAE, as printed: fitted code",
+    "svae_scan": "SVAE: fitted code",
     "static_ppca_scan": "Masked PPCA: fitted code",
     "garment4d_scan_pca": "PCA of Garment4D's templates: fitted components",
     "garment4d_scan_posed": "Garment4D's networks",
-    "smplicit_scan_moved": "SMPLicit, moved to the points",
-    "svae_scan_moved": "SVAE, moved to the points",
-    "static_ppca_scan_moved": "Masked PPCA, moved to the points",
-    "garment4d_scan_moved": "PCA of Garment4D's templates, moved to the points",
-    "garment4d_scan_ours": "Garment4D's networks, moved to the points",
+    "smplicit_scan_moved": "SMPLicit, hung, then moved to the points",
+    "svae_scan_moved": "SVAE, skinned, then moved to the points",
+    "static_ppca_scan_moved": "Masked PPCA, skinned, then moved to the points",
+    "garment4d_scan_moved": "PCA of Garment4D's templates, skinned, then moved to the points",
+    "garment4d_scan_ours": "Garment4D's networks, then moved to the points",
 }
 _BODIES = {
     "scan_body_estimated": "as estimated",
@@ -115,7 +122,7 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
 
 def _table(rows: Sequence[MetricRow], metric: str) -> list[dict[str, object]]:
     found = {row.garment for row in rows if row.metric == metric}
-    columns = [name for name in CLASSES if name in found]
+    columns = [name for name in (*CLASSES, COMMON) if name in found]
     table = []
     for variant, title in _FITS.items():
         total = find_value(rows, variant, _SPLIT, ALL, metric)
