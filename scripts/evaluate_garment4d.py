@@ -27,7 +27,7 @@ with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     torch.set_num_threads(snakemake.threads)
     models = {gender: load_body(given[gender]) for gender in GENDERS}
-    bodies, device = BodySet(models, params.body_points), fastest_device()
+    bodies, device = BodySet(models, params.body_points), fastest_device(params.accelerator)
     posed = dict(zip(params.posed, given.posed, strict=True))
     stages = {name: load_stage(folder, PosedStage).to(device) for name, folder in posed.items()}
     released = given.get("vertex_sampled")

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.errors import InputError
@@ -27,7 +26,7 @@ with rule_log(snakemake.log[0]):
     models = {model.name: model for model in map(SmplicitModel, given.models)}
     chosen = [p for p in samples_of_shards(given.learning) if p.name in params.learning_samples]
     dataset, learning = (
-        [Sample(folder) for folder in folders if read_record(folder).accepted]
+        [folder for folder in folders if read_record(folder).accepted]
         for folders in (given.samples, chosen)
     )
     if not dataset and not learning:

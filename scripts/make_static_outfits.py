@@ -25,7 +25,9 @@ with rule_log(snakemake.log[0]) as log:
         seed=wanted.seed,
         shape_range=wanted.shape_range,
         edge_length_m=wanted.edge_length_m,
-        ranges=OutfitRanges(tightness=tuple(wanted.tightness_range)),
+        ranges=OutfitRanges(
+            tightness=tuple(wanted.tightness_range), elastic_chance=wanted.elastic_probability
+        ),
     )
     if wanted.settling:
         # Imported here, since without it no code of simulations counts in the digest of the rule.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     rows = read_metrics(snakemake.input[0])
-    plot_ablation(snakemake.output.ablation, rows, "Skirt")
+    plot_ablation(snakemake.output.ablation, rows, snakemake.params.garment)
     plot_neighbour_curve(snakemake.output.neighbours, rows)
     plot_missing_curve(snakemake.output.missing, rows)
     plot_accuracy_curve(snakemake.output.accuracy, rows)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drapeline.bodies.sequence import first_frames, load_body_sequence
+from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import simulate_sheet
 from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
@@ -33,6 +34,11 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     name, z = posed_prototype(snakemake.input.gallery)
     wearer = {"gender": gender, "shape": record.shape}
     garment = model.decode(z, **wearer, meshing=Meshing(**wanted.meshing)).sheet
+    if not len(garment.faces):
+        raise InputError(
+            f"{snakemake.input.model}: nothing is left of the prototype '{name}' on the body of"
+            f" {snakemake.input.body}, expected cloth to pose; the model may need longer training"
+        )
     worn = garment, nearest_type(z, model.codes), model.bodies[gender], record
     displacement = None
     if snakemake.input.displacement:

@@ -22,7 +22,8 @@ with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     stage = MgnStage if snakemake.wildcards.posed == "mgn" else PosedStage
-    canonical = load_stage(given.canonical, CanonicalStage).to(fastest_device())
+    device = fastest_device(params.trainer["accelerator"])
+    canonical = load_stage(given.canonical, CanonicalStage).to(device)
     settings = stage.parse(params.settings)
     sequences = BodySequences(SequenceData(given.data), BodySet(bodies, params.body_points))
 

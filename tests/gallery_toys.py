@@ -32,6 +32,8 @@ def tube_size(z: np.ndarray) -> tuple[float, float, float]:
 class TubeField:
     """The exact field of the open tube of a code, clipped."""
 
+    clip_m = _CLIP_M
+
     def __init__(self, z: np.ndarray) -> None:
         self._hem, self._top, self._radius = tube_size(z)
 

@@ -14,7 +14,7 @@ class AnalyticField:
     """
 
     def __init__(self, exact: Callable, *, clip_m: float = 0.03, error_m: float = 0.0) -> None:
-        self.exact, self._clip_m, self._error_m = exact, clip_m, error_m
+        self.exact, self.clip_m, self._error_m = exact, clip_m, error_m
         self.asked = self.asked_gradients = 0
 
     def distances(self, points: np.ndarray) -> np.ndarray:
@@ -32,7 +32,7 @@ class AnalyticField:
         return self._value(points), np.stack(slopes, axis=1)
 
     def _value(self, points: np.ndarray) -> np.ndarray:
-        return np.minimum(self.exact(points) + self._error_m, self._clip_m)
+        return np.minimum(self.exact(points) + self._error_m, self.clip_m)
 
 
 def open_tube(points: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ def test_a_damaged_folder_of_sequences_ends_a_training_with_one_sentence(
             params={
                 "settings": CANONICAL,
                 "body_points": 30,
-                "trainer": {},
+                "trainer": {"accelerator": "cpu"},
                 "code": "c",
                 "progress": "none",
             },
@@ -127,6 +127,7 @@ def test_all_variants_are_measured_and_pictured(run_rule, trained, folder, bodie
             "posed": ["posed"],
             "splits": ["test"],
             "settings": {"neighbours": [1], "missing": [0.5], "accuracy": [0.7], "seed": 3},
+            "accelerator": "cpu",
             "refine": {"rounds": 2},
             "body_points": BODY_POINTS,
         },

@@ -49,7 +49,7 @@ def plans():
     return plan_static(3, 4, 4, shares, 1.0, OUTFIT_TYPES, male_skirts=False)["000"]
 
 
-def make(run_rule, stages, plans, name="000", settling=None):
+def make(run_rule, stages, plans, name="000", settling=None, elastics=0.5):
     run_rule(
         "make_static_outfits",
         input={
@@ -64,6 +64,7 @@ def make(run_rule, stages, plans, name="000", settling=None):
             "shape_range": 1.0,
             "edge_length_m": 0.035,
             "tightness_range": [-0.5, 0.5],
+            "elastic_probability": elastics,
             "settling": settling or {},
         },
         wildcards={"shard": name},
@@ -123,6 +124,13 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
         assert image.height > 340 * len(garments)
         # Garments of three colours and errors stand beside one another.
         assert np.ptp(np.asarray(image.convert("RGB")), axis=2).max() > 60
+
+
+@pytest.mark.parametrize("chance", [0.0, 1.0])
+def test_ends_are_gathered_as_often_as_asked(run_rule, stages, plans, chance):
+    make(run_rule, stages, plans, f"elastic{chance}", elastics=chance)
+    garments = [g for o in load_static(stages / f"elastic{chance}.npz") for g in o.outfit.garments]
+    assert any(garment.elastic.any() for garment in garments) == (chance > 0)
 
 
 def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stages, plans):

@@ -12,9 +12,10 @@ from displacement_trainings import train_toy_displacement
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.frames import GENDERS, REST_POSE
+from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.files import body_file
 from drapeline.models.smplicit.gallery import SHEETS
-from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.model import FieldGarment, SmplicitModel
 from drapeline.simulation.health import HealthBounds
 from gallery_toys import TubeField, save_toy_model, save_toy_outfits, training_codes
 
@@ -131,6 +132,14 @@ def test_a_garment_is_posed(pose_garment):
     with Image.open(output["moving"]) as moving:
         assert moving.n_frames == 2
     assert output["scene"].read_bytes()[:4] == b"glTF"
+
+
+def test_a_prototype_of_which_nothing_is_left_is_named(pose_garment, monkeypatch):
+    nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    empty = FieldGarment(nothing, nothing)
+    monkeypatch.setattr(SmplicitModel, "decode", lambda self, z, **wearer: empty)
+    with pytest.raises(SystemExit, match="nothing is left of the prototype '.*' on the body"):
+        pose_garment([])
 
 
 @pytest.mark.portable

@@ -292,6 +292,7 @@ rule evaluate_garment4d:
         posed=posed_variants_of,
         splits=EVALUATED_SPLITS,
         settings=evaluation_settings,
+        accelerator=lookup(dpath="garment4d/trainer/accelerator", within=config),
         refine=lookup(dpath="garment4d/refine", within=config),
         body_points=lookup(dpath="garment4d/body_points", within=config),
         code=source_hash("evaluate_garment4d"),

@@ -9,6 +9,8 @@ from drapeline.models.training.settings import override_settings
 G4D = f"{RESULTS}/garment4d"
 # Garment types that the networks learn, one network of each stage for each type.
 G4D_GARMENTS = config["garment4d"]["garments"]
+# In figures of a single type; skirts move most.
+SHOWN_GARMENT = "Skirt" if "Skirt" in G4D_GARMENTS else G4D_GARMENTS[0]
 # Shards of static outfits that the networks learn from besides simulated samples.
 SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
 # Samples that wear one of these types.

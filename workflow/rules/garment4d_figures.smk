@@ -136,7 +136,7 @@ rule plot_garment_spaces:
 rule plot_skinning:
     input:
         **WHOLE_BODIES,
-        data=SEQUENCES["Skirt" if "Skirt" in G4D_GARMENTS else G4D_GARMENTS[0]],
+        data=SEQUENCES[SHOWN_GARMENT],
     output:
         report(
             f"{RESULTS}/report/garment4d_skinning.png",
@@ -191,6 +191,7 @@ rule plot_garment4d_curves:
         mem_mb=500,
         runtime=10,
     params:
+        garment=SHOWN_GARMENT,
         code=source_hash("plot_garment4d_curves"),
     script:
         "../../scripts/plot_garment4d_curves.py"

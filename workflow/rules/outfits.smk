@@ -116,6 +116,7 @@ rule make_static_outfits:
         shape_range=lookup(dpath="body/shape_range", within=config),
         edge_length_m=lookup(dpath="static/edge_length_m", within=config),
         tightness_range=lookup(dpath="outfits/tightness_range", within=config),
+        elastic_probability=lookup(dpath="outfits/elastic_probability", within=config),
         settling=SETTLING,
         code=source_hash("make_static_outfits", *SETTLING.get("modules", ())),
     script:

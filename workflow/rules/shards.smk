@@ -27,6 +27,7 @@ for SHARD, MEMBERS in SAMPLE_SHARDS.items():
         params:
             folder=shard_folder(SHARD),
             plans=[asdict(SAMPLES[sample]) for sample in MEMBERS],
+            motions=[clip.parameters() for clip in shard_motions(MEMBERS)],
             settings=SHARD_SETTINGS,
             code=SHARD_CODE,
         script:

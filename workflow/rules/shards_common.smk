@@ -26,12 +26,17 @@ SHARD_CODE = [
 ]
 
 
+def shard_motions(members):
+    """The clips of the samples of a shard."""
+    clips = dict.fromkeys(SAMPLES[sample].sequence for sample in members)
+    return [MOTIONS[clip] for clip in clips]
+
+
 def shard_inputs(members):
     """What the samples of a shard are made from: all that no step makes."""
-    clips = dict.fromkeys(SAMPLES[sample].sequence for sample in members)
     return [
         *WHOLE_BODIES.values(),
-        *(file for clip in clips for file in MOTIONS[clip].files.values()),
+        *(file for clip in shard_motions(members) for file in clip.files.values()),
         *OWN_GARMENT_FILES,
         *config["garment4d"]["template"]["files"].values(),
     ]

@@ -50,6 +50,15 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
         raise InputError(
             f"static.val_share is {val} and static.test_share {test}, expected a sum below 1"
         )
+    clip, threshold = (
+        settings["smplicit"][part][key]
+        for part, key in (("loss", "d_max_m"), ("meshing", "threshold_m"))
+    )
+    if threshold >= clip:
+        raise InputError(
+            f"smplicit.meshing.threshold_m is {threshold}, expected less than"
+            f" smplicit.loss.d_max_m, which is {clip}: the field tells no greater distance"
+        )
     for stage in ("canonical", "posed", "mgn"):
         training = settings["garment4d"][stage]["training"]
         strides = {f"garment4d.{stage}.training.stride": training["stride"]}

@@ -332,6 +332,10 @@ class FieldData:
     def __len__(self) -> int:
         return len(self.garment)
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of them by name."""
+        return {name: getattr(self, name) for name in (*_ROWS, *_POINTS, "clusters")}
+
     def rows(self, split: str) -> np.ndarray:
         """Indices of the rows of "train", "val" or "test"."""
         return np.flatnonzero(self.split == split)

@@ -63,6 +63,11 @@ def settings(**given):
             {"garment4d": {"evaluation": {"stride": 11}}},
             r"garment4d.evaluation.stride is 11, expected at most garment4d.posed.training.frames",
         ),
+        (
+            {"smplicit": {"loss": {"d_max_m": 0.01}}},
+            r"smplicit.meshing.threshold_m is 0.01, expected less than smplicit.loss.d_max_m, which"
+            r" is 0.01: the field tells no greater distance$",
+        ),
     ],
 )
 def test_contradictions_are_named_with_both_values(given, message):

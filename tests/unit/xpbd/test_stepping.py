@@ -21,6 +21,14 @@ def test_cloth_falls_at_the_earths_pull(run):
     assert pull == pytest.approx(np.full(9, -9.81), rel=0.01)
 
 
+@pytest.mark.parametrize("edge_m", [0.045, 0.1])
+def test_large_faces_do_not_touch_their_own_corners(run, edge_m):
+    airless = replace(FABRICS["cotton"], drag_kg_m2_s=0)
+    (fall,) = run([sheet(5.0, edge_m=edge_m, fabric=airless)], 10)
+    np.testing.assert_allclose(np.ptp(fall[..., 2], axis=1), 0, atol=1e-4)
+    np.testing.assert_allclose(fall[-1, :, :2], fall[0, :, :2], atol=1e-4)
+
+
 def test_cloth_on_a_ball_rests_at_the_gap(run):
     (fall,) = run([sheet(0.115)], 40)
     distance = np.linalg.norm(fall[-1], axis=1) - 0.1

@@ -51,7 +51,7 @@ class FitSettings:
     """How codes are fitted to samples of fields.
 
     Attributes:
-        steps: of least squares, with a part of the points and then with all of them.
+        steps: of least squares with a part of the points, and as many with all of them.
         near, space: points per garment; all that it has in the first half of its samples, if those
             are fewer.
         latent: lambda_z of the fit. It is larger than in training, since codes far from those of

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -98,7 +99,7 @@ class KnownPicture:
 
 
 def take_pictures(
-    samples: Sequence[Sample],
+    samples: Sequence[str | Path],
     models: Mapping[str, SmplicitModel],
     *,
     count: int,
@@ -108,7 +109,7 @@ def take_pictures(
     """Pictures, spread over samples, their frames, and the sides of the people.
 
     Args:
-        samples: simulated and accepted; without any there are no pictures.
+        samples: folders, simulated and accepted; without any there are no pictures.
         models: by their names of `FIELD_MODELS`; garments of others are only in the way.
         count: of pictures.
         size_px: their width and height.
@@ -117,11 +118,14 @@ def take_pictures(
     if not samples:
         return []
     shares = Counter(index * len(samples) // count for index in range(count))
-    return [
-        _take_picture(samples[number], models, (index, share), size_px, seed)
-        for number, share in shares.items()
-        for index in range(share)
-    ]
+    pictures = []
+    for number, share in shares.items():
+        with Sample(samples[number]) as sample:
+            pictures += [
+                _take_picture(sample, models, (index, share), size_px, seed)
+                for index in range(share)
+            ]
+    return pictures
 
 
 def _take_picture(

@@ -10,7 +10,12 @@ class Field(Protocol):
 
     A learned field is clipped at the distance it was trained up to, may be slightly negative close
     to the surface, and grows only roughly as fast as one moves away.
+
+    Attributes:
+        clip_m: the greatest distance that it tells.
     """
+
+    clip_m: float
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """Distances (P,) float32 in metres at points (P, 3) in metres."""

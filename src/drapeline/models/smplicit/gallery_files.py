@@ -1,6 +1,5 @@
 """Files of a gallery: meshes of its garments with a table, and what codes say about properties."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
+from drapeline.dataset.tables import write_table
 from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
@@ -72,9 +72,13 @@ def save_gallery(
             garment=np.array([row["garment"] for row in rows]),
             name=np.array([row["name"] for row in rows]),
         )
-        write_table(scratch / GARMENTS_TABLE, rows)
-        write_table(scratch / CORRELATIONS, correlation_rows(model.name, space))
-        write_table(scratch / REGRESSIONS, regression_rows(model.name, space))
+        for file, table in (
+            (GARMENTS_TABLE, rows),
+            (CORRELATIONS, correlation_rows(model.name, space)),
+            (REGRESSIONS, regression_rows(model.name, space)),
+        ):
+            texts = [{key: _text(value) for key, value in row.items()} for row in table]
+            write_table(scratch / file, texts)
     return rows
 
 
@@ -153,19 +157,11 @@ def posed_prototype(folder: str | Path) -> tuple[str, np.ndarray]:
     return name, about["z"][chosen & (about["column"] == name)][0]
 
 
-def write_table(path: str | Path, rows: Sequence[Mapping[str, str | float]]) -> None:
-    """Write rows with the same columns as tab-separated values; NaN is left empty."""
-    with open(path, "w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0], delimiter="\t", lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({key: _text(value) for key, value in row.items()})
-
-
 def _text(value: str | float) -> str:
+    """Numbers in short; nothing for NaN."""
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:.6g}"
-    return str(value).replace("\n", " ")
+    return str(value)
 
 
 def _make(folder: Path, name: str, model: SmplicitModel, item: Shown, meshing: Meshing) -> Row:

@@ -22,10 +22,11 @@ class NetworkField:
 
     Attributes:
         layers: weights and biases that points pass through, see `Decoder.layers`.
+        clip_m: the greatest distance that it tells.
     """
 
     def __init__(self, model: GarmentField, z: np.ndarray, shape: np.ndarray, gender: int) -> None:
-        self._model, self._device = model, model.device
+        self._device, self.clip_m = model.device, model.d_max_m
         with torch.no_grad():
             places = model.places(
                 torch.as_tensor(shape, dtype=torch.float32, device=self._device)[None],
@@ -64,4 +65,4 @@ class NetworkField:
         for weight, bias in self.layers[:-1]:
             x = torch.addmm(bias, x, weight).relu_()
         weight, bias = self.layers[-1]
-        return torch.addmm(bias, x, weight)[:, 0] * self._model.d_max_m
+        return torch.addmm(bias, x, weight)[:, 0] * self.clip_m

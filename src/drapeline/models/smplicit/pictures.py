@@ -236,7 +236,7 @@ def _labels(path: Path, given: Mapping[str, Any]) -> dict[int, str]:
     labels = given.get("labels")
     if isinstance(labels, str) and labels in LABELS:
         return LABELS[labels]
-    if not isinstance(labels, dict):
+    if not isinstance(labels, dict) or not labels:
         raise InputError(
             f"{path}: 'labels' is {labels!r}, expected {', '.join(LABELS)} or a table of labels and"
             " classes"
@@ -444,6 +444,8 @@ class _Reader:
                     f" {', '.join(GARMENT_CLASSES)}"
                 )
             return found
+        if not isinstance(wanted, list) or not all(isinstance(name, str) for name in wanted):
+            raise self._fail(f"'garments' is {wanted!r:.60}, expected a list of classes")
         for name in wanted:
             if name not in GARMENT_CLASSES:
                 raise self._fail(

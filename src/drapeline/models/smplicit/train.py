@@ -59,14 +59,7 @@ def train_field(
         "checkpoint_type": model.checkpoint_type,
         "name": model.name,
         **plain(asdict(model.settings)),
-        "data": arrays_digest(
-            {
-                "near": data.near_distance,
-                "space": data.space_distance,
-                "clusters": data.clusters,
-                "shape": data.shape,
-            }
-        ),
+        "data": arrays_digest(data.arrays()),
         "code": code,
     }
     fit(

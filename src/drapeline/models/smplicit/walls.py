@@ -47,7 +47,7 @@ class Grid:
         return np.asarray(self.low, dtype=np.float64) + self.cell_m * index
 
 
-def extract_walls(field: Field, grid: Grid, threshold_m: float, *, clip_m: float = 0.03) -> Mesh:
+def extract_walls(field: Field, grid: Grid, threshold_m: float) -> Mesh:
     """The surface at a distance `threshold_m` from a garment, as on the full grid.
 
     Cloth is first looked for at points so far apart that only pieces of a few centimetres fit
@@ -59,35 +59,35 @@ def extract_walls(field: Field, grid: Grid, threshold_m: float, *, clip_m: float
         field: distances.
         grid: where to look; walls that leave it stay open there.
         threshold_m: distance of the walls from the cloth.
-        clip_m: the greatest value that the field takes.
 
     Returns:
         Triangles, counter-clockwise seen from outside the walls; no faces if the field is
         nowhere as small as the threshold.
 
     Raises:
-        InputError: the threshold is too small for the grid's cells, or not below `clip_m`.
+        InputError: the threshold is too small for the grid's cells, or not below the field's
+            greatest distance.
     """
     if threshold_m < LEAST_THRESHOLD_CELLS * grid.cell_m:
         raise InputError(
             f"the threshold is {1e3 * threshold_m:g} mm, too small for cells of"
             f" {1e3 * grid.cell_m:g} mm; expected at least {LEAST_THRESHOLD_CELLS:g} cells"
         )
-    if threshold_m >= clip_m:
+    if threshold_m >= field.clip_m:
         raise InputError(
             f"the threshold is {1e3 * threshold_m:g} mm; expected less than the"
-            f" {1e3 * clip_m:g} mm at which the field is clipped"
+            f" {1e3 * field.clip_m:g} mm at which the field is clipped"
         )
-    values = _values(field, grid, threshold_m, clip_m)
+    values = _values(field, grid, threshold_m)
     if not values.min() < threshold_m < values.max():
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     places, faces, _, _ = marching_cubes(values, threshold_m, gradient_direction="descent")
     return Mesh(grid.places(places).astype(np.float32), faces.astype(np.int32))
 
 
-def _values(field: Field, grid: Grid, threshold_m: float, clip_m: float) -> np.ndarray:
-    """The field at the grid's points (X, Y, Z) within the walls and next to them, else `clip_m`."""
-    shape = tuple(cells + 1 for cells in grid.cells)
+def _values(field: Field, grid: Grid, threshold_m: float) -> np.ndarray:
+    """The field at the grid's points (X, Y, Z) within the walls and next to them, else its most."""
+    shape, clip_m = tuple(cells + 1 for cells in grid.cells), field.clip_m
     values, known = np.full(shape, clip_m, np.float32), np.zeros(shape, bool)
 
     def look(asked: np.ndarray) -> None:

@@ -125,9 +125,10 @@ class TrainableModule(torch.nn.Module, ABC):
         )
 
 
-def fastest_device() -> torch.device:
-    """The device that trained networks are run on: CUDA where there is such a device."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+def fastest_device(accelerator: str = "auto") -> torch.device:
+    """The device that networks are run on: CUDA where there is such a device, unless told "cpu"."""
+    found = accelerator != "cpu" and torch.cuda.is_available()
+    return torch.device("cuda" if found else "cpu")
 
 
 def plain(value: Any) -> Any:

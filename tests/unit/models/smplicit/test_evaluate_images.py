@@ -38,7 +38,7 @@ def tiny(tmp_path_factory, toy_body):
 
 @pytest.fixture(scope="module")
 def pictures(models, tiny):
-    return take_pictures([Sample(tiny.folder)], models, **SETTINGS, seed=3)
+    return take_pictures([tiny.folder], models, **SETTINGS, seed=3)
 
 
 def outfit_of(meshes):
@@ -185,7 +185,7 @@ def test_hung_garments_stand_beside_the_mean_code_hung_as_well(models, pictures,
 
 def test_pictures_without_garments_are_refused(models, tiny):
     other = {"trousers": models["skirt"]}
-    pictures = take_pictures([Sample(tiny.folder)], other, **SETTINGS, seed=3)
+    pictures = take_pictures([tiny.folder], other, **SETTINGS, seed=3)
     evaluation = PictureEvaluation(other, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
     with pytest.raises(InputError, match="no picture of the val split .* the models trousers"):
         evaluation.run(pictures, "val")

@@ -24,12 +24,14 @@ WEARER = {"gender": "female", "shape": [0.0] * 10}
 class Exact:
     """Distances to a mesh, and how many were asked for."""
 
+    clip_m = 0.03
+
     def __init__(self, mesh):
         self.mesh, self.count = mesh, 0
 
     def distances(self, points):
         self.count += len(points)
-        return np.minimum(unsigned_distances(points, self.mesh), 0.03)
+        return np.minimum(unsigned_distances(points, self.mesh), self.clip_m)
 
     def gradients(self, points):
         step = 1e-3 * np.eye(3, dtype=np.float32)

@@ -114,6 +114,7 @@ def wrong(given, **changes):
     [
         ({"labels": "other"}, "'labels' is 'other', expected lip, cihp, atr or a table"),
         ({"labels": {"12": "hat"}}, "'labels' has '12': 'hat'"),
+        ({"labels": {}}, "'labels' is {}, expected lip, cihp, atr or a table"),
         ({"labels": {"0": "background"}}, "the segmentation, .*, has the labels 5, 12"),
         ({"camera": {"centre_px": [1, 2]}}, "the camera's 'focal_px' is None"),
         ({"camera": None}, "there is no 'camera'"),
@@ -126,6 +127,9 @@ def wrong(given, **changes):
         ({"trans": [0, -9.0, 0]}, "the body is behind the camera"),
         ({"garments": ["dress"]}, "'garments' has 'dress', but no pixel"),
         ({"garments": ["hat"]}, "'garments' has 'hat', expected some of"),
+        ({"garments": "upper"}, "'garments' is 'upper', expected a list of classes"),
+        ({"garments": 5}, "'garments' is 5, expected a list of classes"),
+        ({"garments": [["upper"]]}, "'garments' is .*, expected a list of classes"),
     ],
 )
 def test_wrong_entries_are_named(read, given, changes, message):

@@ -29,6 +29,23 @@ def test_a_killed_training_is_resumed_to_the_bit(tmp_path, fields, toy_body, tra
         assert torch.equal(value, other[name]), name
 
 
+def test_a_training_on_other_splits_is_not_resumed(tmp_path, fields, toy_body, trained):
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        train_toy(tmp_path, fields, toy_body, stop=6)
+    for path in fields.folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    rows = dict(np.load(tmp_path / "rows.npz"))
+    rows["split"] = rows["split"][::-1].copy()
+    np.savez(tmp_path / "rows.npz", **rows)
+    swapped = FieldData(tmp_path)
+    continued, afresh = (
+        read_checkpoint(train_toy(folder, swapped, toy_body) / "last.ckpt")["state_dict"]
+        for folder in (tmp_path, tmp_path / "afresh")
+    )
+    for name, value in afresh.items():
+        assert torch.equal(value, continued[name]), name
+
+
 def test_each_garment_is_visited_as_often_as_asked(trained):
     rows = (trained / "history.tsv").read_text().splitlines()
     assert len(rows) == 4

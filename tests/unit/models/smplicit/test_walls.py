@@ -52,7 +52,7 @@ def test_the_grid_starts_at_its_low_corner_and_reaches_the_high_one():
 
 def test_a_sphere_lies_where_it_is_and_is_as_large_as_it_is():
     field = AnalyticField(ball, clip_m=0.2)
-    walls = extract_walls(field, around([-0.11] * 3, [0.13] * 3, 0.004), 0.08, clip_m=0.2)
+    walls = extract_walls(field, around([-0.11] * 3, [0.13] * 3, 0.004), 0.08)
     radius = ball(walls.vertices)
     np.testing.assert_allclose(radius, 0.08, atol=1e-4)
     np.testing.assert_allclose(walls.vertices.mean(axis=0), [0.013, -0.007, 0.021], atol=2e-4)
@@ -73,7 +73,7 @@ def test_the_same_mesh_as_on_the_full_grid(surface, cell_m):
 def test_points_deep_within_the_walls_are_not_taken_for_outside():
     field = AnalyticField(open_tube, clip_m=0.1)
     grid = around([-0.25] * 3, [0.25] * 3, 0.004)
-    walls = extract_walls(field, grid, 0.06, clip_m=0.1)
+    walls = extract_walls(field, grid, 0.06)
     vertices, faces = dense(field, grid, 0.06)
     np.testing.assert_array_equal(walls.vertices, vertices)
     np.testing.assert_array_equal(walls.faces, faces)
@@ -93,6 +93,16 @@ def test_a_twentieth_of_the_full_grids_evaluations():
     walls = extract_walls(field, grid, 0.005)
     assert len(walls.vertices) > 50_000
     assert field.asked < 257**3 / 20
+
+
+def test_a_field_that_tells_less_is_looked_at_more_often():
+    asked = {}
+    for clip_m in (0.01, 0.02, 0.03):
+        field = AnalyticField(open_tube, clip_m=clip_m)
+        walls = extract_walls(field, shirt_grid(0.006), 0.005)
+        np.testing.assert_array_equal(walls.vertices, dense(field, shirt_grid(0.006), 0.005)[0])
+        asked[clip_m] = field.asked - 101 * 51 * 85  # of the full grid
+    assert asked[0.01] > asked[0.02] > asked[0.03]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from drapeline.models.training.module import (
     Position,
     TrainableModule,
     Training,
+    fastest_device,
     plain,
 )
 
@@ -32,6 +33,13 @@ class Pair(TrainableModule):
 
     def about(self):
         return {}
+
+
+def test_networks_run_on_a_gpu_where_there_is_one_unless_the_config_says_cpu(monkeypatch):
+    for there in (True, False):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
+        found = {name: fastest_device(name).type for name in ("auto", "gpu", "cpu")}
+        assert found == dict.fromkeys(found, "cuda" if there else "cpu") | {"cpu": "cpu"}
 
 
 def test_the_optimiser_is_adam_on_what_is_trained():
