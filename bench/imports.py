@@ -74,7 +74,7 @@ def sentence(results: Path) -> str:
     )
     return (
         f"The {jobs} jobs of the experiment take {total:.0f} s to import their modules; the goal is"
-        f" 80 s. The third-party packages alone, measured separately, take {others:.0f} s."
+        f" 80 s. Third-party packages account for nearly all of it: {others:.0f} s on their own."
         f" `import torch` alone takes {users['torch']} of them {torch:.1f} s each, together"
         f" {users['torch'] * torch:.0f} s; Lightning takes {users['pytorch_lightning']} jobs"
         f" {both - torch:.1f} s more, most of it for `torch._dynamo`, which torch's optimisers"

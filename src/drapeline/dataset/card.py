@@ -187,9 +187,9 @@ _LIMITS = """\
 def _licence(records: Sequence[SampleRecord]) -> str:
     clips = sorted({r.meta["motion"]["source"] for r in records if r.meta["motion"]["source"]})
     return (
-        "Garments and simulations were generated and carry no licence of their own. The body model"
-        " and the motion clips keep theirs: a dataset made with a licensed SMPL file or with your"
-        " own motion capture may be redistributed only as far as those licences allow. Clips used:"
+        "Garments and simulations were generated; the authors of drapeline claim no rights in"
+        " them. The body model and the motion clips keep their licences: a dataset made with a"
+        " licensed SMPL file or with your own motion capture may be redistributed only as far as those licences allow. Clips used:"
         f" {_join(clips)}.\n\n"
         "If you use the data, please cite the software that made it (`CITATION.cff` of drapeline)"
         " and the method: H. Bertiche, M. Madadi, S. Escalera, CLOTH3D: Clothed 3D Humans, ECCV"

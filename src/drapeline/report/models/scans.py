@@ -81,6 +81,7 @@ _COLUMNS = {
 }
 OWN = "own"
 _SHOWN_POINTS = 4000
+_UNKNOWN = "This model does not know these garments."
 _NOTHING = "No sample of the test split was accepted, or none wears a garment that a model knows."
 
 
@@ -193,14 +194,13 @@ def plot_own_scans(path: str | Path, shown: Sequence[tuple[SegmentedScan, Fits]]
     save_grid(path, rows, columns=["scan", "body and garments"], labels=names)
 
 
-def _row(scan: SegmentedScan, fits: Fits, columns: Sequence[str]) -> list[GridCell | None]:
+def _row(scan: SegmentedScan, fits: Fits, columns: Sequence[str]) -> list[GridCell]:
     body = fits[BODY][BODY]
     scene = _scene(scan, scan.estimate, [body.vertices, scan.points])
     some = np.linspace(0, len(scan.points) - 1, min(_SHOWN_POINTS, len(scan.points))).astype(int)
     known = some[scan.labels[some] < len(LABELS)]
-    cells: list[GridCell | None] = [
-        GridCell(scene.picture(cloud_parts(scan.points[known], scan.labels[known], scene)))
-    ]
+    cloud = cloud_parts(scan.points[known], scan.labels[known], scene)
+    cells = [GridCell(scene.picture(cloud))]
     for name in columns:
         garments = dict(fits.get(name, {}))
         wearer = garments.pop(BODY, body)
@@ -210,7 +210,9 @@ def _row(scan: SegmentedScan, fits: Fits, columns: Sequence[str]) -> list[GridCe
             for garment, mesh in garments.items()
             if len(mesh.faces)
         ]
-        cells.append(GridCell(scene.picture(parts)) if garments else None)
+        height, width = cells[0].picture.shape[:2]
+        unknown = text_card("", _UNKNOWN, (width, height))
+        cells.append(GridCell(scene.picture(parts) if garments else unknown))
     return cells
 
 
