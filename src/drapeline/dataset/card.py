@@ -189,7 +189,8 @@ def _licence(records: Sequence[SampleRecord]) -> str:
     return (
         "Garments and simulations were generated; the authors of drapeline claim no rights in"
         " them. The body model and the motion clips keep their licences: a dataset made with a"
-        " licensed SMPL file or with your own motion capture may be redistributed only as far as those licences allow. Clips used:"
+        " licensed SMPL file or with your own motion capture may be redistributed only as far as"
+        " those licences allow. Clips used:"
         f" {_join(clips)}.\n\n"
         "If you use the data, please cite the software that made it (`CITATION.cff` of drapeline)"
         " and the method: H. Bertiche, M. Madadi, S. Escalera, CLOTH3D: Clothed 3D Humans, ECCV"
