@@ -127,6 +127,25 @@ def test_the_validation_is_logged(model, fields):
     assert logged.values["val_distance_mm"] > 0
 
 
+@pytest.mark.portable
+def test_the_validation_takes_half_of_the_points_if_there_are_few(model, fields):
+    model.eval()
+    batch = as_tensors(fields.batch(fields.rows("val")))
+    few = {
+        name: value[:, :40] if name.startswith(("near", "space")) else value
+        for name, value in batch.items()
+    }
+    model.validation_step(few)
+    (logged,) = model.logged
+    assert np.isfinite(logged.values["val_distance_mm"])
+    few["near_distance"], few["space_distance"] = (
+        torch.cat([few[f"{name}_distance"][:, :20], torch.ones(2, 20)], 1)
+        for name in ("near", "space")
+    )
+    model.validation_step(few)  # of the second halves alone, every distance has changed
+    assert model.logged[1].values["val_distance_mm"] > logged.values["val_distance_mm"]
+
+
 def test_a_loss_that_is_not_finite_stops_the_training(model, batch):
     with torch.no_grad():
         model.decoder.fc4.bias.fill_(float("nan"))
