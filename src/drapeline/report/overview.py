@@ -4,7 +4,6 @@ import base64
 import io
 from collections import ChainMap
 from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from html import escape
 from pathlib import Path
 from typing import NamedTuple
@@ -59,7 +58,8 @@ class Figure(NamedTuple):
 class _Comparison(NamedTuple):
     """An error of a model beside those of other models and of the best baseline.
 
-    Variants may be patterns such as "smplicit_*_fitted", whose error is the mean over them.
+    Where models are trained apart, their variants stand in one text, with spaces between them; the
+    error is their mean.
 
     Attributes:
         title: what is compared.
@@ -74,6 +74,13 @@ class _Comparison(NamedTuple):
     models: Mapping[str, str]
     networks: Mapping[str, str]
     baselines: Mapping[str, str]
+
+
+def _fields(variant: str) -> str:
+    """A variant of each of SMPLicit's models."""
+    return " ".join(
+        f"smplicit_{part}_{variant}" for part in ("upper", "trousers", "skirt", "whole")
+    )
 
 
 _COMPARISONS = (
@@ -112,11 +119,11 @@ _COMPARISONS = (
     _Comparison(
         "Garments at rest, from distance fields",
         "surface_to_true_mm",
-        {"smplicit_*_fitted": "SMPLicit, fitted code"},
+        {_fields("fitted"): "SMPLicit, fitted code"},
         {},
         {
-            "smplicit_*_nearest_cut": "nearest training garment",
-            "smplicit_*_mean_code": "mean code",
+            _fields("nearest_cut"): "nearest training garment",
+            _fields("mean_code"): "mean code",
         },
     ),
 )
@@ -246,7 +253,7 @@ def _mean_error(rows: Sequence[MetricRow], variant: str, metric: str) -> float |
     found = [
         row
         for row in rows
-        if fnmatchcase(row.variant, variant)
+        if row.variant in variant.split()
         and (row.split, row.metric, row.source) == ("test", metric, "")
     ]
     whole = [row.value for row in found if row.garment == ALL]

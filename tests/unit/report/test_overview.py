@@ -34,6 +34,7 @@ METRICS = [
             *[("upper", "mean_code", 20.0), ("upper", "nearest_cut", 30.0)],
         )
     ),
+    metric_row("smplicit_images_fitted", "all", "surface_to_true_mm", 500.0),
     metric_row("smplicit_skirt_fitted", "Skirt", "surface_to_true_mm", 500.0),
 ]
 
