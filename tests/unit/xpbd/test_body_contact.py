@@ -72,6 +72,30 @@ def test_how_far_the_body_faces_itself(anchors):
     assert anchors.room.min() > 1
 
 
+def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path):
+    start_warp()
+    square = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 10
+    write_point_cache(tmp_path / "body.pc2", [square, square + np.float32([0, 0, 0.1])])
+    segments = np.full(4, JOINT_NAMES.index("left_hip"))
+    with PointCache(tmp_path / "body.pc2") as cache:
+        body = MovingBody(cache, np.int32([[0, 1, 2], [0, 2, 3]]), segments)
+        surface = BodySurface(body, [np.float32([[0.01, 0.02, 0.005]])])
+    reaches = {"home_reach_m": 0.012, "reach_m": 0.025, "room_m": 0.045}
+    strain = wp.array(np.float32([1]), dtype=float, device="cpu")
+    for frame, time, height, ends in (
+        (0, 0.0, 0.005, (0, 0)),
+        (1, 0.0, 0.005, (0, 0.1)),
+        (None, 0.5, 0.055, (0, 0.1)),
+    ):
+        if frame is not None:
+            surface.move_to(square + np.float32([0, 0, 0.1 * frame]))
+        clock = wp.array(np.float32([time, time]), dtype=float, device="cpu")
+        place = vectors([0.01, 0.02, height])
+        surface.find_anchors(place, strain, clock, **reaches, gap_m=0.004, slack_m=0.002)
+        found = [a.numpy()[0, 2] for a in (surface.from_place, surface.to_place)]
+        np.testing.assert_allclose(found, ends, atol=1e-6)
+
+
 def vectors(*rows):
     return wp.array(np.float32(rows), dtype=wp.vec3, device="cpu")
 
