@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drapeline.bodies.sequence import first_frames, load_body_sequence
-from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import simulate_sheet
 from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
 from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.gallery import nearest_type
-from drapeline.models.smplicit.gallery_files import posed_prototype
+from drapeline.models.smplicit.gallery_files import worn_prototype
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.repose import SKINNINGS
 from drapeline.rendering.raytracer import ray_share
@@ -31,14 +30,8 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     model = SmplicitModel(snakemake.input.model)
     record = load_body_sequence(snakemake.input.body)
     gender = GENDERS[record.gender]
-    name, z = posed_prototype(snakemake.input.gallery)
-    wearer = {"gender": gender, "shape": record.shape}
-    garment = model.decode(z, **wearer, meshing=Meshing(**wanted.meshing)).sheet
-    if not len(garment.faces):
-        raise InputError(
-            f"{snakemake.input.model}: nothing is left of the prototype '{name}' on the body of"
-            f" {snakemake.input.body}, expected cloth to pose; the model may need longer training"
-        )
+    wearer, meshing = {"gender": gender, "shape": record.shape}, Meshing(**wanted.meshing)
+    name, z, garment = worn_prototype(snakemake.input.gallery, model, meshing, **wearer)
     worn = garment, nearest_type(z, model.codes), model.bodies[gender], record
     displacement = None
     if snakemake.input.displacement:

@@ -130,7 +130,9 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
 def test_ends_are_gathered_as_often_as_asked(run_rule, stages, plans, chance):
     make(run_rule, stages, plans, f"elastic{chance}", elastics=chance)
     garments = [g for o in load_static(stages / f"elastic{chance}.npz") for g in o.outfit.garments]
-    assert any(garment.elastic.any() for garment in garments) == (chance > 0)
+    gathered = [on for garment in garments for on in garment.about["elastic"].values()]
+    assert gathered
+    assert set(gathered) == {chance > 0}
 
 
 def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stages, plans):

@@ -10,6 +10,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.dataset.tables import write_table
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.metrics.garment import shape_measures
@@ -155,6 +156,24 @@ def posed_prototype(folder: str | Path) -> tuple[str, np.ndarray]:
     names = list(dict.fromkeys(about["column"][chosen].tolist()))
     name = names[min(1, len(names) - 1)]
     return name, about["z"][chosen & (about["column"] == name)][0]
+
+
+def worn_prototype(
+    folder: str | Path, model: SmplicitModel, meshing: Meshing, *, gender: str, shape: np.ndarray
+) -> tuple[str, np.ndarray, Mesh]:
+    """Name, code and sheet of the `posed_prototype` of a gallery, on a body.
+
+    Raises:
+        InputError: nothing is left of it on that body.
+    """
+    name, z = posed_prototype(folder)
+    sheet = model.decode(z, gender=gender, shape=shape, meshing=meshing).sheet
+    if not len(sheet.faces):
+        raise InputError(
+            f"{model.folder}: nothing is left of the prototype '{name}' on the wearer's body,"
+            " expected cloth to pose; the model may need longer training"
+        )
+    return name, z, sheet
 
 
 def _text(value: str | float) -> str:

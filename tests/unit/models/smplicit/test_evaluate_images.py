@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.model import posed_vertices
-from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.table import find_value
@@ -67,7 +66,7 @@ def test_pictures_are_of_different_frames_and_sides(pictures, tiny, toy_body):
 )
 def test_pictures_are_spread_over_samples(models, toy_body, tmp_path, count, expected):
     samples = [
-        Sample(write_tiny_sample(tmp_path / str(index), toy_body, f"0000{index}").folder)
+        write_tiny_sample(tmp_path / str(index), toy_body, f"0000{index}").folder
         for index in range(3)
     ]
     pictures = take_pictures(samples, models, count=count, size_px=8, seed=0)
