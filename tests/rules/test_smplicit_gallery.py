@@ -138,9 +138,7 @@ def test_a_prototype_of_which_nothing_is_left_is_named(pose_garment, monkeypatch
     nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     empty = FieldGarment(nothing, nothing)
     monkeypatch.setattr(SmplicitModel, "decode", lambda self, z, **wearer: empty)
-    with pytest.raises(
-        SystemExit, match="nothing is left of the prototype '.*' on the wearer"
-    ):
+    with pytest.raises(SystemExit, match="nothing is left of the prototype '.*' on the wearer"):
         pose_garment([])
 
 
