@@ -104,7 +104,8 @@ def write_scans_page(path: str | Path, metrics: str | Path) -> None:
         " for the rows of SMPLicit that hang, which are to be compared with one another. Mean"
         " distances over the area of the surfaces in mm, with 95 % intervals over samples. Models"
         " are compared on the garments that they know, so rows with other numbers of garments are"
-        " not about the same garments.</p>"
+        f" not about the same garments; the column '{COMMON}' has the means over t-shirts, trousers"
+        " and skirts, which all models know.</p>"
     ]
     for metric, title in _WAYS.items():
         parts += [f"<h2>{title} (mm)</h2>", html_table(_table(rows, metric))]
