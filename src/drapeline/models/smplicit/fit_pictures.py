@@ -311,10 +311,11 @@ def hang_person(
         settings, meshing, seed, hang: see there.
     """
     models = {GARMENT_CLASSES[name].model: one.model for name, one in sought.items()}
-    hung = _hang_sheets(outfit, person, models, hang)
+    hung = _hang_sheets(outfit, person, models, hang) if outfit else {}
     if not hung:
         return dict(outfit)
-    body, wearer = _posed(person, models), Wearer(person.gender, person.shape)
+    wearer = Wearer(person.gender, person.shape)
+    body = next(iter(sought.values())).view.body
     # Codes are near where they go, so that half of the rounds are enough.
     fit = replace(settings, rounds=(settings.rounds + 1) // 2)
     codes = {name: (sought[name].model, garment.z) for name, garment in outfit.items()}

@@ -107,7 +107,7 @@ class FittingModel(SmplicitModel):
         name = class_of_garment(garment or self.garments[0])
         outfit = dress(body, wearer, {name: (self, z)}, settings.wearing, meshing)
         if hang:
-            person = Person(gender, wearer.shape, *at, camera, shown, unsure, (name,))
+            person = Person(gender, wearer.shape, *at, camera, ~unsure, unsure, (name,))
             sought = {name: Sought(self, codes, view, self.name)}
             outfit = hang_person(person, outfit, sought, settings, meshing, seed, hang)
         return outfit[name]

@@ -86,8 +86,9 @@ def extract_walls(field: Field, grid: Grid, threshold_m: float) -> Mesh:
 
 
 def _values(field: Field, grid: Grid, threshold_m: float) -> np.ndarray:
-    """The field at the grid's points (X, Y, Z) within the walls and next to them, else its most."""
-    shape, clip_m = tuple(cells + 1 for cells in grid.cells), field.clip_m
+    """The field at the grid's points (X, Y, Z) within the walls and next to them, else `clip_m`."""
+    clip_m = field.clip_m
+    shape = tuple(cells + 1 for cells in grid.cells)
     values, known = np.full(shape, clip_m, np.float32), np.zeros(shape, bool)
 
     def look(asked: np.ndarray) -> None:

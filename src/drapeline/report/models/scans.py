@@ -212,8 +212,8 @@ def _row(scan: SegmentedScan, fits: Fits, columns: Sequence[str]) -> list[GridCe
             if len(mesh.faces)
         ]
         height, width = cells[0].picture.shape[:2]
-        unknown = text_card("", _UNKNOWN, (width, height))
-        cells.append(GridCell(scene.picture(parts) if garments else unknown))
+        picture = scene.picture(parts) if garments else text_card("", _UNKNOWN, (width, height))
+        cells.append(GridCell(picture))
     return cells
 
 

@@ -121,6 +121,14 @@ def test_garments_hang_and_are_fitted_anew(fitting_model, skirt, monkeypatch, ti
     assert (after.z == before.z).all() == (times == 1)
 
 
+def test_a_person_without_garments_stays_without(fitting_model, skirt):
+    how, hang = ({"skirt": fitting_model}, QUICK, MESHING, 0), Lift(1)
+    picture = street(skirt, ())
+    people = fit_picture(picture, *how)
+    assert hang_picture(picture, people, *how, hang) == people == [{}]
+    assert not hang.ups
+
+
 @pytest.mark.portable
 def test_a_code_of_another_kind_of_garment_is_not_taken(fitting_model, skirt, monkeypatch):
     how = {"skirt": fitting_model}, QUICK, MESHING, 0
