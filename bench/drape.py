@@ -110,7 +110,9 @@ def hang(
         np.zeros(len(vertices)),
         _Held(held, vertices, way),
     )
-    attempt = Attempt(_STEPS, _GAP_M, collider_share=1.0, shape_frames=0, pose_frames=0)
+    attempt = Attempt(
+        _STEPS, _GAP_M, collider_share=1.0, shape_frames=0, pose_frames=0, floor=False
+    )
     with TemporaryDirectory() as name:
         write_point_cache(Path(name, "body.pc2"), [far] * _FRAMES)
         scratch = Path(name, "scratch")

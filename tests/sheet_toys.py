@@ -55,15 +55,16 @@ def beneath_share(outer, inner, faces):
     return MovingSheet(inner, triangulate(faces)).beneath(outer, 0.03).mean()
 
 
-def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8):
-    """Vertices (frames, V, 3) of each garment over a ball that moves along a path."""
+def drop(tmp_path, solver, garments, frames, *, path=still, radius=0.1, steps=8, floor_m=None):
+    """Vertices (frames, V, 3) of each garment over a ball that moves along a path, and a floor."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=radius)
     cache = tmp_path / "ball.pc2"
     write_point_cache(cache, [np.float32(ball.vertices + path(k)) for k in range(frames)])
     scratch = tmp_path / "scratch"
     scratch.mkdir(exist_ok=True)
-    attempt = Attempt(steps, GAP_M, collider_share=1.0, shape_frames=1, pose_frames=1)
+    attempt = Attempt(steps, GAP_M, collider_share=1.0, shape_frames=1, pose_frames=1, floor=False)
     with PointCache(cache) as points:
-        body = MovingBody(points, ball.faces, np.zeros(len(ball.vertices), dtype=int))
+        limbs = np.zeros(len(ball.vertices), dtype=int)
+        body = MovingBody(points, ball.faces, limbs, floor_m=floor_m)
         cloths = solver.simulate(garments, body, attempt, scratch)
         return [np.stack(cloth) for cloth in zip(*cloths, strict=True)]

@@ -19,6 +19,7 @@ from drapeline.simulation.solver import ClothGarment
 # Blender's cloth takes gravity times 0.001 as metres per squared frame, at any frame rate.
 _GRAVITY_FACTOR = 1000 / FPS**2
 _GRAVITY_M_S2 = 9.81
+_FLOOR_M = 50.0  # from the origin to the floor's edges
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,8 @@ class BlenderCloth:
         wearer = self._add_body(body, attempt, scratch)
         colliders = bpy.data.collections.new("body")
         colliders.objects.link(wearer)
+        if body.floor_m is not None:
+            colliders.objects.link(self._add_floor(body.floor_m, attempt, scratch))
         cloths = []
         for garment in garments:
             cloth = self._add_cloth(garment, frames, attempt, scratch)
@@ -91,6 +94,17 @@ class BlenderCloth:
         cache = scratch / "body.pc2"
         write_point_cache(cache, body)
         thing = add_mesh("body", body.frame(0), body.faces)
+        _play(thing, cache)
+        self._collide(thing, attempt)
+        return thing
+
+    def _add_floor(
+        self, heights_m: np.ndarray, attempt: Attempt, scratch: Path
+    ) -> bpy.types.Object:
+        cache = scratch / "floor.pc2"
+        corners = _FLOOR_M * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        write_point_cache(cache, (np.float32(corners + [0, 0, height]) for height in heights_m))
+        thing = add_mesh("floor", np.float32(corners), np.array([[0, 1, 2, 3]]))
         _play(thing, cache)
         self._collide(thing, attempt)
         return thing

@@ -153,7 +153,8 @@ class Hang:
         solver: moves the cloth.
         frames: for which it hangs in the pose.
         edge_length_m: sheets with shorter edges are made coarser first.
-        simulation: as of samples; there is a single attempt.
+        simulation: as of samples; there is a single attempt, and no floor, since the person may be
+            in the air.
     """
 
     solver: ClothSolver
@@ -199,7 +200,7 @@ class Hang:
                 record,
                 self.solver,
                 edge_length_m=self.edge_length_m,
-                simulation=replace(self.simulation, attempts=1),
+                simulation=replace(self.simulation, attempts=1, floor=False),
                 bounds=_WORN,
             )
         except InputError as error:

@@ -23,6 +23,7 @@ class SimulationSettings:
         gap_m: distance between cloth and body in metres.
         collider_share: of the body's triangles that the first attempt collides with; later ones
             take all.
+        floor: whether cloth lies on the floor on which the body moves.
         attempts: how many, each finer than the last, before a sample is rejected.
     """
 
@@ -32,6 +33,7 @@ class SimulationSettings:
     pose_frames: int = 20
     gap_m: float = 0.004
     collider_share: float = 1.0
+    floor: bool = True
     attempts: int = 3
 
 
@@ -44,7 +46,7 @@ class Attempt:
             and a solver of smaller steps takes more of its own in proportion.
         gap_m: distance that cloth keeps from the body, from other garments and from itself.
         collider_share: of the body's triangles to collide with.
-        shape_frames, pose_frames: as in `SimulationSettings`.
+        shape_frames, pose_frames, floor: as in `SimulationSettings`.
     """
 
     steps: int
@@ -52,6 +54,7 @@ class Attempt:
     collider_share: float
     shape_frames: int
     pose_frames: int
+    floor: bool
 
     @property
     def lead_frames(self) -> int:
@@ -77,6 +80,7 @@ def plan_attempt(
         collider_share=1.0 if number else settings.collider_share,
         shape_frames=settings.shape_frames,
         pose_frames=settings.pose_frames * (1 + number),
+        floor=settings.floor,
     )
 
 

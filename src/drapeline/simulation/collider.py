@@ -1,4 +1,4 @@
-"""The moving body, and the part of its surface that cloth has to collide with."""
+"""The moving body, the part of its surface that cloth has to collide with, and the floor."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -28,6 +28,7 @@ class MovingBody:
     Attributes:
         faces: (F, 3) int, outward, of its own vertices.
         segments: (B,) int, the joint that moves each vertex most.
+        floor_m: (N,) height of the floor beneath it in each frame; None if there is no floor.
     """
 
     def __init__(
@@ -36,14 +37,16 @@ class MovingBody:
         faces: np.ndarray,
         segments: np.ndarray,
         vertices: np.ndarray | None = None,
+        floor_m: np.ndarray | None = None,
     ) -> None:
         """A surface through all vertices of a cache, or through some.
 
         Args:
             frames: world positions in metres; it stays open as long as they are asked for.
             vertices: (B,) int, those of the cache that are the surface's; all if None.
+            floor_m: see `MovingBody.floor_m`.
         """
-        self.faces, self.segments = faces, segments
+        self.faces, self.segments, self.floor_m = faces, segments, floor_m
         self._frames = frames
         self._vertices = slice(None) if vertices is None else vertices
 
@@ -65,7 +68,22 @@ class MovingBody:
             corners.reshape(faces.shape),
             self.segments[used],
             np.arange(self._frames.vertex_count)[self._vertices][used],
+            self.floor_m,
         )
+
+
+def rising_floor(lowest_m: float, lead: int, count: int) -> np.ndarray:
+    """Heights (count,) of the floor in each frame; it lies at 0 once the sequence has begun.
+
+    Garments and bodies at rest may reach through it where the sequence begins on hands and knees.
+    So it begins beneath them, and rises during the transition.
+
+    Args:
+        lowest_m: height of the lowest point of body and cloth in the first frame.
+        lead: frames of transition.
+    """
+    left = np.maximum(1 - np.arange(count) / lead, 0)
+    return min(lowest_m, 0.0) * left
 
 
 def make_collider(body: MovingBody, garments: Sequence[np.ndarray], share: float) -> MovingBody:

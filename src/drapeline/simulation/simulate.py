@@ -22,7 +22,7 @@ from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Pins, elastic_shrinkage
 from drapeline.simulation.attempts import Attempt, SimulationSettings, plan_attempt
-from drapeline.simulation.collider import MovingBody, make_collider
+from drapeline.simulation.collider import MovingBody, make_collider, rising_floor
 from drapeline.simulation.health import (
     HealthBounds,
     HealthMonitor,
@@ -201,12 +201,15 @@ def _simulate(
     )
     write_point_cache(folder / "body.pc2", bodies)
     with PointCache(folder / "body.pc2") as cache:
-        body = MovingBody(cache, dressed.faces, dressed.body.segmentation)
+        placed = [place_at_start(g.vertices, motion, attempt.pose_frames) for g in outfit.garments]
+        floor_m = None
+        if attempt.floor:
+            lowest_m = min(v[:, 2].min() for v in (cache.frames(0, 1)[0], *placed))
+            floor_m = rising_floor(lowest_m, attempt.lead_frames, len(cache))
+        body = MovingBody(cache, dressed.faces, dressed.body.segmentation, floor_m=floor_m)
         garments = [
-            _cloth_garment(
-                g, place_at_start(g.vertices, motion, attempt.pose_frames), body, attempt.gap_m
-            )
-            for g in outfit.garments
+            _cloth_garment(g, vertices, body, attempt.gap_m)
+            for g, vertices in zip(outfit.garments, placed, strict=True)
         ]
         collider = make_collider(body, [g.vertices for g in garments], attempt.collider_share)
         cloths = solver.simulate(garments, collider, attempt, scratch)

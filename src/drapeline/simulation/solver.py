@@ -73,7 +73,8 @@ class ClothSolver(Protocol):
 
         Args:
             garments: from inner to outer; each collides with the body, the others and itself.
-            body: what they collide with. It may have holes, as where hands are out of reach.
+            body: what they collide with. It may have holes, as where hands are out of reach, and
+                there may be a floor beneath it.
             attempt: how finely, and how far from the body.
             scratch: an empty folder for files, which goes when the attempt ends.
 

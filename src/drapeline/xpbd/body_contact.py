@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.contact import RELEASED_M, SHARE_OF_ROOM, STICKING_M, held_slip
+from drapeline.xpbd.contact import RELEASED_M, SHARE_OF_ROOM, pushed_out
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
@@ -233,15 +233,10 @@ def touch_body(
         place[i] = p - normal * (over - old + released)
         before[i] = o - normal * released
     if depth > 0.0:
-        # What was deep before the step comes out slowly, and must not become speed.
         old = wp.clamp(least - wp.dot(o - there, normal), 0.0, depth)
-        released = wp.min(old, RELEASED_M)
-        push = depth - old + released
-        p = p + normal * push
-        o = o + normal * released
-        most = friction[0] * (push - released + STICKING_M)
-        place[i] = p - held_slip((p - o) - (here - there), normal, most)
-        before[i] = o
+        out, then = pushed_out(p, o, here - there, normal, depth, old, friction[0])
+        place[i] = out
+        before[i] = then
 
 
 class BodySurface:

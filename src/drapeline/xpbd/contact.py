@@ -22,6 +22,29 @@ def held_slip(slip: wp.vec3, up: wp.vec3, most: float):
 
 
 @wp.func
+def pushed_out(
+    p: wp.vec3, o: wp.vec3, way: wp.vec3, normal: wp.vec3, depth: float, old: float, friction: float
+):
+    """A vertex that is pushed out of a surface, where it sticks or slides (Coulomb).
+
+    Args:
+        p, o: where it is, and where it was before the step.
+        way: that the surface goes in the step.
+        normal: of the surface.
+        depth: of the vertex, more than 0.
+        old: part of it that was there before the step, which comes out slowly, and does not become
+            speed.
+        friction: coefficient.
+    """
+    released = wp.min(old, RELEASED_M)
+    push = depth - old + released
+    p = p + normal * push
+    o = o + normal * released
+    most = friction * (push - released + STICKING_M)
+    return p - held_slip((p - o) - way, normal, most), o
+
+
+@wp.func
 def narrowed(gap: float, room: wp.vec2):
     """What is left of a gap between sheets of cloth where the body faces itself.
 

@@ -16,6 +16,7 @@ from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
 from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
+from drapeline.xpbd.floor_contact import touch_floor
 from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes
 from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
@@ -121,6 +122,7 @@ class MovingCloth:
         self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
+        self._floor_m = wp.zeros(1, dtype=wp.vec2)  # at both ends of the frame
         self._surface = BodySurface(self._body, [g.vertices for g in garments])
         layers = wp.array(system.layers, dtype=int)
         triangles = wp.array(system.triangles, dtype=wp.vec3i)
@@ -196,6 +198,12 @@ class MovingCloth:
         ]
         ends = [
             *(launch for contact in self._contacts for launch in (contact, *moves)),
+            record(
+                touch_floor,
+                0 if self._body.floor_m is None else len(self._place),
+                [self._floor_m, self._clock, self._carry, self._gap_m, self._friction],
+                state,
+            ),
             record(
                 touch_body,
                 len(self._place),
@@ -357,6 +365,8 @@ class MovingCloth:
         """Take the body and the pins to the frame, and the cloth along during the transition."""
         now = self._body.frame(frame)
         self._surface.move_to(now)
+        if self._body.floor_m is not None:
+            self._floor_m.assign(self._body.floor_m[None, frame - 1 : frame + 1])
         self._pin_start.assign(self._pin_end)
         self._pin_end.assign(self._pins(frame).astype(np.float32))
         way = (now.astype(np.float64) - self._body.frame(frame - 1)).mean(axis=0)

@@ -127,6 +127,17 @@ def test_a_skirt_hangs_on_a_sitting_body(toy_body, skirt):
     assert rise[front & low].mean() > 0.05
 
 
+def test_a_long_skirt_hangs_below_the_feet_of_a_body_in_the_air(toy_body):
+    """There is no floor beneath a pose alone."""
+    jump = REST_POSE.copy()
+    jump[3:9] += [-1.9, 0, 0, -1.9, 0, 0]
+    jump[12:18] += [2.2, 0, 0, 2.2, 0, 0]
+    long = tube(0.4, -0.9, 0.02, around=48, rings=30)
+    hung = hang({"Dress": long}, toy_body, Rotation.identity(), jump)["Dress"]
+    body = posed_vertices(toy_body, np.zeros(10), jump[None], TRANS[None])[0][0]
+    assert hung.posed.vertices[:, 2].min() < body[:, 2].min() - 0.05
+
+
 @pytest.mark.parametrize("rotvec", [(np.pi, 0, 0), (-np.pi / 2, 0, 0), (0.3, -0.8, 0.4)])
 def test_hanging_turns_with_the_world(toy_body, skirt, rotvec):
     turn = Rotation.from_rotvec(rotvec)

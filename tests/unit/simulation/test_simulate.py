@@ -207,6 +207,18 @@ def test_a_fabric_that_is_not_in_the_table_is_refused(simulate, dressed):
         simulate(Follower(), dressed=tinned)
 
 
+def test_there_may_be_no_floor(simulate):
+    seen = []
+
+    class Watcher(Follower):
+        def simulate(self, garments, body, attempt, scratch):
+            seen.append(body.floor_m)
+            yield from super().simulate(garments, body, attempt, scratch)
+
+    simulate(Watcher(), floor=False)
+    assert seen == [None]
+
+
 def test_what_a_solver_is_given(simulate, dressed):
     seen = []
 
@@ -229,6 +241,11 @@ def test_what_a_solver_is_given(simulate, dressed):
     assert garment.edge_length_m == mean_edge_length(skirt().vertices, skirt().faces)
     bodies = [*body_sequence_vertices(dressed.body, dressed.motion, world=True)]
     assert KDTree(bodies[-1]).query(last)[0].max() < 1e-5
+    # The floor begins beneath both, and lies at zero when the sequence begins.
+    lowest_m = min(first[:, 2].min(), garment.vertices[:, 2].min(), 0)
+    assert len(body.floor_m) == len(body)
+    assert body.floor_m[0] <= lowest_m + 1e-6
+    np.testing.assert_array_equal(body.floor_m[attempt.lead_frames :], np.zeros(FRAMES))
     # Hands, head and feet are out of reach, and half of the rest is left out.
     share = len(body.faces) / len(collision_faces(dressed.body, dressed.motion))
     assert 0.35 < share < 0.45
