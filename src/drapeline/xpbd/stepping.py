@@ -53,11 +53,11 @@ class Numbers:
         pin_pull: share of the way to where it is held that a pin goes in a small step.
     """
 
-    steps_per_step: float = 2.5
+    steps_per_step: float = 4.5
     way_m: float = 0.004
     searches_min: int = 2
     searches_max: int = 6
-    reach_m: float = 0.03
+    reach_m: float = 0.045
     home_reach_m: float = 0.012
     room_m: float = 0.04
     slack_m: float = 0.002
@@ -68,7 +68,7 @@ class Numbers:
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002
     sweeps: tuple[float, ...] = (1.0, 1.4)
-    hinge_every: int = 2
+    hinge_every: int = 4
     friction: float = 0.4
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -114,7 +114,7 @@ class MovingCloth:
         self._width = 1 if self._together else LANES
         system = self._system = join_garments(garments, self._width)
         self._place = _vectors(system.vertices)
-        self._before, self._speed = wp.zeros_like(self._place), wp.zeros_like(self._place)
+        self._before, self._speed, self._way = (wp.zeros_like(self._place) for _ in range(3))
         times = np.arange(self._steps + 1) / self._steps
         self._clocks = _numbers(np.stack([times[:-1], times[1:]], axis=1).ravel())
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
@@ -174,8 +174,8 @@ class MovingCloth:
             record(
                 predict,
                 len(self._place),
-                [self._speed, _numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry],
-                [self._step_s, *state],
+                [_numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry, self._step_s],
+                [self._speed, self._way, *state],
             ),
             record(
                 hold,
@@ -213,7 +213,7 @@ class MovingCloth:
                 ],
                 [self._clock, self._carry, self._gap_m, self._friction, *state],
             ),
-            record(take_speed, len(self._place), state, [self._step_s, self._speed]),
+            record(take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]),
         ]
         return [
             (launch, every)

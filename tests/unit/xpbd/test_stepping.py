@@ -18,7 +18,7 @@ def test_cloth_falls_at_the_earths_pull(run):
     airless = replace(FABRICS["cotton"], drag_kg_m2_s=0)
     (fall,) = run([sheet(5.0, fabric=airless)], 16)
     pull = np.diff(fall[5:, :, 2].mean(axis=1), 2) * 30**2
-    assert pull == pytest.approx(np.full(9, -9.81), rel=0.01)
+    assert pull == pytest.approx(np.full(9, -9.81), rel=0.002)
 
 
 @pytest.mark.parametrize("edge_m", [0.045, 0.1])
