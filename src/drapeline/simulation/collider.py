@@ -72,20 +72,6 @@ class MovingBody:
         )
 
 
-def rising_floor(lowest_m: float, lead: int, count: int) -> np.ndarray:
-    """Heights (count,) of the floor in each frame; it lies at 0 once the sequence has begun.
-
-    Garments and bodies at rest may reach through it where the sequence begins on hands and knees.
-    So it begins beneath them, and rises during the transition.
-
-    Args:
-        lowest_m: height of the lowest point of body and cloth in the first frame.
-        lead: frames of transition.
-    """
-    left = np.maximum(1 - np.arange(count) / lead, 0)
-    return min(lowest_m, 0.0) * left
-
-
 def make_collider(body: MovingBody, garments: Sequence[np.ndarray], share: float) -> MovingBody:
     """The surface to collide with: no ends that cloth cannot reach, and fewer triangles.
 

@@ -22,7 +22,7 @@ from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Pins, elastic_shrinkage
 from drapeline.simulation.attempts import Attempt, SimulationSettings, plan_attempt
-from drapeline.simulation.collider import MovingBody, make_collider, rising_floor
+from drapeline.simulation.collider import MovingBody, make_collider
 from drapeline.simulation.health import (
     HealthBounds,
     HealthMonitor,
@@ -32,7 +32,7 @@ from drapeline.simulation.health import (
     watch,
 )
 from drapeline.simulation.solver import ClothGarment, ClothSolver
-from drapeline.simulation.transitions import body_frames, place_at_start
+from drapeline.simulation.transitions import body_frames, place_at_start, rising_floor
 from drapeline.storage import atomic_folder, save_npz, write_json
 
 LOGGER = logging.getLogger("drapeline")
@@ -204,8 +204,9 @@ def _simulate(
         placed = [place_at_start(g.vertices, motion, attempt.pose_frames) for g in outfit.garments]
         floor_m = None
         if attempt.floor:
-            lowest_m = min(v[:, 2].min() for v in (cache.frames(0, 1)[0], *placed))
-            floor_m = rising_floor(lowest_m, attempt.lead_frames, len(cache))
+            lead = cache.frames(0, attempt.lead_frames)
+            cloth_m = min(vertices[:, 2].min() for vertices in placed)
+            floor_m = rising_floor(lead[:, :, 2].min(axis=1), cloth_m, len(cache))
         body = MovingBody(cache, dressed.faces, dressed.body.segmentation, floor_m=floor_m)
         garments = [
             _cloth_garment(g, vertices, body, attempt.gap_m)

@@ -92,6 +92,24 @@ def body_frames(
         yield from body_sequence_vertices(body, record, world=True, frames=part)
 
 
+def rising_floor(lowest_m: np.ndarray, cloth_m: float, count: int) -> np.ndarray:
+    """Heights (count,) of the floor in each frame; it lies at 0 once the sequence has begun.
+
+    Garments and bodies at rest may reach through it where the sequence begins on hands and knees.
+    So it begins beneath them, and rises during the transition, always beneath the body.
+
+    Args:
+        lowest_m: (L,) height of the lowest point of the body in each frame of the transition.
+        cloth_m: that of the cloth in the first one.
+        count: frames of the transition and the sequence.
+    """
+    lead = len(lowest_m)
+    rising = min(cloth_m, 0.0) * (1 - _smoothstep(np.arange(lead) / lead))
+    heights = np.zeros(count)
+    heights[:lead] = np.minimum(rising, lowest_m)
+    return heights
+
+
 def place_at_start(points: np.ndarray, record: BodySequence, pose_frames: int) -> np.ndarray:
     """Where points of the body at rest, or on it, are in frame 0.
 

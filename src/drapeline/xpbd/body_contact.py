@@ -109,7 +109,7 @@ def _find_anchors(
         strange[i] = 0
         part = homes[i]
         last = len(meshes) - 1
-        far = home_reach
+        far = wp.where(part < last, home_reach, reach)
         if old >= 0 and last_strange == 0:
             # The nearest point is no farther than the last one, which is on the same limb.
             far = wp.min(far, 1.01 * wp.length(p - _blend(points, faces[old], weights[i])) + 1.0e-6)

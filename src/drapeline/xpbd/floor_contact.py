@@ -26,7 +26,7 @@ def touch_floor(
     o = before[i]
     depth = end - p[2]
     if depth > 0.0:
-        old = wp.clamp(start - o[2], 0.0, depth)
+        old = wp.clamp(start + carry[0][2] - o[2], 0.0, depth)
         way = wp.vec3(0.0, 0.0, end - start) - carry[0]
         out, then = pushed_out(p, o, way, wp.vec3(0.0, 0.0, 1.0), depth, old, friction[0])
         place[i] = out

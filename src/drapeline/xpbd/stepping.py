@@ -32,6 +32,8 @@ class Numbers:
         steps_per_step: small steps for each of `Attempt.steps`.
         way_m: how far cloth goes past other cloth, as a root mean square, between two searches for
             what is near.
+        limb_way_m: the same for a fast limb, the 95th percentile of the body's vertices, which
+            cloth must not be passed by before it is found.
         searches_min, searches_max: such searches in a frame.
         reach_m: how far from the body its nearest point is looked for.
         home_reach_m: how far from the limb that cloth lies on it touches no other.
@@ -55,6 +57,7 @@ class Numbers:
 
     steps_per_step: float = 4.5
     way_m: float = 0.004
+    limb_way_m: float = 0.03
     searches_min: int = 2
     searches_max: int = 6
     reach_m: float = 0.045
@@ -331,13 +334,16 @@ class MovingCloth:
                     launch.launch()
 
     def _search_every(self) -> int:
-        """Small steps in which cloth goes past cloth by `way_m`, as fast as in the frame before."""
+        """Small steps between two searches.
+
+        In these, cloth goes past cloth by `way_m` if it is as fast as in the frame before, and the
+        body's limbs move by `limb_way_m`.
+        """
         numbers = self._numbers
-        way_m = self._near.relative_way_m(self._last, self._place)
+        ways = self._near.relative_way_m(self._last, self._place) / numbers.way_m
         wp.copy(self._last, self._place)
-        searches = np.clip(
-            np.ceil(way_m / numbers.way_m), numbers.searches_min, numbers.searches_max
-        )
+        ways = max(ways, self._limb_way_m / numbers.limb_way_m)
+        searches = np.clip(np.ceil(ways), numbers.searches_min, numbers.searches_max)
         return int(np.ceil(self._steps / searches))
 
     def _search(self) -> None:
@@ -369,7 +375,9 @@ class MovingCloth:
             self._floor_m.assign(self._body.floor_m[None, frame - 1 : frame + 1])
         self._pin_start.assign(self._pin_end)
         self._pin_end.assign(self._pins(frame).astype(np.float32))
-        way = (now.astype(np.float64) - self._body.frame(frame - 1)).mean(axis=0)
+        moved = now.astype(np.float64) - self._body.frame(frame - 1)
+        way = moved.mean(axis=0)
+        self._limb_way_m = np.percentile(np.linalg.norm(moved - way, axis=1), 95)
         leading = frame <= self._lead
         if frame == self._lead + 1:
             wp.launch(

@@ -10,18 +10,12 @@ from drapeline.simulation.collider import (
     coarsen_faces,
     make_collider,
     reachable_vertices,
-    rising_floor,
 )
 
 
 @pytest.fixture(scope="module")
 def ball():
     return trimesh.creation.icosphere(subdivisions=4)
-
-
-def test_the_floor_rises_to_zero_during_the_transition():
-    np.testing.assert_allclose(rising_floor(-0.4, 4, 6), [-0.4, -0.3, -0.2, -0.1, 0, 0])
-    np.testing.assert_array_equal(rising_floor(0.3, 4, 6), np.zeros(6))
 
 
 def test_a_ball_stays_a_closed_ball_of_fewer_triangles(ball):

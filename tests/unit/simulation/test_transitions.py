@@ -10,9 +10,17 @@ from drapeline.frames import REST_POSE
 from drapeline.simulation.transitions import (
     body_frames,
     place_at_start,
+    rising_floor,
     transition_path,
     transition_poses,
 )
+
+
+def test_the_floor_rises_beneath_body_and_cloth_to_zero():
+    floor_m = rising_floor(np.array([-0.3, -0.3, -0.1, 0.2]), -0.4, 6)
+    np.testing.assert_allclose(floor_m, [-0.4, -0.4 * (1 - 5 / 32), -0.2, -0.4 * 5 / 32, 0, 0])
+    floor_m = rising_floor(np.array([-0.3, -0.3, -0.25, 0.2]), 0.5, 5)
+    np.testing.assert_allclose(floor_m, [-0.3, -0.3, -0.25, 0, 0])
 
 
 def turns(poses):

@@ -50,6 +50,12 @@ def test_the_floor_is_where_it_is_at_the_end_of_the_step():
     assert place[2] - before[2] == pytest.approx(0.05, abs=1e-6)
 
 
+def test_cloth_that_is_carried_down_onto_the_floor_stops():
+    before, place = touch((0, 0, GAP_M - 0.01), (0, 0, GAP_M - 0.012), carry=(0, 0, -0.01))
+    assert place[2] == pytest.approx(GAP_M, abs=1e-7)
+    assert place[2] - before[2] == pytest.approx(0.01, abs=1e-7)
+
+
 def test_cloth_that_is_carried_along_slides_back():
     """What it goes with the body is no slip of its own, but the floor stays behind."""
     before, place = touch((0.01, 0, GAP_M), (0.01, 0, GAP_M - 0.1), carry=(0.01, 0, 0))
