@@ -57,5 +57,16 @@ def test_printed_values_that_no_class_holds_are_taken(paper):
     assert paper["static"]["count"] == 30_000
 
 
+def test_garments_are_fitted_and_moved_as_in_smplicits_paper(paper):
+    smplicit = paper["smplicit"]
+    moved = {key: smplicit["gallery"][key] for key in ("simulate", "skinning", "push_out")}
+    assert moved == {"simulate": False, "skinning": "nearest", "push_out": False}
+    pictured = smplicit["fit_images"]
+    assert (pictured["neighbours"], pictured["smoothing"], pictured["hang_frames"]) == (1, 0, 0)
+    assert pictured["clearance"] is False
+    scanned = smplicit["fit_scans"]
+    assert (scanned["neighbours"], scanned["uncovered_weight"], scanned["hang_frames"]) == (1, 1, 0)
+
+
 def _lists(values):
     return {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}

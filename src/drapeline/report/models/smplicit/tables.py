@@ -84,8 +84,8 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
         "<p>Simulated samples of the test split, of the dataset and of the learning group, in"
         " motion. Body and camera are known, and the fit sees the segmentation alone. The mean code"
         " here is that of the garment's class, such as all dresses. The training code of the class"
-        " with the least loss is the fair opponent: it needs no fit. Garments are skinned, as in"
-        " the paper, or hang on the person by the fast cloth solver, with codes fitted to that;"
+        " with the least loss is the fair opponent: it needs no fit. Garments are skinned"
+        " with smoothed weights or hang on the person by the fast cloth solver, with codes fitted to that;"
         " both are compared with the mean code worn in the same way. Intervals are from resampling"
         " samples.</p>",
     )
