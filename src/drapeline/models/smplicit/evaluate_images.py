@@ -57,7 +57,7 @@ _DISTANCE_M, _MARGIN, _RISE = 4.0, 1.15, 0.25
 # Variant -> that of the mean code which is worn in the same way.
 _MEANS = {
     **dict.fromkeys(("fitted", "nearest", "mean_code"), "mean_code"),
-    **dict.fromkeys(("hung", "mean_code_hung"), "mean_code_hung"),
+    **dict.fromkeys(("hung", "nearest_hung", "mean_code_hung"), "mean_code_hung"),
 }
 Measures = dict[str, float]
 Outfit = dict[str, FittedGarment]
@@ -262,8 +262,9 @@ class PictureEvaluation:
         if self._hang:
             (found["hung"],) = hang_picture(known.picture, [fitted], *how, self._hang)
             seconds["hung"] = time.process_time() - start
-            hung = hang_outfit(mean_code, known.person, self._models, self._hang)
-            found["mean_code_hung"] = hung or mean_code
+            for name in ("nearest", "mean_code"):
+                hung = hang_outfit(found[name], known.person, self._models, self._hang)
+                found[f"{name}_hung"] = hung or found[name]
         return found, seconds
 
     def _model(self, name: str) -> SmplicitModel:

@@ -37,7 +37,7 @@ class NetworkField:
             self.layers = model.decoder.layers(model.decoder.condition(places, cut, style))
 
     def distances(self, points: np.ndarray) -> np.ndarray:
-        """(P,) float32 metres of points (P, 3), learned up to d_max; may be slightly more, or negative."""
+        """(P,) float32 metres of points (P, 3), learned up to d_max; may be negative."""
         with torch.no_grad():
             parts = [self._predict(part).cpu() for part in self._split(points)]
         return torch.cat(parts).numpy() if parts else np.zeros(0, np.float32)

@@ -16,6 +16,7 @@ MODELS = {
 _PICTURED = {"images": "All models"}
 _VARIANTS = {
     "hung": "Fitted code, hung by the cloth solver",
+    "nearest_hung": "Training code with the least loss, hung by the cloth solver",
     "mean_code_hung": "Mean code, hung by the cloth solver",
     "fitted": "Fitted code",
     "mean_code": "Mean code",
@@ -85,9 +86,9 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
         " motion. Body and camera are known, and the fit sees the segmentation alone. The mean code"
         " here is that of the garment's class, such as all dresses. The training code of the class"
         " with the least loss is the fair opponent: it needs no fit. Garments are skinned"
-        " with smoothed weights or hang on the person by the fast cloth solver, with codes fitted to that;"
-        " both are compared with the mean code worn in the same way. Intervals are from resampling"
-        " samples.</p>",
+        " with smoothed weights or hang on the person by the fast cloth solver, with codes fitted"
+        " to that; both are compared with the mean code worn in the same way. Intervals are from"
+        " resampling samples.</p>",
     )
 
 
