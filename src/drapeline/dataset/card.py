@@ -107,10 +107,12 @@ def _provenance(records: Sequence[SampleRecord]) -> str:
     seeds = {record.meta["seed"] for record in records}
     counts = Counter(record.meta["simulation"]["solver"]["name"] for record in records)
     solvers = [f"{name} ({count} samples)" for name, count in counts.items()]
+    attempts = [a for record in records for a in record.meta["simulation"].get("attempts", [])]
+    floor = " with the floor," if any(attempt.get("floor") for attempt in attempts) else ""
     return (
         "Motion capture drives a parametric body with a random shape per sequence. A random outfit"
         " is cut, fitted to the body in rest pose and simulated as cloth that collides with the"
-        " body, with itself and with the other garment. Every random number used is recorded in"
+        f" body,{floor} with itself and with the other garment. Every random number used is recorded in"
         " the sample's `extras/meta.json`.\n\n"
         f"- Body models: {_join(models)}\n"
         f"- Cloth solvers: {_join(solvers)}\n"

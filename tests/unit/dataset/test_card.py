@@ -67,3 +67,11 @@ def test_markdown_tables_keep_columns_apart():
         "|  |  | 2 |",
     ]
     assert markdown_table([]) == "(none)"
+
+
+def test_the_card_says_whether_cloth_lay_on_a_floor(tmp_path, toy_body):
+    record = read_record(write_tiny_sample(tmp_path, toy_body, "8", source="c8").folder)
+    (attempt,) = record.meta["simulation"]["attempts"]
+    for floor, what in ((False, "the body, with itself"), (True, "the body, with the floor, with")):
+        attempt["floor"] = floor
+        assert what in dataset_card([record], NO_TABLES).replace("\n", " ")
