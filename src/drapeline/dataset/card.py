@@ -112,8 +112,8 @@ def _provenance(records: Sequence[SampleRecord]) -> str:
     return (
         "Motion capture drives a parametric body with a random shape per sequence. A random outfit"
         " is cut, fitted to the body in rest pose and simulated as cloth that collides with the"
-        f" body,{floor} with itself and with the other garment. Every random number used is recorded in"
-        " the sample's `extras/meta.json`.\n\n"
+        f" body,{floor} with itself and with the other garment. Every random number used is"
+        " recorded in the sample's `extras/meta.json`.\n\n"
         f"- Body models: {_join(models)}\n"
         f"- Cloth solvers: {_join(solvers)}\n"
         f"- Software: {_join(versions)}\n"
