@@ -19,7 +19,7 @@ from drapeline.simulation.solver import ClothGarment
 # Blender's cloth takes gravity times 0.001 as metres per squared frame, at any frame rate.
 _GRAVITY_FACTOR = 1000 / FPS**2
 _GRAVITY_M_S2 = 9.81
-_FLOOR_M = 50.0  # from the origin to the floor's edges
+_FLOOR = 50.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])  # its corners, metres
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,13 @@ class BlenderCloth:
         scene.render.fps, scene.render.fps_base = FPS, 1.0
         scene.gravity = (0, 0, -_GRAVITY_M_S2 * _GRAVITY_FACTOR)
         scene.frame_start, scene.frame_end = 1, frames
-        wearer = self._add_body(body, attempt, scratch)
+        wearer = self._add_collider("body", body, body.faces, attempt, scratch)
         colliders = bpy.data.collections.new("body")
         colliders.objects.link(wearer)
         if body.floor_m is not None:
-            colliders.objects.link(self._add_floor(body.floor_m, attempt, scratch))
+            squares = [np.float32(_FLOOR + [0, 0, height]) for height in body.floor_m]
+            quad = np.arange(4)[None]
+            colliders.objects.link(self._add_collider("floor", squares, quad, attempt, scratch))
         cloths = []
         for garment in garments:
             cloth = self._add_cloth(garment, frames, attempt, scratch)
@@ -90,21 +92,17 @@ class BlenderCloth:
             graph = bpy.context.evaluated_depsgraph_get()
             yield [_vertices(cloth.evaluated_get(graph)) for cloth in cloths]
 
-    def _add_body(self, body: MovingBody, attempt: Attempt, scratch: Path) -> bpy.types.Object:
-        cache = scratch / "body.pc2"
-        write_point_cache(cache, body)
-        thing = add_mesh("body", body.frame(0), body.faces)
-        _play(thing, cache)
-        self._collide(thing, attempt)
-        return thing
-
-    def _add_floor(
-        self, heights_m: np.ndarray, attempt: Attempt, scratch: Path
+    def _add_collider(
+        self,
+        name: str,
+        frames: MovingBody | Sequence[np.ndarray],
+        faces: np.ndarray,
+        attempt: Attempt,
+        scratch: Path,
     ) -> bpy.types.Object:
-        cache = scratch / "floor.pc2"
-        corners = _FLOOR_M * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-        write_point_cache(cache, (np.float32(corners + [0, 0, height]) for height in heights_m))
-        thing = add_mesh("floor", np.float32(corners), np.array([[0, 1, 2, 3]]))
+        cache = scratch / f"{name}.pc2"
+        write_point_cache(cache, frames)
+        thing = add_mesh(name, next(iter(frames)), faces)
         _play(thing, cache)
         self._collide(thing, attempt)
         return thing

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.outfits.fabrics import FABRICS
-from sheet_toys import GAP_M, beneath_share, sheet
+from sheet_toys import GAP_M, assert_floor_holds, beneath_share, sheet
 
 EDGE_M = 0.03
 
@@ -27,20 +27,8 @@ def test_cloth_on_a_ball_rests_at_the_gap(run):
     assert fall[-1, 0, 2] < 0.07  # its corner hangs down
 
 
-def far(frame):
-    return np.array([0.0, 0.0, 9.0])
-
-
-def test_cloth_falls_onto_the_floor_and_lies_there(run):
-    (fall,) = run([sheet(0.1)], 30, path=far, floor_m=np.full(30, 0.02))
-    np.testing.assert_allclose(fall[-1, :, 2], 0.02 + GAP_M, atol=0.001)
-    np.testing.assert_allclose(fall[-1, :, :2], fall[0, :, :2], atol=0.002)
-
-
-def test_a_floor_that_rises_lifts_cloth(run):
-    floor_m = np.interp(np.arange(20), [5, 15], [-0.1, 0.0])
-    (lifted,) = run([sheet(-0.095)], 20, path=far, floor_m=floor_m)
-    assert lifted[-1, :, 2].min() > GAP_M - 0.001
+def test_cloth_lies_on_the_floor_and_rises_with_it(run):
+    assert_floor_holds(run)
 
 
 def test_two_layers_keep_their_order(run):

@@ -9,7 +9,7 @@ from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd import system
 from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.solver import XpbdCloth
-from sheet_toys import GAP_M, beneath_share, drop, sheet
+from sheet_toys import GAP_M, assert_floor_holds, beneath_share, drop, sheet
 
 EDGE_M = 0.03
 
@@ -48,20 +48,8 @@ def test_cloth_far_from_the_body_is_found_before_a_fast_limb_has_passed(run):
     assert np.linalg.norm(lifted[-1] - path(6), axis=1).min() - 0.1 > 0.5 * GAP_M
 
 
-def far(frame):
-    return np.array([0.0, 0.0, 9.0])
-
-
-def test_cloth_falls_onto_the_floor_and_lies_there(run):
-    (fall,) = run([sheet(0.1)], 30, path=far, floor_m=np.full(30, 0.02))
-    np.testing.assert_allclose(fall[-1, :, 2], 0.02 + GAP_M, atol=0.001)
-    np.testing.assert_allclose(fall[-1, :, :2], fall[0, :, :2], atol=0.002)
-
-
-def test_a_floor_that_rises_lifts_cloth(run):
-    floor_m = np.interp(np.arange(20), [5, 15], [-0.1, 0.0])
-    (lifted,) = run([sheet(-0.095)], 20, path=far, floor_m=floor_m)
-    assert lifted[-1, :, 2].min() > GAP_M - 0.001
+def test_cloth_lies_on_the_floor_and_rises_with_it(run):
+    assert_floor_holds(run)
 
 
 def test_two_layers_keep_their_order_and_the_outer_pushes_the_inner(run):

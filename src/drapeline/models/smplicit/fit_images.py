@@ -3,9 +3,9 @@
 Of the points around the body that fall on a pixel of the garment, one at least lies on it: C = 0.
 All others are off it, for which the paper asks C = d_max. A point closer to the silhouette than
 d_max cannot be that far off, so here it has to be as far off as its pixel is from the garment's,
-and d_max at most, but for `FitImage.clearance`. The paper adds up all points off the garment. Here
-the worst point of each ray counts, so that both kinds of rays weigh alike, and of the rays those
-whose loss is greatest.
+and d_max at most, unless `FitImage.clearance` is off. The paper adds up all points off the garment.
+Here the worst point of each ray counts, so that both kinds of rays weigh alike, and of the rays
+those whose loss is greatest.
 
 The paper's prior is |z|. Codes of garments are not spread alike in all directions, and a code that
 leaves them gives a field of no garment. The prior here is the mean square of w in
