@@ -8,6 +8,7 @@ from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.moves import make_all_moves, make_moves
 
 OWN_GAP, LAYER_GAP = 0.007, 0.004
+RELEASE_M = 3e-4
 MASS = np.array([1.0, 2, 3, 4])
 FAR = (1e3, 1e3)
 # The layer of one of two sheets, the room, and how far apart they are kept.
@@ -54,7 +55,7 @@ def _after_contact(kernel, near, parts, old, new, layers, room, friction, *, tog
             wp.array(np.int32(layers), dtype=int, device="cpu"),
             wp.array(np.float32(1 / MASS), dtype=float, device="cpu"),
             wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
-            *(OWN_GAP, LAYER_GAP, *friction),
+            *(OWN_GAP, LAYER_GAP, RELEASE_M, *friction),
         ],
         outputs=[moves := make_moves(4 if together else 0), *state],
     )

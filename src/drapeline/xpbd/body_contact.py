@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.contact import RELEASED_M, SHARE_OF_ROOM, pushed_out
+from drapeline.xpbd.contact import SHARE_OF_ROOM, pushed_out
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
@@ -206,6 +206,8 @@ def touch_body(
     clock: wp.array(dtype=float),
     carry: wp.array(dtype=wp.vec3),
     gap: float,
+    release: float,
+    stick: float,
     friction: wp.array(dtype=float),
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
@@ -229,12 +231,13 @@ def touch_body(
     over = height - most
     if over > 0.0:
         old = wp.clamp(wp.dot(o - there, normal) - most, 0.0, over)
-        released = wp.min(old, RELEASED_M)
+        released = wp.min(old, release)
         place[i] = p - normal * (over - old + released)
         before[i] = o - normal * released
     if depth > 0.0:
         old = wp.clamp(least - wp.dot(o - there, normal), 0.0, depth)
-        out, then = pushed_out(p, o, here - there, normal, depth, old, friction[0])
+        way = here - there
+        out, then = pushed_out(p, o, way, normal, depth, old, release, friction[0], stick)
         place[i] = out
         before[i] = then
 

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.contact import RELEASED_M, STICKING_M, held_slip
+from drapeline.xpbd.contact import held_slip
 from drapeline.xpbd.limbs import hand_numbers
 from drapeline.xpbd.moves import Moves, move
 
@@ -88,6 +88,8 @@ def lift_covers(
     carry: wp.array(dtype=wp.vec3),
     gap: float,
     reach: float,
+    release: float,
+    stick: float,
     friction: wp.array(dtype=float),
     moves: Moves,
     before: wp.array(dtype=wp.vec3),
@@ -114,13 +116,13 @@ def lift_covers(
             then = before[c[0]] * w + before[c[1]] * u + before[c[2]] * v
             # What was too low before the step is lifted slowly, and must not become speed.
             old = wp.clamp(gap - wp.dot(then - o, n), 0.0, depth)
-            released = wp.min(old, RELEASED_M)
+            released = wp.min(old, release)
             wa = inverse_mass[c[0]] * w
             wb = inverse_mass[c[1]] * u
             wc = inverse_mass[c[2]] * v
             share = 1.0 / (wa * w + wb * u + wc * v)
             push = depth - old + released
-            most = friction[0] * (push - released + STICKING_M)
+            most = friction[0] * (push - released + stick)
             slip = held_slip((p + n * hit[0] - then) - (p - o), n, most)
             shift = (n * push - slip) * share
             lift = n * (released * share)

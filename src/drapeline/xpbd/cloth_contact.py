@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from drapeline.xpbd.contact import RELEASED_M, held_slip, narrowed
+from drapeline.xpbd.contact import held_slip, narrowed
 from drapeline.xpbd.lanes import (
     LANES,
     count_less,
@@ -168,6 +168,7 @@ def touch_cloth(
     room: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
+    release: float,
     friction: float,
     moves: Moves,
     before: wp.array(dtype=wp.vec3),
@@ -212,7 +213,7 @@ def touch_cloth(
                 old_q = before[c[0]] * t + before[c[1]] * u + before[c[2]] * v
                 q = a + ab * u + ac * v
                 old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
-                released = wp.min(old, RELEASED_M)
+                released = wp.min(old, release)
                 push = depth - old + released
                 slip = held_slip((p - old_p) - (q - old_q), up, friction * (push - released))
                 w = inverse_mass[i]

@@ -4,11 +4,9 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-RELEASED_M = wp.constant(3.0e-4)  # of old depth that a step takes away
 # Where the body faces itself, in a crease or beneath an arm, there are two sheets of cloth. They
 # divide the room between them and the body, rather than press each other into it.
 SHARE_OF_ROOM = wp.constant(1.0 / 3.0)
-STICKING_M = wp.constant(2.0e-5)  # of slip per step that friction of the body always holds
 
 
 @wp.func
@@ -23,7 +21,15 @@ def held_slip(slip: wp.vec3, up: wp.vec3, most: float):
 
 @wp.func
 def pushed_out(
-    p: wp.vec3, o: wp.vec3, way: wp.vec3, normal: wp.vec3, depth: float, old: float, friction: float
+    p: wp.vec3,
+    o: wp.vec3,
+    way: wp.vec3,
+    normal: wp.vec3,
+    depth: float,
+    old: float,
+    release: float,
+    friction: float,
+    stick: float,
 ):
     """A vertex that is pushed out of a surface, where it sticks or slides (Coulomb).
 
@@ -34,13 +40,15 @@ def pushed_out(
         depth: of the vertex, more than 0.
         old: part of it that was there before the step, which comes out slowly, and does not become
             speed.
+        release: of old depth that a step takes away.
         friction: coefficient.
+        stick: of slip that friction holds in a step however light the contact is.
     """
-    released = wp.min(old, RELEASED_M)
+    released = wp.min(old, release)
     push = depth - old + released
     p = p + normal * push
     o = o + normal * released
-    most = friction * (push - released + STICKING_M)
+    most = friction * (push - released + stick)
     return p - held_slip((p - o) - way, normal, most), o
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.mesh import face_edges
-from drapeline.xpbd.contact import RELEASED_M, narrowed
+from drapeline.xpbd.contact import narrowed
 from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
@@ -98,6 +98,7 @@ def touch_edges(
     room: wp.array(dtype=wp.vec2),
     own_gap: float,
     layer_gap: float,
+    release: float,
     moves: Moves,
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
@@ -138,7 +139,7 @@ def touch_edges(
                 old_p = before[i] * (1.0 - s) + before[j] * s
                 old_q = before[a] * (1.0 - t) + before[b] * t
                 old = wp.clamp(gap - wp.dot(old_p - old_q, up), 0.0, depth)
-                released = wp.min(old, RELEASED_M)
+                released = wp.min(old, release)
                 wi = inverse_mass[i] * (1.0 - s)
                 wj = inverse_mass[j] * s
                 wa = inverse_mass[a] * (1.0 - t)

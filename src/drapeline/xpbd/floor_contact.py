@@ -13,6 +13,8 @@ def touch_floor(
     clock: wp.array(dtype=float),
     carry: wp.array(dtype=wp.vec3),
     gap: float,
+    release: float,
+    stick: float,
     friction: wp.array(dtype=float),
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
@@ -28,6 +30,7 @@ def touch_floor(
     if depth > 0.0:
         old = wp.clamp(start + carry[0][2] - o[2], 0.0, depth)
         way = wp.vec3(0.0, 0.0, end - start) - carry[0]
-        out, then = pushed_out(p, o, way, wp.vec3(0.0, 0.0, 1.0), depth, old, friction[0])
+        up = wp.vec3(0.0, 0.0, 1.0)
+        out, then = pushed_out(p, o, way, up, depth, old, release, friction[0], stick)
         place[i] = out
         before[i] = then

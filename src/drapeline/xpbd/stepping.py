@@ -51,7 +51,9 @@ class Numbers:
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
-        untangle_m: how far cloth that passes through cloth is moved in a small step, at most.
+        release_m_s: how fast contacts take away depth that was there before a small step.
+        stick_m_s: slip past the body that friction holds however light the contact is.
+        untangle_m_s: how fast cloth that passes through cloth is moved, at most.
         pin_pull: share of the way to where it is held that a pin goes in a small step.
     """
 
@@ -75,7 +77,9 @@ class Numbers:
     friction: float = 0.4
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
-    untangle_m: float = 5.0e-4
+    release_m_s: float = 0.567
+    stick_m_s: float = 0.0378
+    untangle_m_s: float = 0.945
     pin_pull: float = 0.3
 
 
@@ -106,6 +110,7 @@ class MovingCloth:
         self._gap_m, self._lead = attempt.gap_m, attempt.lead_frames
         self._steps = round(attempt.steps * numbers.steps_per_step)
         self._step_s = 1 / FPS / self._steps
+        self._step_ways_m = numbers.release_m_s * self._step_s, numbers.stick_m_s * self._step_s
         self._device, self._together = wp.get_device(device), together
         self._graphs: dict[int, wp.Graph] = {}
         with wp.ScopedDevice(self._device):
@@ -155,6 +160,7 @@ class MovingCloth:
         system, numbers, surface = self._system, self._numbers, self._surface
         mass, state = _numbers(system.inverse_masses), [self._before, self._place]
         springs, hinges = system.springs, system.hinges
+        touching = self._gap_m, *self._step_ways_m, self._friction
         number, index = lane_types(self._width)
         masses = system.inverse_masses[springs.pairs].sum(axis=1)
         pulling = [
@@ -204,7 +210,7 @@ class MovingCloth:
             record(
                 touch_floor,
                 0 if self._body.floor_m is None else len(self._place),
-                [self._floor_m, self._clock, self._carry, self._gap_m, self._friction],
+                [self._floor_m, self._clock, self._carry, *touching],
                 state,
             ),
             record(
@@ -214,7 +220,7 @@ class MovingCloth:
                     *(surface.anchor, surface.from_place, surface.to_place),
                     *(surface.from_normal, surface.to_normal, surface.room),
                 ],
-                [self._clock, self._carry, self._gap_m, self._friction, *state],
+                [self._clock, self._carry, *touching, *state],
             ),
             record(take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]),
         ]
@@ -239,6 +245,8 @@ class MovingCloth:
         mass = _numbers(system.inverse_masses)
         moves = self._moves = make_moves(len(self._place) if self._together else 0)
         state = [moves, self._before, self._place]
+        release_m, stick_m = self._step_ways_m
+        gaps = numbers.self_gap_m, self._gap_m
         opposite = opposite_vertices(system.edges, system.triangles)
         opposite = wp.array(opposite, dtype=wp.vec2i)
         return [
@@ -251,26 +259,26 @@ class MovingCloth:
                 ],
                 [
                     *(self._carry, numbers.cover_gap_m, numbers.cover_margin_m),
-                    *(self._friction, *state),
+                    *(release_m, stick_m, self._friction, *state),
                 ],
             ),
             BusyLaunch(
                 touch_cloth,
                 self._near.count,
                 [self._near.near, triangles, layers, mass],
-                [room, numbers.self_gap_m, self._gap_m, numbers.cloth_friction, *state],
+                [room, *gaps, release_m, numbers.cloth_friction, *state],
             ),
             BusyLaunch(
                 touch_edges,
                 self._near_edges.count,
                 [self._near_edges.pairs, pairs, layers, mass],
-                [room, numbers.self_gap_m, self._gap_m, *state],
+                [room, *gaps, release_m, *state],
             ),
             BusyLaunch(
                 untangle,
                 self._crossings.count,
                 [self._crossings.crossed, pairs, opposite, triangles, mass],
-                [numbers.untangle_m, *state],
+                [numbers.untangle_m_s * self._step_s, *state],
             ),
         ]
 
@@ -301,8 +309,8 @@ class MovingCloth:
     def advance(self, frame: int) -> list[np.ndarray]:
         """Go from the frame before to `frame`: vertices (V, 3) of each garment then."""
         with wp.ScopedDevice(self._device):
-            self._begin(frame)
-            every = self._search_every()
+            limb_way_m = self._begin(frame)
+            every = self._search_every(limb_way_m)
             if self._device.is_cuda:
                 self._replay(every)
             else:
@@ -333,7 +341,7 @@ class MovingCloth:
                 if step % steps == 0:
                     launch.launch()
 
-    def _search_every(self) -> int:
+    def _search_every(self, limb_way_m: float) -> int:
         """Small steps between two searches.
 
         In these, cloth goes past cloth by `way_m` if it is as fast as in the frame before, and the
@@ -342,7 +350,7 @@ class MovingCloth:
         numbers = self._numbers
         ways = self._near.relative_way_m(self._last, self._place) / numbers.way_m
         wp.copy(self._last, self._place)
-        ways = max(ways, self._limb_way_m / numbers.limb_way_m)
+        ways = max(ways, limb_way_m / numbers.limb_way_m)
         searches = np.clip(np.ceil(ways), numbers.searches_min, numbers.searches_max)
         return int(np.ceil(self._steps / searches))
 
@@ -367,8 +375,12 @@ class MovingCloth:
             self._place, near.count, near.near, crossings.count, margin_m=numbers.edge_margin_m
         )
 
-    def _begin(self, frame: int) -> None:
-        """Take the body and the pins to the frame, and the cloth along during the transition."""
+    def _begin(self, frame: int) -> float:
+        """Take the body and the pins to the frame, and the cloth along during the transition.
+
+        Returns:
+            How far the body's fast limbs go past its middle, in metres.
+        """
         now = self._body.frame(frame)
         self._surface.move_to(now)
         if self._body.floor_m is not None:
@@ -377,7 +389,6 @@ class MovingCloth:
         self._pin_end.assign(self._pins(frame).astype(np.float32))
         moved = now.astype(np.float64) - self._body.frame(frame - 1)
         way = moved.mean(axis=0)
-        self._limb_way_m = np.percentile(np.linalg.norm(moved - way, axis=1), 95)
         leading = frame <= self._lead
         if frame == self._lead + 1:
             wp.launch(
@@ -388,6 +399,7 @@ class MovingCloth:
             )
         self._carry.assign((leading * way / self._steps)[None].astype(np.float32))
         self._friction.fill_(self._numbers.lead_friction if leading else self._numbers.friction)
+        return float(np.percentile(np.linalg.norm(moved - way, axis=1), 95))
 
 
 def _vectors(rows: np.ndarray) -> wp.array:

@@ -114,7 +114,7 @@ def between():
         room = wp.array(np.full((count, 2), room_m, np.float32), dtype=wp.vec2, device="cpu")
         clock = wp.zeros(2, dtype=float, device="cpu")
         friction = wp.zeros(1, dtype=float, device="cpu")
-        inputs = [anchor, still, still, up, up, room, clock, still, 0.004, friction]
+        inputs = [anchor, still, still, up, up, room, clock, still, 0.004, 3e-4, 2e-5, friction]
         for _ in range(steps):
             wp.launch(touch_body, count, inputs=inputs, outputs=[before, place], device="cpu")
         np.testing.assert_allclose(place.numpy(), before.numpy(), atol=1e-6)  # without speed

@@ -16,6 +16,7 @@ from drapeline.xpbd.stepping import Numbers
 from sheet_toys import drop, sheet
 
 GAP_M, MARGIN_M = 0.003, 0.012
+RELEASE_M, STICK_M = 3e-4, 2e-5  # in a step
 TRIANGLE = np.float32([[0.01, 0, 0], [-0.005, 0.009, 0], [-0.005, -0.009, 0]])
 
 
@@ -46,7 +47,8 @@ def lift(request):
             skin.count,
             [
                 *(skin.covers, skin.from_place, skin.to_place, skin.up),
-                *(triangles, mass, clock, vectors([0, 0, 0]), GAP_M, MARGIN_M, friction),
+                *(triangles, mass, clock, vectors([0, 0, 0])),
+                *(GAP_M, MARGIN_M, RELEASE_M, STICK_M, friction),
             ],
             [moves := make_moves(3 * request.param), before, place],
         )

@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from contact_toys import FAR, GAPS, MASS, OWN_GAP, after_contact
+from contact_toys import FAR, GAPS, MASS, OWN_GAP, RELEASE_M, after_contact
 from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
-from drapeline.xpbd.contact import RELEASED_M
 from sheet_toys import sheet
 
 # The last vertex is over the middle of a triangle whose corners are the others.
@@ -63,7 +62,7 @@ def test_what_is_beyond_the_gap_is_left(height, room):
 
 def test_old_depth_goes_slowly_and_gives_no_speed():
     place, before, new = touch(0.001)
-    assert past(place)[2] == pytest.approx(0.001 + RELEASED_M, abs=1e-6)
+    assert past(place)[2] == pytest.approx(0.001 + RELEASE_M, abs=1e-6)
     np.testing.assert_allclose(place - before, 0, atol=1e-7)
     assert np.abs(place - new).max() > 1e-5
 

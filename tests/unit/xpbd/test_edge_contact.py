@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from contact_toys import FAR, GAPS, MASS, after_contact
-from drapeline.xpbd.contact import RELEASED_M
+from contact_toys import FAR, GAPS, MASS, RELEASE_M, after_contact
 from drapeline.xpbd.edge_contact import touch_edges
 
 
@@ -46,5 +45,5 @@ def test_edges_that_do_not_meet_are_left(height, shift, room):
 
 def test_old_depth_goes_slowly_and_gives_no_speed():
     place, before, _ = touch(0.001, side=-1)
-    assert rise(place) == pytest.approx(0.001 + RELEASED_M, abs=1e-6)
+    assert rise(place) == pytest.approx(0.001 + RELEASE_M, abs=1e-6)
     np.testing.assert_allclose((place - before)[:, 2], 0, atol=1e-7)

@@ -9,7 +9,8 @@ from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd import system
 from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.solver import XpbdCloth
-from sheet_toys import GAP_M, assert_floor_holds, beneath_share, drop, sheet
+from drapeline.xpbd.stepping import Numbers
+from sheet_toys import GAP_M, assert_floor_holds, beneath_share, drop, far_away, sheet
 
 EDGE_M = 0.03
 
@@ -50,6 +51,13 @@ def test_cloth_far_from_the_body_is_found_before_a_fast_limb_has_passed(run):
 
 def test_cloth_lies_on_the_floor_and_rises_with_it(run):
     assert_floor_holds(run)
+
+
+@pytest.mark.parametrize("steps", [4, 9])
+def test_old_depth_comes_out_as_fast_whatever_the_steps(run, steps):
+    (lifted,) = run([sheet(0.0)], 4, path=far_away, floor_m=np.full(4, 0.2), steps=steps)
+    rise = np.diff(lifted[:, :, 2].mean(axis=1)) * 30
+    assert rise == pytest.approx(np.full(3, Numbers().release_m_s), rel=0.02)
 
 
 def test_two_layers_keep_their_order_and_the_outer_pushes_the_inner(run):
