@@ -74,7 +74,7 @@ FIELD_VARIANTS = {
     "mean_code": "mean code",
 }
 PICTURES = {
-    "smplicit_images_hung": "fitted code, hung by the cloth solver (ours)",
+    "smplicit_images_hung": "most like the picture of three that hang (ours)",
     "smplicit_images_nearest_hung": "training code with the least loss, hung as well",
     "smplicit_images_mean_code_hung": "mean code of the class, hung as well",
     "smplicit_images_fitted": "fitted code, skinned",

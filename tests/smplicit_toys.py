@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
-from drapeline.frames import GENDERS
+from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.garment_fields import FieldData, collect_fields, sample_fields
 from drapeline.learning_data.occlusion import texture_pixels
+from drapeline.models.smplicit.pictures import CLASSES, Person, Picture
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.outfits.outfit import Garment, Outfit
@@ -114,3 +115,23 @@ def skirt_pixels() -> np.ndarray:
     shown = np.zeros((PICTURE_PX, PICTURE_PX), dtype=bool)
     shown[60:85, 40:80] = True
     return shown
+
+
+def street(skirt: np.ndarray, *outfits: tuple[str, ...]) -> Picture:
+    """A picture of people with pixels (H, W) of a skirt, each in some classes of garments."""
+    everywhere = np.ones_like(skirt)
+    people = tuple(
+        Person(
+            "male",
+            np.zeros(10),
+            REST_POSE.copy(),
+            np.zeros(3),
+            toy_camera(),
+            everywhere,
+            ~everywhere,
+            garments,
+        )
+        for garments in outfits
+    )
+    classes = np.where(skirt, CLASSES.index("skirt"), 0).astype(np.uint8)
+    return Picture("street", classes, None, people)

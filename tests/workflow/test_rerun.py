@@ -142,6 +142,7 @@ RERUN = {
     | USE_DISPLACEMENT,
     "models/smplicit/sheet.py": USE_SMPLICIT,
     "models/smplicit/fit_images.py": FIT_IMAGES | FIT_SCANS,
+    "models/smplicit/hanging.py": FIT_IMAGES | FIT_SCANS,
     "models/smplicit/fit_scans.py": FIT_SCANS,
     "bodies/scan_fit.py": FIT_SCANS | {"scan_sample", "scan_learning"},
     "models/compare_scans.py": {
@@ -157,8 +158,9 @@ RERUN = {
     | {"train_displacement"}
     | TRAIN_DVAE
     | TRAIN_GARMENT4D,
-    "rendering/modalities.py": {"render_modalities", "evaluate_images"}
-    | {"plot_fit_images", "plot_fitted_picture"},
+    "rendering/modalities.py": FIT_IMAGES
+    | FIT_SCANS
+    | {"render_modalities", "plot_fit_images", "plot_fitted_picture"},
     "report/dataset/gallery.py": {"render_gallery", "plot_learning"},
     "report/dataset/viewer.py": {"view_sample", "view_example"},
     "report/registration/registration_sheet.py": {"plot_registration"},

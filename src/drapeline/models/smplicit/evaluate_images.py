@@ -22,21 +22,20 @@ from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures
 from drapeline.metrics.sequence import Measured, sequence_summary
 from drapeline.metrics.table import MetricRow
-from drapeline.models.smplicit.fit_images import FitImage, rank_codes
+from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
-    Hang,
     Wearer,
     codes_of_class,
     dress,
+    dress_nearest,
     fit_picture,
-    garment_view,
-    hang_outfit,
-    hang_picture,
-    look_at_garments,
+    seek,
+    seen_parts,
     shown_labels,
     shown_person,
 )
+from drapeline.models.smplicit.hanging import Hang, hang_outfit, hang_ways, most_like
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import (
     BACKGROUND,
@@ -48,7 +47,6 @@ from drapeline.models.smplicit.pictures import (
     class_of_garment,
 )
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
-from drapeline.rendering.modalities import cast_rays
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 
@@ -182,11 +180,8 @@ def _camera(
 
 
 def _segment(body: PosedBody, garments: Mapping[str, Mesh], camera: Camera) -> np.ndarray:
-    meshes = [(body.posed, body.faces)]
-    meshes += [(m.vertices, m.faces) for m in garments.values() if len(m.faces)]
-    seen = cast_rays([(v, f, np.zeros_like(v)) for v, f in meshes], camera).segments
-    names = [BACKGROUND, BODY, *(name for name, m in garments.items() if len(m.faces))]
-    return np.array([CLASSES.index(name) for name in names], dtype=np.uint8)[seen]
+    classes = [CLASSES.index(name) for name in (BACKGROUND, BODY, *garments)]
+    return np.array(classes, dtype=np.uint8)[seen_parts(body, [*garments.values()], camera)]
 
 
 class PictureEvaluation:
@@ -247,47 +242,35 @@ class PictureEvaluation:
 
     def _look_at(self, known: KnownPicture) -> tuple[dict[str, Outfit], dict[str, float]]:
         """Garments found in a picture, those beside them, and seconds that finding some took."""
-        how = self._models, self._fit, self._meshing, self._seed
+        picture, person = known.picture, known.person
+        how = self._fit, self._meshing, self._seed
+        mean_code = self._mean(known)
         start = time.process_time()
-        (fitted,) = fit_picture(known.picture, *how)
+        (fitted,) = fit_picture(picture, self._models, *how)
         seconds = {"fitted": time.process_time() - start}
-        mean_code = self._dress(
-            known,
-            {
-                name: codes_of_class(self._model(name), name).mean(axis=0)
-                for name in known.person.garments
-            },
-        )
-        found = {"fitted": fitted, "nearest": self._nearest(known), "mean_code": mean_code}
+        sought = {
+            name: seek(picture, 0, name, self._model(name), known.body) for name in person.garments
+        }
+        nearest = dress_nearest(sought, known.wearer, *how)
+        found = {"fitted": fitted, "nearest": nearest, "mean_code": mean_code}
         if self._hang:
-            (found["hung"],) = hang_picture(known.picture, [fitted], *how, self._hang)
+            ways = hang_ways(person, fitted, nearest, sought, *how, self._hang)
+            found["hung"] = most_like(ways, sought)
             seconds["hung"] = time.process_time() - start
-            for name in ("nearest", "mean_code"):
-                hung = hang_outfit(found[name], known.person, self._models, self._hang)
-                found[f"{name}_hung"] = hung or found[name]
+            found["nearest_hung"] = ways.get("nearest", nearest)
+            hung = hang_outfit(mean_code, person, self._models, self._hang)
+            found["mean_code_hung"] = hung or mean_code
         return found, seconds
 
     def _model(self, name: str) -> SmplicitModel:
         return self._models[GARMENT_CLASSES[name].model]
 
-    def _dress(self, known: KnownPicture, codes: Mapping[str, np.ndarray]) -> Outfit:
-        chosen = {name: (self._model(name), z) for name, z in codes.items()}
-        return dress(known.body, known.wearer, chosen, self._fit.wearing, self._meshing)
-
-    def _nearest(self, known: KnownPicture) -> Outfit:
-        """Of each garment the training code of its class with the least loss."""
-        codes = {}
-        for name in known.person.garments:
-            model, label = self._model(name), f"{known.picture.name}, {name}"
-            view = garment_view(known.picture, known.person, name, known.body)
-            (seen,), (places,) = look_at_garments(
-                model, [view], [known.wearer], [label], self._fit, self._seed
-            )
-            rng = rng_for(self._seed, "nearest", label)
-            every = codes_of_class(model, name)
-            ranked = rank_codes(model.network, seen, places, every, self._fit, rng)
-            codes[name] = every[ranked[0]]
-        return self._dress(known, codes)
+    def _mean(self, known: KnownPicture) -> Outfit:
+        codes = {
+            name: (self._model(name), codes_of_class(self._model(name), name).mean(axis=0))
+            for name in known.person.garments
+        }
+        return dress(known.body, known.wearer, codes, self._fit.wearing, self._meshing)
 
     def _rows(
         self,

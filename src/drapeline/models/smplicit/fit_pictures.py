@@ -1,31 +1,30 @@
 """Dressed people from pictures: codes, sheets at rest, and sheets worn in layers (SMPLicit 4.3)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 
-from drapeline.bodies.follow import PosedBody, pose_body, with_cloth
+from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import Mesh, loop_count
+from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
-from drapeline.models.smplicit.fit_images import FitImage, fit_garments
+from drapeline.models.smplicit.fit_images import FitImage, fit_garments, rank_codes
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.model import REACH_M
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
-from drapeline.outfits.worn import HungSheet, Wearing, wear
+from drapeline.outfits.worn import Wearing, wear
 from drapeline.rendering.camera import Camera
+from drapeline.rendering.modalities import cast_rays
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, save_npz
 
 if TYPE_CHECKING:
-    from drapeline.bodies.model import BodyModel
     from drapeline.models.smplicit.model import Meshing, SmplicitModel
 
 # No garment at rest is further from the body; tops and trousers are closer than those with skirts.
@@ -44,23 +43,6 @@ class FittedGarment(NamedTuple):
     z: np.ndarray
     sheet: Mesh
     posed: Mesh
-
-
-class Hang(Protocol):
-    """Hangs sheets on people, see `drapeline.generation.moving_sheets.Hang`."""
-
-    def __call__(
-        self,
-        sheets: Mapping[str, Mesh],
-        body: "BodyModel",
-        gender: str,
-        shape: np.ndarray,
-        pose: np.ndarray,
-        trans: np.ndarray,
-        up: np.ndarray,
-    ) -> dict[str, HungSheet]:
-        """Sheets by garment type as they hang; none if that failed."""
-        ...
 
 
 class View(NamedTuple):
@@ -232,12 +214,12 @@ def fit_picture(
             f"{picture.name}: shows garments of the model {min(missing)}, expected only those of"
             f" {', '.join(models)}"
         )
-    bodies = [_posed(person, models) for person in picture.people]
+    bodies = [posed_person(person, models) for person in picture.people]
     codes: dict[tuple[int, str], np.ndarray] = {}
     for kind in dict.fromkeys(name for _, name in wanted):
         model = models[GARMENT_CLASSES[kind].model]
         own = [(i, name) for i, name in wanted if name == kind]
-        sought = [_seek(picture, i, kind, model, bodies[i]) for i, _ in own]
+        sought = [seek(picture, i, kind, model, bodies[i]) for i, _ in own]
         wearers = [Wearer(picture.people[i].gender, picture.people[i].shape) for i, _ in own]
         views, names = [one.view for one in sought], [one.name for one in sought]
         known = sought[0].codes
@@ -258,144 +240,13 @@ def fit_picture(
     ]
 
 
-def hang_picture(
-    picture: Picture,
-    people: Sequence[Mapping[str, FittedGarment]],
-    models: Mapping[str, "SmplicitModel"],
-    settings: FitImage,
-    meshing: "Meshing",
-    seed: int,
-    hang: Hang,
-) -> list[dict[str, FittedGarment]]:
-    """The garments of a picture as they hang on its people, with codes fitted to that.
-
-    This is ours. Skinned cloth neither hangs nor folds, and codes that are fitted with it make up
-    for that. Here the sheets hang on their wearers, points of space near them follow them from rest
-    into the pose, codes are fitted anew to these points, and their sheets hang once more. A code
-    that has another number of openings now is another kind of garment, and the first one stays.
-
-    Args:
-        picture, models, settings, meshing, seed: as of `fit_picture`.
-        people: what that has found.
-        hang: hangs sheets.
-
-    Returns:
-        As `fit_picture`; what cannot be hung stays as it is.
-    """
-    hung = []
-    for index, (person, outfit) in enumerate(zip(picture.people, people, strict=True)):
-        body = _posed(person, models)
-        sought = {
-            name: _seek(picture, index, name, models[GARMENT_CLASSES[name].model], body)
-            for name in outfit
-        }
-        hung.append(hang_person(person, outfit, sought, settings, meshing, seed, hang))
-    return hung
-
-
-def hang_person(
-    person: Person,
-    outfit: Mapping[str, FittedGarment],
-    sought: Mapping[str, Sought],
-    settings: FitImage,
-    meshing: "Meshing",
-    seed: int,
-    hang: Hang,
-) -> dict[str, FittedGarment]:
-    """The garments of one person as they hang, with codes fitted to that; see `hang_picture`.
-
-    Args:
-        person: who wears them.
-        outfit: class -> garment as fitted without hanging.
-        sought: class -> what it was found in.
-        settings, meshing, seed, hang: see there.
-    """
-    models = {GARMENT_CLASSES[name].model: one.model for name, one in sought.items()}
-    hung = _hang_sheets(outfit, person, models, hang) if outfit else {}
-    if not hung:
-        return dict(outfit)
-    wearer = Wearer(person.gender, person.shape)
-    body = next(iter(sought.values())).view.body
-    # Codes are near where they go, so that half of the rounds are enough.
-    fit = replace(settings, rounds=(settings.rounds + 1) // 2)
-    codes = {name: (sought[name].model, garment.z) for name, garment in outfit.items()}
-    for name, sheet in hung.items():
-        around = with_cloth(body, sheet.rest.vertices, sheet.posed.vertices)
-        model, known, view, label = sought[name]
-        views = [view._replace(body=around)]
-        (z,) = fit_codes_to_views(model, known, views, [wearer], [label], fit, seed)
-        codes[name] = model, z
-    # Hung trousers and hung skirts may look alike from one side.
-    again = same_kinds(dress(body, wearer, codes, settings.wearing, meshing), outfit)
-    if all(again[name] is garment for name, garment in outfit.items()):
-        return as_hung(outfit, hung)
-    return hang_outfit(again, person, models, hang) or as_hung(outfit, hung)
-
-
-def hang_outfit(
-    outfit: Mapping[str, FittedGarment],
-    person: Person,
-    models: Mapping[str, "SmplicitModel"],
-    hang: Hang,
-) -> dict[str, FittedGarment]:
-    """The garments of a person as they hang; nothing if that fails."""
-    hung = _hang_sheets(outfit, person, models, hang)
-    return as_hung(outfit, hung) if hung else {}
-
-
-def _hang_sheets(
-    outfit: Mapping[str, FittedGarment],
-    person: Person,
-    models: Mapping[str, "SmplicitModel"],
-    hang: Hang,
-) -> dict[str, HungSheet]:
-    """Class -> sheet as it hangs. What is upright in the picture is taken for upright."""
-    hung = hang(
-        {GARMENT_CLASSES[name].garment: garment.sheet for name, garment in outfit.items()},
-        next(iter(models.values())).bodies[person.gender],
-        person.gender,
-        person.shape,
-        person.pose,
-        person.trans,
-        -person.camera.axes[1],
-    )
-    return {
-        name: hung[GARMENT_CLASSES[name].garment]
-        for name in outfit
-        if GARMENT_CLASSES[name].garment in hung
-    }
-
-
-def same_kinds(
-    outfit: Mapping[str, FittedGarment], before: Mapping[str, FittedGarment]
-) -> dict[str, FittedGarment]:
-    """Garments, or those before them that had another number of openings: another kind."""
-    return {
-        name: garment
-        if loop_count(garment.sheet.faces) == loop_count(before[name].sheet.faces)
-        else before[name]
-        for name, garment in outfit.items()
-    }
-
-
-def as_hung(
-    outfit: Mapping[str, FittedGarment], hung: Mapping[str, HungSheet]
-) -> dict[str, FittedGarment]:
-    """Garments as they hang; those that do not, as they are."""
-    return {
-        name: garment._replace(sheet=hung[name].rest, posed=hung[name].posed)
-        if name in hung
-        else garment
-        for name, garment in outfit.items()
-    }
-
-
-def _posed(person: Person, models: Mapping[str, "SmplicitModel"]) -> PosedBody:
+def posed_person(person: Person, models: Mapping[str, "SmplicitModel"]) -> PosedBody:
+    """The body of a person in a picture, at rest and posed."""
     body = next(iter(models.values())).bodies[person.gender]
     return pose_body(body, person.shape, person.pose, person.trans)
 
 
-def _seek(
+def seek(
     picture: Picture, index: int, name: str, model: "SmplicitModel", body: PosedBody
 ) -> Sought:
     """A class of garments on the picture's person of that number."""
@@ -431,6 +282,38 @@ def dress(
     }
     worn = wear(sheets, body, wearing)
     return {name: FittedGarment(z, sheets[name], worn[name]) for name, (_, z) in codes.items()}
+
+
+def dress_nearest(
+    sought: Mapping[str, Sought],
+    wearer: Wearer,
+    settings: FitImage,
+    meshing: "Meshing",
+    seed: int,
+) -> dict[str, FittedGarment]:
+    """Of each garment in a picture the training code with the least loss, worn in layers.
+
+    Args:
+        sought: class -> what it is found in, from the innermost to the outermost.
+        wearer: of all of them.
+        settings, meshing, seed: as of `fit_picture`.
+    """
+    codes = {}
+    for name, (model, every, view, label) in sought.items():
+        (seen,), (places,) = look_at_garments(model, [view], [wearer], [label], settings, seed)
+        rng = rng_for(seed, "nearest", label)
+        ranked = rank_codes(model.network, seen, places, every, settings, rng)
+        codes[name] = model, every[ranked[0]]
+    body = next(iter(sought.values())).view.body
+    return dress(body, wearer, codes, settings.wearing, meshing)
+
+
+def seen_parts(body: PosedBody, garments: Sequence[Mesh], camera: Camera) -> np.ndarray:
+    """(H, W) what a camera sees of a dressed body: 0 nothing, 1 skin, 2 and so on a garment."""
+    meshes = [(body.posed, body.faces), *((m.vertices, m.faces) for m in garments)]
+    numbers = [number for number, (_, faces) in enumerate(meshes, 1) if len(faces)]
+    cast = [(v, f, np.zeros_like(v)) for v, f in meshes if len(f)]
+    return np.array([0, *numbers])[cast_rays(cast, camera).segments]
 
 
 def write_fitted(
@@ -483,7 +366,7 @@ def shown_picture(
     """
     shown = []
     for person, outfit in zip(picture.people, people, strict=True):
-        body = _posed(person, models)
+        body = posed_person(person, models)
         garments = {GARMENT_CLASSES[name].garment: found.posed for name, found in outfit.items()}
         shown.append(shown_person(person, body, garments, {}))
     return FittedPicture(picture.name, shown_labels(picture.classes), picture.photo, tuple(shown))

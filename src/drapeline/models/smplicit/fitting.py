@@ -23,15 +23,14 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
-    Hang,
     Sought,
     View,
     Wearer,
     dress,
     fit_codes_to_views,
-    hang_person,
 )
 from drapeline.models.smplicit.fit_scans import FitScan
+from drapeline.models.smplicit.hanging import Hang, hang_person
 from drapeline.models.smplicit.model import Meshing, SmplicitModel, check_gender, finite
 from drapeline.models.smplicit.own_scans import find_garments
 from drapeline.models.smplicit.pictures import Person, class_of_garment

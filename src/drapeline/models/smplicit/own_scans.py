@@ -18,13 +18,11 @@ from drapeline.metrics.fitted_scans import BODY, Fits
 from drapeline.metrics.garment import distances_mm
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
-    Hang,
     Wearer,
-    as_hung,
     dress,
-    same_kinds,
 )
 from drapeline.models.smplicit.fit_scans import FitScan, FittedScan, fit_scan, fit_to_cloth
+from drapeline.models.smplicit.hanging import Hang, as_hung, same_kinds
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import HungSheet, Wearing

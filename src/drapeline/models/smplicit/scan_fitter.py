@@ -6,8 +6,8 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.fit_pictures import Hang, as_hung
 from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
+from drapeline.models.smplicit.hanging import Hang, as_hung
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.own_scans import (
     dress_scan,

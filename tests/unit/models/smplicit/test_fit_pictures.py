@@ -3,43 +3,33 @@ import copy
 import numpy as np
 import pytest
 
+from drapeline.bodies.follow import PosedBody
 from drapeline.errors import InputError
-from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit import fit_pictures
 from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.fit_pictures import codes_of_class, fit_picture, hang_picture
+from drapeline.models.smplicit.fit_pictures import (
+    Wearer,
+    codes_of_class,
+    dress_nearest,
+    fit_picture,
+    posed_person,
+    seek,
+    seen_parts,
+)
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from drapeline.models.smplicit.pictures import CLASSES, Person, Picture
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.outfits.worn import HungSheet
 from gallery_toys import TubeField
-from smplicit_toys import toy_camera
+from smplicit_toys import PICTURE_PX, street, toy_camera
 
 QUICK = FitImage(points=4000, rays=40, starts=3, rounds=2, steps=2)
 
 
 MESHING = Meshing(0.04, 0.028)
-
-
-def street(skirt, *outfits):
-    """A picture of people, each in some classes of garments."""
-    everywhere = np.ones_like(skirt)
-    people = tuple(
-        Person(
-            "male",
-            np.zeros(10),
-            REST_POSE.copy(),
-            np.zeros(3),
-            toy_camera(),
-            everywhere,
-            ~everywhere,
-            garments,
-        )
-        for garments in outfits
-    )
-    classes = np.where(skirt, CLASSES.index("skirt"), 0).astype(np.uint8)
-    return Picture("street", classes, None, people)
+# Upright, across the camera's way.
+SQUARE = Mesh(
+    np.float32([[-0.8, 0, -0.8], [0.8, 0, -0.8], [0.8, 0, 0.8], [-0.8, 0, 0.8]]),
+    np.int32([[0, 1, 2], [0, 2, 3]]),
+)
 
 
 @pytest.mark.portable
@@ -75,71 +65,23 @@ def test_missing_models_are_named(fitting_model, skirt):
         fit_picture(street(skirt, ("upper",)), {"skirt": fitting_model}, QUICK, MESHING, 0)
 
 
-class Lift:
-    """Hangs sheets 10 cm above where they are at rest, a number of times."""
-
-    def __init__(self, times):
-        self.times, self.ups = times, []
-
-    def __call__(self, sheets, body, gender, shape, pose, trans, up):
-        self.ups.append(up)
-        if len(self.ups) > self.times:
-            return {}
-        lifted = np.array([0, 0, 0.1], np.float32)
-        return {
-            name: HungSheet(sheet, Mesh(sheet.vertices + lifted, sheet.faces))
-            for name, sheet in sheets.items()
-        }
-
-
 @pytest.mark.portable
-@pytest.mark.parametrize("times", [0, 1, 2])
-def test_garments_hang_and_are_fitted_anew(fitting_model, skirt, monkeypatch, times):
+def test_the_nearest_garment_is_a_training_garment(fitting_model, skirt, monkeypatch):
     monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
-    fitted, bodies = fit_pictures.fit_codes_to_views, []
-
-    def watched(model, codes, views, *others):
-        bodies.extend(len(view.body.rest) for view in views)
-        return fitted(model, codes, views, *others)
-
-    monkeypatch.setattr(fit_pictures, "fit_codes_to_views", watched)
-    how = {"skirt": fitting_model}, QUICK, MESHING, 0
-    picture, hang = street(skirt, ("skirt",)), Lift(times)
-    people = fit_picture(picture, *how)
-    (hung,) = hang_picture(picture, people, *how, hang)
-    before, after = people[0]["skirt"], hung["skirt"]
-    # The camera's picture is upright.
-    np.testing.assert_allclose(hang.ups[0], -toy_camera().axes[1])
-    assert len(hang.ups) == min(times + 1, 2)
-    if times == 0:
-        assert after is before
-        assert len(bodies) == 1
-        return
-    assert bodies == [bodies[0], bodies[0] + len(before.sheet.vertices)]
-    rise = after.posed.vertices - after.sheet.vertices
-    assert rise == pytest.approx(np.tile([0, 0, 0.1], (len(rise), 1)), abs=1e-6)
-    assert (after.z == before.z).all() == (times == 1)
-
-
-def test_a_person_without_garments_stays_without(fitting_model, skirt):
-    how, hang = ({"skirt": fitting_model}, QUICK, MESHING, 0), Lift(1)
-    picture = street(skirt, ())
-    people = fit_picture(picture, *how)
-    assert hang_picture(picture, people, *how, hang) == people == [{}]
-    assert not hang.ups
-
-
-@pytest.mark.portable
-def test_a_code_of_another_kind_of_garment_is_not_taken(fitting_model, skirt, monkeypatch):
-    how = {"skirt": fitting_model}, QUICK, MESHING, 0
     picture = street(skirt, ("skirt",))
-    monkeypatch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
-    people = fit_picture(picture, *how)
-    whole = people[0]["skirt"].sheet
-    torn = Mesh(whole.vertices, whole.faces[len(whole.faces) // 2 + 40 :])
-    people[0]["skirt"] = people[0]["skirt"]._replace(sheet=torn)
-    hang = Lift(2)
-    (hung,) = hang_picture(picture, people, *how, hang)
-    assert len(hang.ups) == 1  # there is nothing else to hang
-    assert (hung["skirt"].z == people[0]["skirt"].z).all()
-    assert len(hung["skirt"].sheet.faces) == len(torn.faces)
+    body = posed_person(picture.people[0], {"skirt": fitting_model})
+    sought = {"skirt": seek(picture, 0, "skirt", fitting_model, body)}
+    found = dress_nearest(sought, Wearer("male", np.zeros(10)), QUICK, MESHING, 0)
+    assert (found["skirt"].z == fitting_model.codes.z).all(axis=1).any()
+    assert len(found["skirt"].posed.faces)
+
+
+def test_parts_keep_their_numbers_though_nothing_is_left_of_one():
+    body = PosedBody(*[SQUARE.vertices] * 2, np.zeros((4, 3, 3)), SQUARE.faces)
+    before = Mesh(SQUARE.vertices / 2 - np.float32([0, 0.1, 0]), SQUARE.faces)
+    gone = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    parts = seen_parts(body, [gone, before], toy_camera())
+    middle = PICTURE_PX // 2
+    assert parts[middle, middle] == 3
+    assert parts[middle, middle + 45] == 1
+    assert parts[0, 0] == 0
