@@ -18,6 +18,8 @@ _DIAGONAL_SHARE = 0.5
 _BENDING_DAMPING_S = 0.02
 _SHORT_M = 1e-4
 _SHORTEST_M = wp.constant(1.0e-7)
+_SMALLEST_M2 = wp.constant(1.0e-12)
+_PARALLEL = 0.01  # squared sine of the angle between ways that tell no plane
 _STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
 
 
@@ -40,12 +42,16 @@ class Springs:
 
 @dataclass(frozen=True)
 class Hinges:
-    """Hinges: weighted sums of vertices, as long as the cloth is bent.
+    """Hinges: weighted sums of vertices, which are as far along the normal as the cloth is bent.
+
+    The normal of a hinge is that of the way from its first vertex to its second, and of that from
+    its third to its fourth.
 
     Attributes:
-        vertices: (H, 4) int, numbers of vertices; the fourth of a hinge of three is its first.
+        vertices: (H, 4) int, numbers of vertices.
         weights: (H, 4), sums of zero.
-        lengths_m: (H,) of the weighted sums at rest.
+        lengths_m: (H,) of the weighted sums along the normals, at rest; less than 0 where the cloth
+            is bent against them.
         stiffness_n_m: (H,) force per length.
         damping_kg_s: (H,) force per rate.
     """
@@ -105,10 +111,10 @@ def triangle_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def make_hinges(vertices: np.ndarray, faces: np.ndarray, fabric: Fabric) -> Hinges:
     """Hinges along the threads of quads, or over the edges of triangles.
 
-    On quads a hinge is the second difference of three vertices in a row; on triangles the
-    Laplacian of the two faces at an edge (Bergou et al. 2006, "A quadratic bending model"), with a
-    third of their weight: a sheet that is rolled up bends at one or two of the three edges of each
-    triangle only (Seung and Nelson 1988).
+    On quads a hinge is the second difference of three vertices in a row, over the area around the
+    middle one; on triangles the Laplacian of the two faces at an edge (Bergou et al. 2006, "A
+    quadratic bending model"), with a third of their weight: a sheet that is rolled up bends at one
+    or two of the three edges of each triangle only (Seung and Nelson 1988).
 
     Args:
         vertices: (V, 3) metres, at rest.
@@ -118,27 +124,63 @@ def make_hinges(vertices: np.ndarray, faces: np.ndarray, fabric: Fabric) -> Hing
         corners, weights, scale = _thread_hinges(vertices, faces)
     else:
         corners, weights, scale = _edge_hinges(vertices, faces)
-    lengths = np.linalg.norm(np.einsum("hk,hki->hi", weights, vertices[corners]), axis=1)
+    bent = np.einsum("hk,hki->hi", weights, vertices[corners])
+    lengths = (bent * _hinge_normals(vertices, corners)).sum(axis=1)
     bending = fabric.bending_n_m * scale
     return Hinges(corners, weights, lengths, bending, _BENDING_DAMPING_S * bending)
+
+
+def _hinge_normals(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Unit normals (H, 3) of hinges; zero where there is none."""
+    a, b, c, d = (vertices[corners[:, k]] for k in range(4))
+    normals = np.cross(b - a, d - c)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SHORT_M**2)
 
 
 def _thread_hinges(
     vertices: np.ndarray, quads: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Hinges of three vertices in a row: corners (H, 4), weights (H, 4), 1 / length^2 (H,)."""
-    first, middle, last = _rows_of_three(vertices, quads).T
-    before = _lengths(vertices[first] - vertices[middle])
-    after = _lengths(vertices[last] - vertices[middle])
+    """Hinges of three vertices in a row, and one beside the middle: first, last, middle, beside.
+
+    Returns:
+        Corners (H, 4), weights (H, 4), area / length^4 (H,). Rows may turn within the cloth; what
+        the second difference has of that is taken back by the weights.
+    """
+    first, middle, last, beside = _rows_of_three(vertices, quads).T
+    ways = [vertices[end] - vertices[middle] for end in (first, last, beside)]
+    before, after = (_lengths(way) for way in ways[:2])
     length = (before + after) / 2
-    ahead, behind = length / before, length / after
-    corners = np.stack([first, middle, last, first], axis=1)
-    weights = np.stack([ahead, -(ahead + behind), behind, np.zeros(len(first))], axis=1)
-    return corners, weights, 1 / length**2
+    corners = np.stack([first, last, middle, beside], axis=1)
+    normals = _hinge_normals(vertices, corners)
+    to_first, to_last, aside = (w - (w * normals).sum(1)[:, None] * normals for w in ways)
+    to_first, to_last = to_first / before[:, None], to_last / after[:, None]
+    share, off = _solve_pairs((to_last - to_first) / 2, aside / length[:, None], to_first + to_last)
+    ahead, behind = length * (1 + share / 2) / before, length * (1 - share / 2) / after
+    weights = np.stack([ahead, behind, off - ahead - behind, -off], axis=1)
+    corner_area = np.repeat(face_areas(vertices, quads) / 4, 4)
+    area = np.bincount(quads.ravel(), corner_area, minlength=len(vertices))
+    return corners, weights, area[middle] / length**4
+
+
+def _solve_pairs(
+    one: np.ndarray, two: np.ndarray, sums: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers a and b (N,) of which a one + b two are next to `sums`; all of these are (N, 3)."""
+    squares = (one**2).sum(1), (one * two).sum(1), (two**2).sum(1)
+    right = (one * sums).sum(1), (two * sums).sum(1)
+    determinant = squares[0] * squares[2] - squares[1] ** 2
+    apart = determinant > _PARALLEL * squares[0] * squares[2]
+    determinant = np.where(apart, determinant, 1)
+    a = (squares[2] * right[0] - squares[1] * right[1]) / determinant
+    b = (squares[0] * right[1] - squares[1] * right[0]) / determinant
+    return np.where(apart, a, 0), np.where(apart, b, 0)
 
 
 def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """Vertices (R, 3) that follow one another: neighbours of the middle one that share no face."""
+    """Vertices (R, 4): neighbours of the second that share no face, and one in a face with it.
+
+    The first three follow one another; the fourth is beside the first two.
+    """
     pairs = edges(quads).astype(np.int64)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     both = both[np.lexsort((both[:, 1], both[:, 0]))]
@@ -160,7 +202,14 @@ def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     one = vertices[row[:, 0]] - vertices[row[:, 1]]
     two = vertices[row[:, 2]] - vertices[row[:, 1]]
     cosine = (one * two).sum(1) / (_lengths(one) * _lengths(two))
-    return row[cosine < _STRAIGHT]
+    row = row[cosine < _STRAIGHT]
+    # A face's corner at the middle has the first before it or after it; the other is beside.
+    middle, ends = quads.ravel().astype(np.int64), (before, after)
+    keys = np.concatenate([middle * size + end for end in ends])
+    others = np.concatenate(ends[::-1])
+    order = np.argsort(keys, kind="stable")
+    place = np.searchsorted(keys[order], row[:, 1] * size + row[:, 0])
+    return np.column_stack([row, others[order][place]])
 
 
 def _edge_hinges(
@@ -239,6 +288,20 @@ def _weighted_sum(
 
 
 @wp.func
+def _normal(values: wp.array(dtype=wp.vec3), corners: wp.array2d(dtype=Any), row: int, like: Any):
+    # Of the hinge in each lane, by axis; 0 where there is none.
+    a, b, c = _difference(values, corners[row, 1], corners[row, 0], like)
+    d, e, f = _difference(values, corners[row, 3], corners[row, 2], like)
+    x = wp.cw_mul(b, f) - wp.cw_mul(c, e)
+    y = wp.cw_mul(c, d) - wp.cw_mul(a, f)
+    z = wp.cw_mul(a, e) - wp.cw_mul(b, d)
+    square = dot_lanes(x, y, z, x, y, z)
+    for k in range(len(square)):
+        square[k] = 1.0 / (wp.sqrt(square[k]) + _SMALLEST_M2)
+    return wp.cw_mul(x, square), wp.cw_mul(y, square), wp.cw_mul(z, square)
+
+
+@wp.func
 def _length(square: Any):
     length = type(square)()
     for k in range(len(square)):
@@ -298,31 +361,32 @@ def turn_hinges(
     numbers: wp.array2d(dtype=Any),  # as of springs
     inverse_mass: wp.array(dtype=float),
     first: int,  # row
-    before: wp.array(dtype=wp.vec3),
+    turned: wp.array(dtype=Any),  # how far hinges were bent when they had last been turned
     place: wp.array(dtype=wp.vec3),
 ):
     """Turn hinges towards their angles at rest."""
     row = first + wp.tid()
     x, y, z = _weighted_sum(place, corners, weights, row)
-    u, v, w = _weighted_sum(before, corners, weights, row)
-    square = dot_lanes(x, y, z, x, y, z)
-    length = _length(square)
-    rate = wp.cw_div(square - dot_lanes(x, y, z, u, v, w), length)
-    push = numbers[row, 0] - length - wp.cw_mul(numbers[row, 2], rate)
-    push = wp.cw_div(wp.cw_mul(push, numbers[row, 3]), length)
-    x = wp.cw_mul(x, push)
-    y = wp.cw_mul(y, push)
-    z = wp.cw_mul(z, push)
+    a, b, c = _normal(place, corners, row, numbers[row, 0])
+    bent = dot_lanes(a, b, c, x, y, z)
+    push = numbers[row, 0] - bent - wp.cw_mul(numbers[row, 2], bent - turned[row])
+    push = wp.cw_mul(push, numbers[row, 3])
+    x = wp.cw_mul(a, push)
+    y = wp.cw_mul(b, push)
+    z = wp.cw_mul(c, push)
     for corner in range(4):
         which = corners[row, corner]
         weight = weights[row, corner]
         for k in range(len(push)):
             i = which[k] & NOT_NEGATIVE
-            place[i] = place[i] + wp.vec3(x[k], y[k], z[k]) * (weight[k] * inverse_mass[i])
+            way = push[k] * weight[k] * inverse_mass[i]
+            bent[k] = bent[k] + way * weight[k]
+            place[i] = place[i] + wp.vec3(a[k], b[k], c[k]) * way
+    turned[row] = bent
 
 
 overload_lanes(pull_springs, numbers=["numbers", "pull"], indices=["ends"])
-overload_lanes(turn_hinges, numbers=["weights", "numbers"], indices=["corners"])
+overload_lanes(turn_hinges, numbers=["weights", "numbers", "turned"], indices=["corners"])
 
 
 @wp.kernel

@@ -17,7 +17,7 @@ from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
 from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
 from drapeline.xpbd.floor_contact import touch_floor
-from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes
+from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes, repeat_first
 from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
 from drapeline.xpbd.moves import make_all_moves, make_moves
@@ -47,7 +47,6 @@ class Numbers:
         cover_gap_m: how far above it that cloth is held.
         sweeps: of the springs in a small step; in each, what share they go of the way to where
             they are content. The last goes beyond, for what the others take back.
-        hinge_every: small steps between solutions of hinges, which are softer than springs.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
@@ -73,7 +72,6 @@ class Numbers:
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002
     sweeps: tuple[float, ...] = (1.0, 1.4)
-    hinge_every: int = 4
     friction: float = 0.4
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -165,7 +163,7 @@ class MovingCloth:
         masses = system.inverse_masses[springs.pairs].sum(axis=1)
         pulling = [
             _lanes(springs.pairs, system.spring_lanes, index),
-            self._responses(springs, masses, system.spring_lanes, 1),
+            self._responses(springs, masses, system.spring_lanes),
             mass,
         ]
         pulls = wp.zeros(len(system.spring_lanes), dtype=number)
@@ -173,9 +171,11 @@ class MovingCloth:
         turning = [
             _lanes(hinges.vertices, system.hinge_lanes, index),
             _lanes(hinges.weights, system.hinge_lanes, number),
-            self._responses(hinges, masses, system.hinge_lanes, numbers.hinge_every),
+            self._responses(hinges, masses, system.hinge_lanes),
             mass,
         ]
+        bent = hinges.lengths_m[repeat_first(system.hinge_lanes)].astype(np.float32)
+        turned = wp.array(bent, dtype=number)
         moves = []
         if self._together:
             moves = [record(make_all_moves, len(self._place), [self._moves], state)]
@@ -200,12 +200,10 @@ class MovingCloth:
                 for sweep, share in enumerate(numbers.sweeps)
                 for first, count in self._at_once(system.spring_rows)
             ),
-        ]
-        hinges_turn = [
-            record(turn_hinges, count, [*turning, first], state)
-            for first, count in self._at_once(system.hinge_rows)
-        ]
-        ends = [
+            *(
+                record(turn_hinges, count, [*turning, first], [turned, self._place])
+                for first, count in self._at_once(system.hinge_rows)
+            ),
             *(launch for contact in self._contacts for launch in (contact, *moves)),
             record(
                 touch_floor,
@@ -224,12 +222,7 @@ class MovingCloth:
             ),
             record(take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]),
         ]
-        return [
-            (launch, every)
-            for part, every in ((launches, 1), (hinges_turn, numbers.hinge_every), (ends, 1))
-            for launch in part
-            if launch is not None
-        ]
+        return [launch for launch in launches if launch is not None]
 
     def _at_once(self, rows: np.ndarray) -> list[tuple[int, int]]:
         """First rows, and how many, of the constraints that a launch solves: a colour, or all."""
@@ -283,19 +276,18 @@ class MovingCloth:
         ]
 
     def _responses(
-        self, constraints: Springs | Hinges, masses: np.ndarray, lanes: np.ndarray, every: int
+        self, constraints: Springs | Hinges, masses: np.ndarray, lanes: np.ndarray
     ) -> wp.array:
-        """Numbers that springs and hinges are solved with, by lane, every so many small steps.
+        """Numbers that springs and hinges are solved with, by lane.
 
         Args:
             constraints: C springs or hinges.
             masses: (C,) sums of inverse masses that they act on.
             lanes: (R, width), see `fill_lanes`.
-            every: small steps from one solution to the next.
         """
         compliance = 1 / constraints.stiffness_n_m
         damping = compliance * constraints.damping_kg_s / self._step_s
-        compliance = compliance / (every * self._step_s**2)
+        compliance = compliance / self._step_s**2
         ease = 1 / ((1 + damping) * masses + compliance)
         rows = lay_in_lanes(
             np.stack([constraints.lengths_m, compliance, damping, ease], axis=1), lanes
@@ -337,9 +329,8 @@ class MovingCloth:
             if step % every == 0:
                 for contact in self._contacts:
                     contact.find()
-            for launch, steps in self._commands:
-                if step % steps == 0:
-                    launch.launch()
+            for launch in self._commands:
+                launch.launch()
 
     def _search_every(self, limb_way_m: float) -> int:
         """Small steps between two searches.

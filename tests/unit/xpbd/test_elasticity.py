@@ -6,7 +6,7 @@ import pytest
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd.elasticity import face_areas, make_hinges, make_springs
-from sheet_toys import sheet
+from sheet_toys import Held, far_away, sheet, still
 
 COTTON = FABRICS["cotton"]
 COLUMNS = 5
@@ -40,24 +40,85 @@ def test_areas_of_quads_and_triangles():
     assert face_areas(points, triangulate(piece.faces)) == pytest.approx(np.full(12, 2e-4))
 
 
+def bent_along(vertices, hinges):
+    """Weighted sums (H, 3) of the vertices at hinges, and the hinges' unit normals (H, 3)."""
+    sums = np.einsum("hk,hki->hi", hinges.weights, vertices[hinges.vertices])
+    first, second, third, fourth = (vertices[hinges.vertices[:, k]] for k in range(4))
+    normals = np.cross(second - first, fourth - third)
+    return sums, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
 def bending_energy(vertices, hinges):
-    bend = np.einsum("hk,hki->hi", hinges.weights, vertices[hinges.vertices])
-    excess = np.linalg.norm(bend, axis=1) - hinges.lengths_m
+    sums, normals = bent_along(vertices, hinges)
+    excess = (sums * normals).sum(axis=1) - hinges.lengths_m
     return (0.5 * hinges.stiffness_n_m * excess**2).sum()
 
 
-@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
-def test_a_rolled_sheet_has_the_energy_of_its_curvature(faces_of):
-    """Half of the bending stiffness times curvature squared, over the area."""
-    piece = sheet(0.0, rows=21, edge_m=0.01)
-    flat = piece.vertices.astype(float)
-    hinges = make_hinges(flat, faces_of(piece.faces), COTTON)
-    radius = 0.3
+def roll(flat, radius):
+    """A level sheet rolled about the Y axis: upwards, or downwards if the radius is less than 0."""
     angle = flat[:, 0] / radius
-    rolled = np.stack([radius * np.sin(angle), flat[:, 1], radius * np.cos(angle)], axis=1)
+    return np.stack([radius * np.sin(angle), flat[:, 1], radius * (1 - np.cos(angle))], axis=1)
+
+
+@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
+def test_a_rolled_sheet_has_the_energy_of_its_curvature(faces_of, aspect):
+    """Half of the bending stiffness times curvature squared, over the area."""
+    piece = sheet(0.0, rows=41, columns=round(1 + 20 / aspect), edge_m=0.01)
+    flat = piece.vertices * [1, aspect, 1]
+    hinges = make_hinges(flat, faces_of(piece.faces), COTTON)
     assert bending_energy(flat, hinges) == pytest.approx(0, abs=1e-15)
-    expected = 0.5 * COTTON.bending_n_m / radius**2 * 0.2**2
-    assert bending_energy(rolled, hinges) == pytest.approx(expected, rel=0.15)
+    expected = 0.5 * COTTON.bending_n_m / 0.6**2 * 0.4 * 0.2
+    assert bending_energy(roll(flat, 0.6), hinges) == pytest.approx(expected, rel=0.12)
+    assert bending_energy(roll(flat, -0.6), hinges) == pytest.approx(expected, rel=0.12)
+
+
+@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
+def test_a_sheet_that_is_made_curved_resists_being_bent_to_the_other_side(faces_of):
+    piece = sheet(0.0, rows=21, edge_m=0.01)
+    made = roll(piece.vertices.astype(float), 0.3)
+    hinges = make_hinges(made, faces_of(piece.faces), COTTON)
+    expected = 0.5 * COTTON.bending_n_m * (2 / 0.3) ** 2 * 0.2**2
+    assert bending_energy(made, hinges) == pytest.approx(0, abs=1e-15)
+    assert bending_energy(made * [1, 1, -1], hinges) == pytest.approx(expected, rel=0.15)
+
+
+@pytest.mark.parametrize("faces_of", [lambda faces: faces, triangulate])
+def test_hinges_push_along_their_normals_where_rows_turn_within_the_cloth(faces_of):
+    """What does not push along the line of the weighted sum turns the cloth as a whole."""
+    piece = sheet(0.0, rows=11, edge_m=0.02)
+    x, y = piece.vertices[:, :2].astype(float).T
+    angle, radius = x / 0.2, 0.3 + y
+    fan = np.stack([radius * np.sin(angle), radius * np.cos(angle), 3 * x * x + y * y], axis=1)
+    sums, normals = bent_along(fan, make_hinges(fan, faces_of(piece.faces), COTTON))
+    aside = np.linalg.norm(np.cross(sums, normals), axis=1)
+    assert aside.max() < 0.02 * np.linalg.norm(sums, axis=1).mean()
+
+
+@pytest.mark.parametrize("share", [0.2, 1.5])
+def test_a_strip_that_is_made_curved_upwards_sags_as_a_beam_does(run, share):
+    """Of what makes it straight at its clamp, its own weight is a share there.
+
+    Linear beam theory, for the hinges at the rows: the curvature is that at rest, less the moment
+    over the bending stiffness.
+    """
+    length_m, curvature, rows = 0.12, 4.0, 7
+    edge_m = length_m / (rows - 1)
+    weight = COTTON.density_kg_m2 * 9.81
+    stiff = weight * length_m**2 / 2 / curvature / share
+    fabric = replace(COTTON, bending_n_m=stiff, stretch_n_per_m=1000, drag_kg_m2_s=3)
+    held = np.zeros((rows + 1, COLUMNS), dtype=np.float32)
+    held[:2] = 1  # the clamp is at the second row, where the strip is level
+    piece = sheet(0.0, rows + 1, COLUMNS, edge_m)
+    made = roll(piece.vertices - piece.vertices[COLUMNS], 1 / curvature).astype(np.float32)
+    made[:COLUMNS, 2] = 0
+    pins = Held(held.ravel(), made, still)
+    piece = replace(piece, vertices=made, fabric=fabric, pins=pins)
+    (moved,) = run([piece], 60, steps=40, path=far_away)
+    arms = np.arange(1, rows) / (rows - 1)
+    sag_m = share * curvature * length_m**2 * (arms**3).mean()
+    tip = moved[:, -COLUMNS:, 2].mean(axis=1)
+    assert tip[0] - tip[-1] == pytest.approx(sag_m, abs=0.002)
 
 
 def test_hinges_leave_alone_what_moves_as_a_whole():
