@@ -68,7 +68,7 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
     rows = read_metrics(tmp_path / "metrics.tsv")
     assert {row.variant for row in rows} == {
         *(f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")),
-        *(f"smplicit_scan_{name}" for name in ("nearest_hung", "hung") if frames),
+        *(f"smplicit_scan_{name}" for name in ("nearest_hung", "hung", "hung_moved") if frames),
         *(f"scan_body_{name}" for name in ("estimated", "fitted", "joint")),
     }
     (shown,) = load_fitted_scans(tmp_path / "shown.npz").values()
@@ -78,11 +78,12 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
             shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("nearest", "nearest_hung")
         )
         assert len(hung.vertices) < 0.8 * len(nearest.vertices)
-    for name in ("joint", "moved", *(["hung"] if frames else [])):
+    for name in ("joint", "moved", *(["hung", "hung_moved"] if frames else [])):
         assert set(shown[f"smplicit_scan_{name}"]) == {"Skirt", BODY}
-    skinned, moved = (shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("joint", "moved"))
-    # The cloth that hangs is coarser.
-    assert (len(moved.vertices) < 0.8 * len(skinned.vertices)) == bool(frames)
+    for before, after in (("joint", "moved"), *([("hung", "hung_moved")] if frames else [])):
+        still, moved = (shown[f"smplicit_scan_{name}"]["Skirt"] for name in (before, after))
+        assert still.vertices.shape == moved.vertices.shape
+        assert not np.allclose(still.vertices, moved.vertices, atol=1e-4)
     assert {TRUE, BODY} <= set(shown)
     run_rule("tabulate_scans", input=[tmp_path / "metrics.tsv"], output=[tmp_path / "page.html"])
     assert "SMPLicit: fitted code" in (tmp_path / "page.html").read_text()

@@ -73,10 +73,13 @@ def find_garments(
     """
     model = next(iter(models.values())).bodies[scan.gender]
     body = fit_scan_body(scan, model, body_fit, seed)
-    found = fit_scan(scan, models, body, body_fit, settings, seed).joint
+    fits = fit_scan(scan, models, body, body_fit, settings, seed)
+    found = fits.joint
     posed, garments = dress_scan(scan, models, found.codes, found.body, meshing)
     if hang:
-        garments = hang_scan(scan, models, found, garments, settings, meshing, seed, hang)
+        _, nearest = dress_scan(scan, models, fits.nearest.codes, found.body, meshing)
+        how = settings, meshing, seed, hang
+        garments = hang_scan(scan, models, found, garments, nearest, *how)
     skin = Mesh(posed.posed.astype(np.float32), posed.faces)
     return DressedScan(found.body, skin, garments, move_garments(scan, garments, posed))
 
@@ -119,6 +122,7 @@ def hang_scan(
     models: Mapping[str, SmplicitModel],
     found: FittedScan,
     garments: Mapping[str, FittedGarment],
+    nearest: Mapping[str, FittedGarment],
     settings: FitScan,
     meshing: Meshing,
     seed: int,
@@ -127,20 +131,23 @@ def hang_scan(
     """The garments of a scan as they hang on its body, with codes fitted to that.
 
     As in pictures, see `hang_picture`: they hang, codes are fitted to points that follow them, and
-    their sheets hang once more. What cannot be hung stays as it is.
+    their sheets hang once more. What cannot be hung stays as it is. A sheet that has other
+    pieces or openings than the training code's gives way to that.
 
     Args:
         scan, models, settings, meshing, seed: as of `find_garments`.
         found: codes and body.
         garments: of these codes, as `dress_scan` made them.
+        nearest: the same of the training codes that fit best.
         hang: hangs sheets.
     """
+    garments = same_kinds(garments, nearest)
     hung = hang_garments(scan, models, garments, found.body, hang)
     if not hung:
-        return dict(garments)
+        return garments
     codes = fit_to_cloth(scan, models, found, hung, settings, seed)
     _, again = dress_scan(scan, models, codes, found.body, meshing)
-    again = same_kinds(again, garments)
+    again = same_kinds(again, nearest)
     once_more = hang_garments(scan, models, again, found.body, hang)
     return as_hung(again, once_more) if once_more else as_hung(garments, hung)
 

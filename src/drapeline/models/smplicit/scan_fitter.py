@@ -20,10 +20,12 @@ from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 START, NEAREST, CODE, JOINT, MOVED = (
     f"smplicit_scan_{name}" for name in ("start", "nearest", "code", "joint", "moved")
 )
-NEAREST_HUNG, HUNG = (f"smplicit_scan_{name}" for name in ("nearest_hung", "hung"))
+NEAREST_HUNG, HUNG, HUNG_MOVED = (
+    f"smplicit_scan_{name}" for name in ("nearest_hung", "hung", "hung_moved")
+)
 
 
-ON_JOINT_BODY = frozenset([JOINT, HUNG, MOVED])
+ON_JOINT_BODY = frozenset([JOINT, MOVED, HUNG, HUNG_MOVED])
 
 
 class SmplicitScanFitter:
@@ -31,9 +33,9 @@ class SmplicitScanFitter:
 
     The start is the mean code of the garment's type on the body as it was estimated. On the fitted
     body there are the training code that fits best, and the fitted code. Body and codes are then
-    fitted jointly. If there is something to hang them, the garments hang, their codes are fitted to
-    that, see `hang_scan`, and those of the training code that fits best hang as well. In the end
-    sheets are moved to the points.
+    fitted jointly, and sheets are moved to the points. If there is something to hang them, the
+    garments hang, their codes are fitted to that, see `hang_scan`, and sheets are moved from there;
+    those of the training code that fits best hang as well.
 
     Args:
         models: by their names of `FIELD_MODELS`.
@@ -82,15 +84,16 @@ class SmplicitScanFitter:
         }
         wearer, garments = dressed[JOINT]
         outfits = {variant: found_garments for variant, (_, found_garments) in dressed.items()}
+        moved = {MOVED: move_garments(scan, garments, wearer)}
         if self._hang:
             nearest = outfits[NEAREST]
             hung = hang_garments(scan, self._models, nearest, body, self._hang)
             outfits[NEAREST_HUNG] = as_hung(nearest, hung)
             how = self._settings, self._meshing, self._seed, self._hang
-            garments = hang_scan(scan, self._models, found.joint, garments, *how)
-            outfits[HUNG] = garments
+            outfits[HUNG] = hang_scan(scan, self._models, found.joint, garments, nearest, *how)
+            moved[HUNG_MOVED] = move_garments(scan, outfits[HUNG], wearer)
         worn = {
             variant: {name: garment.posed for name, garment in outfit.items()}
             for variant, outfit in outfits.items()
         }
-        return {**worn, MOVED: move_garments(scan, garments, wearer)}
+        return worn | moved

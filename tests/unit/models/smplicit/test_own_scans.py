@@ -39,13 +39,17 @@ class Lift:
 
 @pytest.fixture
 def hang_skirt(monkeypatch):
-    """hang_skirt(hang, sheet) -> the skirt as it hangs, whose code is 1 and becomes 2."""
+    """hang_skirt(hang, sheet, fitted) -> the skirt as it hangs, whose code is 1 and becomes 2.
+
+    The training code that fits best is 0.
+    """
     found = FittedScan({"Skirt": np.array([1.0])}, STATE)
 
-    def run(hang, sheet=SQUARE):
+    def run(hang, sheet=SQUARE, fitted=SQUARE):
         def again(scan, models, given, hung, *how):
             assert (scan, models, given) == (SCAN, MODELS, found)
             assert (hung["Skirt"].posed.vertices == 1).all()
+            assert len(hung["Skirt"].posed.faces) == 2
             return {"Skirt": np.array([2.0])}
 
         def dress(scan, models, codes, body, meshing):
@@ -54,8 +58,9 @@ def hang_skirt(monkeypatch):
 
         monkeypatch.setattr(own_scans, "fit_to_cloth", again)
         monkeypatch.setattr(own_scans, "dress_scan", dress)
-        worn = {"Skirt": garment(1.0)}
-        return hang_scan(SCAN, MODELS, found, worn, FitScan(), None, 0, hang)["Skirt"]
+        worn = {"Skirt": garment(1.0, fitted)}
+        nearest = {"Skirt": garment(0.0)}
+        return hang_scan(SCAN, MODELS, found, worn, nearest, FitScan(), None, 0, hang)["Skirt"]
 
     return run
 
@@ -78,5 +83,7 @@ def test_garments_hang_are_fitted_and_hang_once_more(hang_skirt, times, z, rise)
 
 def test_a_code_of_another_kind_of_garment_is_not_taken(hang_skirt):
     skirt = hang_skirt(Lift(2), TWO_PIECES)
-    assert skirt.z == 1
+    assert skirt.z == 0
     assert (skirt.posed.vertices == 2).all()
+    torn = Mesh(TWO_PIECES.vertices, np.int32([[0, 1, 2], [3, 4, 5], [0, 2, 1]]))
+    assert hang_skirt(Lift(1), fitted=torn).z == 0
