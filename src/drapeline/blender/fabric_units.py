@@ -39,10 +39,10 @@ class ClothParameters:
 def cloth_parameters(fabric: Fabric, edge_length_m: float) -> ClothParameters:
     """Settings under which a mesh moves as the fabric does.
 
-    With edges of length L, mass and drag per vertex grow with L^2, tension with L and the bending
-    terms with 1 / L; damping is per spring. Mass, stretch, damping and drag are then the
-    fabric's at every resolution. Bending is the fabric's at `UNIT_EDGE_M`, and in proportion to L
-    elsewhere, for the arm of a hinge's force is L as well.
+    With edges of length L, mass and drag per vertex grow with L^2, tension with L, bending with
+    1 / L^2, for the arm of a hinge's force is L as well, and its damping with 1 / L; damping of
+    springs is per spring. Mass, stretch, bending, damping and drag are then the fabric's at every
+    resolution.
 
     Args:
         edge_length_m: mean edge length of the mesh.
@@ -55,7 +55,7 @@ def cloth_parameters(fabric: Fabric, edge_length_m: float) -> ClothParameters:
         tension_stiffness=stretch,
         compression_stiffness=stretch,
         shear_stiffness=stretch,
-        bending_stiffness=fabric.bending_n_m / _BENDING_N_M / ratio,
+        bending_stiffness=fabric.bending_n_m / _BENDING_N_M / ratio**2,
         tension_damping=damping,
         compression_damping=damping,
         shear_damping=damping,

@@ -34,7 +34,7 @@ def test_cloth_lies_on_the_floor_and_rises_with_it(run):
 def test_two_layers_keep_their_order(run):
     under, over = sheet(0.115, name="in"), sheet(0.13, name="out")
     inner, outer = run([under, over], 30)
-    assert beneath_share(outer[-1], inner[-1], under.faces) == 0
+    assert beneath_share(outer[-1], inner[-1], under.faces) < 0.05  # a third, if it falls alone
     assert beneath_share(inner[-1], outer[-1], over.faces) > 0.5
     assert np.linalg.norm(outer[-1], axis=1).min() > 0.1 + 1.5 * GAP_M
 
