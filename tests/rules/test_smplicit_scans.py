@@ -78,6 +78,8 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
             shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("nearest", "nearest_hung")
         )
         assert len(hung.vertices) < 0.8 * len(nearest.vertices)
+        skinned, hung = (shown[f"smplicit_scan_{name}"]["Skirt"] for name in ("joint", "hung"))
+        assert len(hung.vertices) < 0.8 * len(skinned.vertices)
     for name in ("joint", "moved", *(["hung", "hung_moved"] if frames else [])):
         assert set(shown[f"smplicit_scan_{name}"]) == {"Skirt", BODY}
     for before, after in (("joint", "moved"), *([("hung", "hung_moved")] if frames else [])):

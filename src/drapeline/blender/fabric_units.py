@@ -39,10 +39,9 @@ class ClothParameters:
 def cloth_parameters(fabric: Fabric, edge_length_m: float) -> ClothParameters:
     """Settings under which a mesh moves as the fabric does.
 
-    With edges of length L, mass and drag per vertex grow with L^2, tension with L, bending with
-    1 / L^2, for the arm of a hinge's force is L as well, and its damping with 1 / L; damping of
-    springs is per spring. Mass, stretch, bending, damping and drag are then the fabric's at every
-    resolution.
+    With edges of length L, mass and drag per vertex grow with L^2, tension with L, and the bending
+    terms with 1 / L^2, for the arm of a hinge's force is L as well as its angle; damping is per
+    spring. Mass, stretch, bending, damping and drag are then the fabric's at every resolution.
 
     Args:
         edge_length_m: mean edge length of the mesh.
@@ -59,6 +58,6 @@ def cloth_parameters(fabric: Fabric, edge_length_m: float) -> ClothParameters:
         tension_damping=damping,
         compression_damping=damping,
         shear_damping=damping,
-        bending_damping=_BENDING_DAMPING / ratio,
+        bending_damping=_BENDING_DAMPING / ratio**2,
         air_damping=fabric.drag_kg_m2_s / _DRAG_KG_M2_S * ratio**2,
     )

@@ -19,7 +19,8 @@ _BENDING_DAMPING_S = 0.02
 _SHORT_M = 1e-4
 _SHORTEST_M = wp.constant(1.0e-7)
 _SMALLEST_M2 = wp.constant(1.0e-12)
-_PARALLEL = 0.01  # squared sine of the angle between ways that tell no plane
+_FLIPPED_M2 = wp.constant(1.0e-6)
+_PARALLEL = 0.01  # below this squared sine of their angle, two directions span no plane
 _STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
 
 
@@ -44,8 +45,8 @@ class Springs:
 class Hinges:
     """Hinges: weighted sums of vertices, which are as far along the normal as the cloth is bent.
 
-    The normal of a hinge is that of the way from its first vertex to its second, and of that from
-    its third to its fourth.
+    The normal is along the cross product of the way from the first vertex to the second and that
+    from the third to the fourth.
 
     Attributes:
         vertices: (H, 4) int, numbers of vertices.
@@ -134,7 +135,7 @@ def _hinge_normals(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Unit normals (H, 3) of hinges; zero where there is none."""
     a, b, c, d = (vertices[corners[:, k]] for k in range(4))
     normals = np.cross(b - a, d - c)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SHORT_M**2)
+    return normals / (np.linalg.norm(normals, axis=1, keepdims=True) + _SMALLEST_M2)
 
 
 def _thread_hinges(
@@ -142,9 +143,11 @@ def _thread_hinges(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Hinges of three vertices in a row, and one beside the middle: first, last, middle, beside.
 
+    Where rows turn within the cloth, the weights take out what the second difference has in its
+    plane.
+
     Returns:
-        Corners (H, 4), weights (H, 4), area / length^4 (H,). Rows may turn within the cloth; what
-        the second difference has of that is taken back by the weights.
+        Corners (H, 4), weights (H, 4), area / length^4 (H,).
     """
     first, middle, last, beside = _rows_of_three(vertices, quads).T
     ways = [vertices[end] - vertices[middle] for end in (first, last, beside)]
@@ -157,15 +160,15 @@ def _thread_hinges(
     share, off = _solve_pairs((to_last - to_first) / 2, aside / length[:, None], to_first + to_last)
     ahead, behind = length * (1 + share / 2) / before, length * (1 - share / 2) / after
     weights = np.stack([ahead, behind, off - ahead - behind, -off], axis=1)
-    corner_area = np.repeat(face_areas(vertices, quads) / 4, 4)
-    area = np.bincount(quads.ravel(), corner_area, minlength=len(vertices))
-    return corners, weights, area[middle] / length**4
+    areas = face_areas(vertices, quads)
+    area = np.bincount(quads.ravel(), np.repeat(areas / 4, 4), minlength=len(vertices))
+    return corners, weights, np.maximum(area[middle], areas.mean() / 100) / length**4
 
 
 def _solve_pairs(
     one: np.ndarray, two: np.ndarray, sums: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers a and b (N,) of which a one + b two are next to `sums`; all of these are (N, 3)."""
+    """Numbers a and b (N,) of which a one + b two is closest to `sums`; all of these are (N, 3)."""
     squares = (one**2).sum(1), (one * two).sum(1), (two**2).sum(1)
     right = (one * sums).sum(1), (two * sums).sum(1)
     determinant = squares[0] * squares[2] - squares[1] ** 2
@@ -177,9 +180,9 @@ def _solve_pairs(
 
 
 def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """Vertices (R, 4): neighbours of the second that share no face, and one in a face with it.
+    """Vertices (R, 4): three in a row, and one beside the middle one.
 
-    The first three follow one another; the fourth is beside the first two.
+    No face has all of the first three; the fourth is in one with the first two.
     """
     pairs = edges(quads).astype(np.int64)
     both = np.concatenate([pairs, pairs[:, ::-1]])
@@ -193,10 +196,9 @@ def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
             start = first_edge[middle]
             rows.append(np.stack([both[start + one, 1], middle, both[start + two, 1]], axis=1))
     row = np.concatenate(rows)
-    before = np.roll(quads, 1, axis=1).ravel().astype(np.int64)
-    after = np.roll(quads, -1, axis=1).ravel().astype(np.int64)
+    before, middle, after = (np.roll(quads, k, axis=1).ravel().astype(np.int64) for k in (1, 0, -1))
     size = len(vertices)
-    corner = (quads.ravel() * size + np.minimum(before, after)) * size + np.maximum(before, after)
+    corner = (middle * size + np.minimum(before, after)) * size + np.maximum(before, after)
     key = (row[:, 1] * size + row[:, 0]) * size + row[:, 2]
     row = row[~np.isin(key, corner)]
     one = vertices[row[:, 0]] - vertices[row[:, 1]]
@@ -204,9 +206,8 @@ def _rows_of_three(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     cosine = (one * two).sum(1) / (_lengths(one) * _lengths(two))
     row = row[cosine < _STRAIGHT]
     # A face's corner at the middle has the first before it or after it; the other is beside.
-    middle, ends = quads.ravel().astype(np.int64), (before, after)
-    keys = np.concatenate([middle * size + end for end in ends])
-    others = np.concatenate(ends[::-1])
+    keys = np.concatenate([middle * size + before, middle * size + after])
+    others = np.concatenate([after, before])
     order = np.argsort(keys, kind="stable")
     place = np.searchsorted(keys[order], row[:, 1] * size + row[:, 0])
     return np.column_stack([row, others[order][place]])
@@ -369,11 +370,14 @@ def turn_hinges(
     x, y, z = _weighted_sum(place, corners, weights, row)
     a, b, c = _normal(place, corners, row, numbers[row, 0])
     bent = dot_lanes(a, b, c, x, y, z)
-    push = numbers[row, 0] - bent - wp.cw_mul(numbers[row, 2], bent - turned[row])
+    last = turned[row]
+    rate = bent - last
+    for k in range(len(rate)):
+        # From far on one side to far on the other: it is folded flat, and its normal has flipped.
+        if bent[k] * last[k] < -_FLIPPED_M2:
+            rate[k] = 0.0
+    push = numbers[row, 0] - bent - wp.cw_mul(numbers[row, 2], rate)
     push = wp.cw_mul(push, numbers[row, 3])
-    x = wp.cw_mul(a, push)
-    y = wp.cw_mul(b, push)
-    z = wp.cw_mul(c, push)
     for corner in range(4):
         which = corners[row, corner]
         weight = weights[row, corner]

@@ -51,7 +51,8 @@ class Numbers:
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
         release_m_s: how fast contacts take away depth that was there before a small step.
-        stick_m_s: slip past the body that friction holds however light the contact is.
+        stick_m_s: how fast cloth may slip past the body and still be held, however light the
+            contact is.
         untangle_m_s: how fast cloth that passes through cloth is moved, at most.
         pin_pull: share of the way to where it is held that a pin goes in a small step.
     """
@@ -153,8 +154,8 @@ class MovingCloth:
         self._contacts = self._record_contacts(triangles, layers, pairs)
         self._commands = self._record()
 
-    def _record(self) -> list[tuple[wp.Launch | BusyLaunch, int]]:
-        """What small steps launch, in order, and every how many of them; nothing for nothing."""
+    def _record(self) -> list[wp.Launch | BusyLaunch]:
+        """What a small step launches, in order."""
         system, numbers, surface = self._system, self._numbers, self._surface
         mass, state = _numbers(system.inverse_masses), [self._before, self._place]
         springs, hinges = system.springs, system.hinges

@@ -28,6 +28,7 @@ def test_the_cloth_is_the_same_at_every_resolution(edge_m):
     assert other.mass / edge_m**2 == pytest.approx(one.mass / 0.01**2)
     assert other.tension_stiffness / edge_m == pytest.approx(one.tension_stiffness / 0.01)
     assert other.bending_stiffness * edge_m**2 == pytest.approx(one.bending_stiffness * 1e-4)
+    assert other.bending_damping * edge_m**2 == pytest.approx(one.bending_damping * 1e-4)
     assert other.air_damping / other.mass == pytest.approx(one.air_damping / one.mass)
 
 

@@ -2,14 +2,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.outfits.fabrics import FABRICS
-from drapeline.xpbd.elasticity import face_areas, make_hinges, make_springs
+from drapeline.xpbd.elasticity import face_areas, make_hinges, make_springs, turn_hinges
+from drapeline.xpbd.lanes import lane_types, lay_in_lanes
 from sheet_toys import Held, far_away, sheet, still
 
 COTTON = FABRICS["cotton"]
 COLUMNS = 5
+EDGE_M = 0.02
+QUADS = sheet(0.0, rows=3, columns=2).faces
 
 
 def springs_of(piece, shrink=0.0):
@@ -152,10 +156,65 @@ def test_a_hanging_strip_stretches_by_the_fabrics_stiffness(run, edge_m, steps, 
 def test_edges_without_length_give_finite_numbers(faces_of):
     piece = sheet(0.0, rows=5)
     points = piece.vertices.astype(float)
-    points[6] = points[7]
+    points[5:10] = points[:5]
+    points[16] = points[17]
     faces = faces_of(piece.faces)
     springs = make_springs(points, faces, COTTON, np.zeros(25))
     hinges = make_hinges(points, faces, COTTON)
-    for numbers in (springs.lengths_m, springs.stiffness_n_m, hinges.weights, hinges.stiffness_n_m):
-        assert np.isfinite(numbers).all()
-    assert (springs.stiffness_n_m > 0).all()
+    for found in (springs, hinges):
+        for numbers in (found.lengths_m, found.stiffness_n_m, found.damping_kg_s):
+            assert np.isfinite(numbers).all()
+        assert (found.stiffness_n_m > 0).all()
+    assert np.isfinite(hinges.weights).all()
+
+
+def turn(place, turned, *, damping):
+    """Two hinges of a sheet of three rows, turned once: vertices and how far they are bent then."""
+    hinges = make_hinges(sheet(0.0, rows=3, columns=2, edge_m=EDGE_M).vertices, QUADS, COTTON)
+    lanes = np.array([[0], [1]], dtype=np.int32)
+    number, index = lane_types(1)
+    ease = 1 / ((1 + damping) * (hinges.weights**2).sum(axis=1) + 100)
+    numbers = np.stack([hinges.lengths_m, np.full(2, 100), np.full(2, damping), ease], axis=1)
+    moved = wp.array(np.float32(place), dtype=wp.vec3)
+    bent = wp.array(np.float32(turned)[:, None], dtype=number)
+    wp.launch(
+        turn_hinges,
+        dim=2,
+        inputs=[
+            wp.array(lay_in_lanes(hinges.vertices.astype(np.int32), lanes), dtype=index),
+            wp.array(lay_in_lanes(hinges.weights, lanes).astype(np.float32), dtype=number),
+            wp.array(lay_in_lanes(numbers, lanes).astype(np.float32), dtype=number),
+            wp.array(np.ones(6, dtype=np.float32), dtype=float),
+            0,
+        ],
+        outputs=[bent, moved],
+    )
+    return moved.numpy() - np.float32(place), bent.numpy().ravel()
+
+
+def folded(degrees):
+    """Three rows of which the outer two are turned up."""
+    angle, side = np.radians(degrees), np.repeat([-1, 0, 1], 2)
+    across = np.tile([-0.5, 0.5], 3)
+    rise = np.abs(side) * np.sin(angle)
+    return EDGE_M * np.stack([side * np.cos(angle), across, rise], axis=1)
+
+
+def test_a_fold_that_goes_beyond_the_flat_one_is_not_thrown_open():
+    """There the normal flips, which is no motion that damping could take away."""
+    _, bent = turn(folded(89), np.zeros(2), damping=0)
+    assert np.abs(bent) == pytest.approx(np.full(2, 2 * EDGE_M), rel=0.1)
+    way, flipped = turn(folded(91), bent, damping=38)
+    assert flipped == pytest.approx(-bent, rel=0.1)
+    free, _ = turn(folded(91), bent, damping=0)
+    assert (way[2:4, 2] > 0).all()  # the middle goes up, the others down: it opens
+    assert (np.abs(way) <= np.abs(free) + 1e-9).all()
+
+
+def test_damping_takes_away_how_far_a_hinge_was_bent_since_it_was_turned():
+    _, bent = turn(folded(10), np.zeros(2), damping=0)
+    bent = np.sign(bent) * 2 * EDGE_M * np.sin(np.radians(10))
+    still, _ = turn(folded(10), bent, damping=38)
+    bending, _ = turn(folded(10), np.zeros(2), damping=38)
+    assert np.abs(still).max() > 3e-5
+    assert bending == pytest.approx(39 * still, rel=0.01, abs=1e-6)

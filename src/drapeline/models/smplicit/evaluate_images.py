@@ -45,6 +45,7 @@ from drapeline.models.smplicit.pictures import (
     Person,
     Picture,
     class_of_garment,
+    mask_iou,
 )
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rule_log import progress
@@ -294,8 +295,7 @@ class PictureEvaluation:
 
 def silhouette_iou(found: np.ndarray, true: np.ndarray, name: str) -> float:
     """Pixels (H, W) of a class in both segmentations, as a share of those in either."""
-    both = (found == CLASSES.index(name)), (true == CLASSES.index(name))
-    return float((both[0] & both[1]).sum() / max((both[0] | both[1]).sum(), 1))
+    return mask_iou(found == CLASSES.index(name), true == CLASSES.index(name))
 
 
 def measure_outfit(known: KnownPicture, outfit: Outfit) -> list[Measures]:

@@ -21,7 +21,7 @@ from drapeline.models.smplicit.fit_pictures import (
     seek,
     seen_parts,
 )
-from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture
+from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture, mask_iou
 from drapeline.outfits.worn import HungSheet
 
 if TYPE_CHECKING:
@@ -117,20 +117,24 @@ def hang_ways(
     seed: int,
     hang: Hang,
 ) -> dict[str, dict[str, FittedGarment]]:
-    """Outfits of a person that hang: "fitted", "again", with codes fitted to that, and "nearest".
+    """Outfits of a person that hang, by how they were found.
+
+    "fitted" is the outfit, "again" has codes that were fitted once more, to that as it hangs, and
+    "nearest" is the one of training codes.
 
     Args:
         person, outfit, sought, settings, meshing, seed, hang: see `hang_person`.
         nearest: class -> garment of the training code with the least loss.
 
     Returns:
-        Those that can be hung; the fitted one as it is if it cannot.
+        Those that can be hung; if none can, the fitted one as it is.
     """
     models = {GARMENT_CLASSES[name].model: one.model for name, one in sought.items()}
     outfit = same_kinds(outfit, nearest)
     hung = _hang_sheets(outfit, person, models, hang)
     if not hung:
-        return {"fitted": outfit}
+        beside = hang_outfit(nearest, person, models, hang)
+        return {"nearest": beside} if beside else {"fitted": outfit}
     wearer, body = Wearer(person.gender, person.shape), _body(sought)
     # Codes are near where they go, so that half of the rounds are enough.
     fit = replace(settings, rounds=(settings.rounds + 1) // 2)
@@ -164,8 +168,7 @@ def _likeness(outfit: Mapping[str, FittedGarment], sought: Mapping[str, Sought])
     shares = []
     for number, name in enumerate(outfit, 2):
         view = sought[name].view
-        found, true = (mask & ~view.unsure for mask in (parts == number, view.shown))
-        shares.append((found & true).sum() / max((found | true).sum(), 1))
+        shares.append(mask_iou(*(mask & ~view.unsure for mask in (parts == number, view.shown))))
     return float(np.mean(shares))
 
 

@@ -21,7 +21,7 @@ from drapeline.models.smplicit.fit_pictures import (
     Wearer,
     dress,
 )
-from drapeline.models.smplicit.fit_scans import FitScan, FittedScan, fit_scan, fit_to_cloth
+from drapeline.models.smplicit.fit_scans import FitScan, ScanFits, fit_scan, fit_to_cloth
 from drapeline.models.smplicit.hanging import Hang, as_hung, same_kinds
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
@@ -77,9 +77,7 @@ def find_garments(
     found = fits.joint
     posed, garments = dress_scan(scan, models, found.codes, found.body, meshing)
     if hang:
-        _, nearest = dress_scan(scan, models, fits.nearest.codes, found.body, meshing)
-        how = settings, meshing, seed, hang
-        garments = hang_scan(scan, models, found, garments, nearest, *how)
+        garments = hang_scan(scan, models, fits, garments, settings, meshing, seed, hang)
     skin = Mesh(posed.posed.astype(np.float32), posed.faces)
     return DressedScan(found.body, skin, garments, move_garments(scan, garments, posed))
 
@@ -120,9 +118,8 @@ def hang_garments(
 def hang_scan(
     scan: SegmentedScan,
     models: Mapping[str, SmplicitModel],
-    found: FittedScan,
+    fits: ScanFits,
     garments: Mapping[str, FittedGarment],
-    nearest: Mapping[str, FittedGarment],
     settings: FitScan,
     meshing: Meshing,
     seed: int,
@@ -130,18 +127,20 @@ def hang_scan(
 ) -> dict[str, FittedGarment]:
     """The garments of a scan as they hang on its body, with codes fitted to that.
 
-    As in pictures, see `hang_picture`: they hang, codes are fitted to points that follow them, and
-    their sheets hang once more. What cannot be hung stays as it is. A sheet that has other
-    pieces or openings than the training code's gives way to that.
+    They hang, codes are fitted to points that follow them, and their sheets hang once more. What
+    cannot be hung stays as it is. A sheet that has other pieces or openings than that of the
+    training code that fits best gives way to it.
 
     Args:
         scan, models, settings, meshing, seed: as of `find_garments`.
-        found: codes and body.
-        garments: of these codes, as `dress_scan` made them.
-        nearest: the same of the training codes that fit best.
+        fits: of the scan.
+        garments: of its joint fit, as `dress_scan` made them.
         hang: hangs sheets.
     """
+    found = fits.joint
+    _, nearest = dress_scan(scan, models, fits.nearest.codes, found.body, meshing)
     garments = same_kinds(garments, nearest)
+    found = found._replace(codes={name: garment.z for name, garment in garments.items()})
     hung = hang_garments(scan, models, garments, found.body, hang)
     if not hung:
         return garments

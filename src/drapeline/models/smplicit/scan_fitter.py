@@ -90,7 +90,7 @@ class SmplicitScanFitter:
             hung = hang_garments(scan, self._models, nearest, body, self._hang)
             outfits[NEAREST_HUNG] = as_hung(nearest, hung)
             how = self._settings, self._meshing, self._seed, self._hang
-            outfits[HUNG] = hang_scan(scan, self._models, found.joint, garments, nearest, *how)
+            outfits[HUNG] = hang_scan(scan, self._models, found, garments, *how)
             moved[HUNG_MOVED] = move_garments(scan, outfits[HUNG], wearer)
         worn = {
             variant: {name: garment.posed for name, garment in outfit.items()}

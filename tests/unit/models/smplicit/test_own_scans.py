@@ -8,7 +8,7 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit import own_scans
 from drapeline.models.smplicit.fit_pictures import FittedGarment
-from drapeline.models.smplicit.fit_scans import FitScan, FittedScan
+from drapeline.models.smplicit.fit_scans import FitScan, FittedScan, ScanFits
 from drapeline.models.smplicit.own_scans import hang_scan
 from drapeline.outfits.worn import HungSheet
 
@@ -44,23 +44,26 @@ def hang_skirt(monkeypatch):
     The training code that fits best is 0.
     """
     found = FittedScan({"Skirt": np.array([1.0])}, STATE)
+    nearest = FittedScan({"Skirt": np.array([0.0])}, STATE._replace(trans=STATE.trans + 1))
 
     def run(hang, sheet=SQUARE, fitted=SQUARE):
         def again(scan, models, given, hung, *how):
-            assert (scan, models, given) == (SCAN, MODELS, found)
+            assert (scan, models, given.body) == (SCAN, MODELS, STATE)
+            assert given.codes["Skirt"] == (fitted is SQUARE)
             assert (hung["Skirt"].posed.vertices == 1).all()
             assert len(hung["Skirt"].posed.faces) == 2
             return {"Skirt": np.array([2.0])}
 
         def dress(scan, models, codes, body, meshing):
-            assert (codes["Skirt"], body) == (2.0, STATE)
-            return None, {"Skirt": garment(2.0, sheet)}
+            (z,) = codes["Skirt"]
+            assert body == STATE
+            return None, {"Skirt": garment(z, sheet if z == 2 else SQUARE)}
 
         monkeypatch.setattr(own_scans, "fit_to_cloth", again)
         monkeypatch.setattr(own_scans, "dress_scan", dress)
         worn = {"Skirt": garment(1.0, fitted)}
-        nearest = {"Skirt": garment(0.0)}
-        return hang_scan(SCAN, MODELS, found, worn, nearest, FitScan(), None, 0, hang)["Skirt"]
+        fits = ScanFits(nearest, found, found)
+        return hang_scan(SCAN, MODELS, fits, worn, FitScan(), None, 0, hang)["Skirt"]
 
     return run
 
