@@ -74,7 +74,7 @@ FIELD_VARIANTS = {
     "mean_code": "mean code",
 }
 PICTURES = {
-    "smplicit_images_hung": "most like the picture of three that hang (ours)",
+    "smplicit_images_hung": "hung: of three outfits the one most like the picture (ours)",
     "smplicit_images_nearest_hung": "training code with the least loss, hung as well",
     "smplicit_images_mean_code_hung": "mean code of the class, hung as well",
     "smplicit_images_fitted": "fitted code, skinned",

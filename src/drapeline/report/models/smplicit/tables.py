@@ -15,7 +15,7 @@ MODELS = {
 }
 _PICTURED = {"images": "All models"}
 _VARIANTS = {
-    "hung": "Most like the picture of what hangs by the cloth solver",
+    "hung": "Hung by the cloth solver: of three outfits the one most like the picture",
     "nearest_hung": "Training code with the least loss, hung by the cloth solver",
     "mean_code_hung": "Mean code, hung by the cloth solver",
     "fitted": "Fitted code",
