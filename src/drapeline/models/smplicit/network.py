@@ -14,7 +14,7 @@ from drapeline.models.smplicit.clusters import cluster_places
 from drapeline.models.smplicit.decoder import Decoder
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.fit_fields import fit_codes
-from drapeline.models.smplicit.optimizer import JointOptimizer
+from drapeline.models.smplicit.optimizer import JointOptimizer, Muon
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch
 from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
@@ -208,12 +208,5 @@ class GarmentField(TrainableModule):
         parts = [torch.optim.Adam(adam, lr=training.learning_rate, fused=True)]
         if matrices:
             group = [{"params": matrices, RATE_SHARE: training.muon_rate}]
-            parts.append(
-                torch.optim.Muon(
-                    group,
-                    lr=training.learning_rate,
-                    weight_decay=0.0,
-                    adjust_lr_fn="match_rms_adamw",
-                )
-            )
+            parts.append(Muon(group, lr=training.learning_rate))
         return JointOptimizer(parts)

@@ -1,8 +1,9 @@
 from copy import deepcopy
 
+import pytest
 import torch
 
-from drapeline.models.smplicit.optimizer import JointOptimizer
+from drapeline.models.smplicit.optimizer import JointOptimizer, Muon, orthogonalise
 
 
 def parameters():
@@ -63,3 +64,47 @@ def test_a_closure_is_evaluated_once():
     assert float(optimizer.step(closure).detach()) == before
     assert len(calls) == 1
     assert float(sum((p**2).sum() for p in pair).detach()) < before
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (5, 12), (12, 5)])
+def test_a_matrix_becomes_orthogonal_and_keeps_its_directions(shape):
+    rng = torch.Generator().manual_seed(0)
+    u, _, v = torch.linalg.svd(torch.randn(shape, generator=rng), full_matrices=False)
+    values = torch.logspace(-1.5, 0, min(shape))
+    found = orthogonalise(37 * u * values @ v)
+    inside = u.T @ found @ v.T
+    assert ((inside.diag() > 0.5) & (inside.diag() < 1.3)).all()
+    assert (inside - torch.diag(inside.diag())).abs().max() < 1e-4
+    assert (orthogonalise(torch.zeros(shape)) == 0).all()
+
+
+def test_steps_are_those_of_torchs_muon_but_for_its_rounding():
+    def matrices():
+        rng = torch.Generator().manual_seed(0)
+        return [torch.nn.Parameter(torch.randn(shape, generator=rng)) for shape in ((6, 9), (9, 6))]
+
+    def go(optimizer, pair):
+        rng = torch.Generator().manual_seed(1)
+        for _ in range(4):
+            for matrix in pair:
+                matrix.grad = torch.randn(matrix.shape, generator=rng)
+            optimizer.step()
+        return pair
+
+    pair = matrices()
+    theirs = torch.optim.Muon(
+        other := matrices(), lr=0.01, weight_decay=0.0, adjust_lr_fn="match_rms_adamw"
+    )
+    for start, a, b in zip(
+        matrices(), go(Muon(pair, lr=0.01), pair), go(theirs, other), strict=True
+    ):
+        assert (a - start).norm() > 0.01
+        assert (a - b).norm() < 0.03 * (a - start).norm()
+
+
+def test_matrices_without_a_gradient_stay():
+    one, other = (torch.nn.Parameter(torch.ones(2, 2)) for _ in range(2))
+    one.grad = torch.eye(2)
+    Muon([one, other], lr=0.1).step()
+    assert (other == 1).all()
+    assert (one != 1).any()
