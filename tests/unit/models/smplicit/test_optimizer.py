@@ -99,7 +99,7 @@ def test_steps_are_those_of_torchs_muon_but_for_its_rounding():
         matrices(), go(Muon(pair, lr=0.01), pair), go(theirs, other), strict=True
     ):
         assert (a - start).norm() > 0.01
-        assert (a - b).norm() < 0.03 * (a - start).norm()
+        assert (a - b).norm() < 0.05 * (a - start).norm()
 
 
 def test_matrices_without_a_gradient_stay():
