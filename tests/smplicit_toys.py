@@ -10,6 +10,8 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.garment_fields import FieldData, collect_fields, sample_fields
 from drapeline.learning_data.occlusion import texture_pixels
+from drapeline.models.smplicit.fit_images import FitImage
+from drapeline.models.smplicit.model import Meshing
 from drapeline.models.smplicit.pictures import CLASSES, Person, Picture
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
@@ -22,6 +24,9 @@ BOXES = {garment: FIELD_MODELS[model].box for garment, model in MODEL_OF_GARMENT
 SPLITS = ("train",) * 4 + ("val",) * 2 + ("test",) * 2
 RESOLUTION, CLUSTERS, POINTS = 32, 20, 64
 PICTURE_PX = 120
+# Of fits to pictures, and of what they find.
+QUICK = FitImage(points=4000, rays=40, starts=3, rounds=2, steps=2)
+MESHING = Meshing(0.04, 0.028)
 
 
 def tube(radius_m: float, low_m: float, high_m: float, around: int = 32, rings: int = 9) -> Mesh:

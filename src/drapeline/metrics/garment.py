@@ -45,8 +45,8 @@ def normal_error_deg(
 
 
 def mask_iou(predicted: np.ndarray, true: np.ndarray) -> float:
-    """Intersection over union of two masks (V,)."""
-    return float((predicted & true).sum() / (predicted | true).sum())
+    """Intersection over union of two masks of any shape, 0 where both are empty."""
+    return float((predicted & true).sum() / max((predicted | true).sum(), 1))
 
 
 def garment_mesh(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray) -> Mesh:
@@ -197,10 +197,15 @@ def _index_body(body: bytes, body_type: np.dtype, faces: bytes, faces_type: np.d
     )
 
 
+def piece_count(mesh: Mesh) -> int:
+    """Connected pieces that the faces of a mesh make up."""
+    return len(np.unique(piece_indices(mesh)[mesh.faces]))
+
+
 def shape_measures(mesh: Mesh, body: np.ndarray, body_faces: np.ndarray) -> dict[str, float]:
     """Measures that need no ground truth: connected pieces, and how much is inside the body."""
-    pieces = int(piece_indices(mesh).max()) + 1 if len(mesh.faces) else 0
-    return {**inside_measures(mesh.vertices, body, body_faces), "pieces": float(pieces)}
+    inside = inside_measures(mesh.vertices, body, body_faces)
+    return {**inside, "pieces": float(piece_count(mesh))}
 
 
 def garment_measures(

@@ -15,6 +15,7 @@ from drapeline.metrics.garment import (
     largest_piece,
     mask_iou,
     normal_error_deg,
+    piece_count,
     piece_indices,
     shape_measures,
     surface_distances_mm,
@@ -118,6 +119,18 @@ def test_pieces_are_numbered_by_size(tube):
     assert (mesh.vertices[piece == 1, 2] < 0.4).all()
     assert (largest_piece(mesh).vertices[:, 2] > 0.4).all()
     assert len(largest_piece(mesh).faces) < len(mesh.faces)
+
+
+def test_pieces_are_counted_without_vertices_in_no_face(tube):
+    vertices, faces = tube
+    middle = vertices[faces][:, :, 2].mean(axis=1)
+    assert piece_count(Mesh(vertices, faces)) == 1
+    assert piece_count(Mesh(vertices, faces[(middle < 0.3) | (middle > 0.45)])) == 2
+
+
+def test_masks_that_are_empty_have_nothing_in_common():
+    assert mask_iou(np.zeros((2, 3), bool), np.zeros((2, 3), bool)) == 0
+    assert mask_iou(np.eye(2, dtype=bool), np.ones((2, 2), bool)) == 0.5
 
 
 def test_distances_see_what_is_missing_and_what_is_too_much_each_in_one_direction():

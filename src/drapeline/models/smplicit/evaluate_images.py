@@ -19,7 +19,7 @@ from drapeline.dataset.record import solver_name
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_pictures import FittedPicture
-from drapeline.metrics.garment import area_distances_mm, inside_measures
+from drapeline.metrics.garment import area_distances_mm, inside_measures, mask_iou
 from drapeline.metrics.sequence import Measured, sequence_summary
 from drapeline.metrics.table import MetricRow
 from drapeline.models.smplicit.fit_images import FitImage
@@ -45,7 +45,6 @@ from drapeline.models.smplicit.pictures import (
     Person,
     Picture,
     class_of_garment,
-    mask_iou,
 )
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rule_log import progress

@@ -8,7 +8,7 @@ import numpy as np
 
 from drapeline.bodies.follow import PosedBody, with_cloth
 from drapeline.geometry.mesh import Mesh, loop_count
-from drapeline.metrics.garment import piece_indices
+from drapeline.metrics.garment import mask_iou, piece_count
 from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
@@ -21,7 +21,7 @@ from drapeline.models.smplicit.fit_pictures import (
     seek,
     seen_parts,
 )
-from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture, mask_iou
+from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture
 from drapeline.outfits.worn import HungSheet
 
 if TYPE_CHECKING:
@@ -131,27 +131,37 @@ def hang_ways(
     """
     models = {GARMENT_CLASSES[name].model: one.model for name, one in sought.items()}
     outfit = same_kinds(outfit, nearest)
+    ways = {"nearest": hang_outfit(nearest, person, models, hang)}
     hung = _hang_sheets(outfit, person, models, hang)
-    if not hung:
-        beside = hang_outfit(nearest, person, models, hang)
-        return {"nearest": beside} if beside else {"fitted": outfit}
-    wearer, body = Wearer(person.gender, person.shape), _body(sought)
+    if hung:
+        codes = _fit_to_cloth(person, outfit, hung, sought, settings, seed)
+        wearer = Wearer(person.gender, person.shape)
+        again = dress(_body(sought), wearer, codes, settings.wearing, meshing)
+        ways["again"] = hang_outfit(same_kinds(again, nearest), person, models, hang)
+        ways["fitted"] = as_hung(outfit, hung)
+    return {name: way for name, way in ways.items() if way} or {"fitted": outfit}
+
+
+def _fit_to_cloth(
+    person: Person,
+    outfit: Mapping[str, FittedGarment],
+    hung: Mapping[str, HungSheet],
+    sought: Mapping[str, Sought],
+    settings: FitImage,
+    seed: int,
+) -> dict[str, tuple["SmplicitModel", np.ndarray]]:
+    """Class -> model and code, fitted to points that follow its sheet as it hangs."""
+    wearer = Wearer(person.gender, person.shape)
     # Codes are near where they go, so that half of the rounds are enough.
     fit = replace(settings, rounds=(settings.rounds + 1) // 2)
     codes = {name: (sought[name].model, garment.z) for name, garment in outfit.items()}
     for name, sheet in hung.items():
-        around = with_cloth(body, sheet.rest.vertices, sheet.posed.vertices)
+        around = with_cloth(_body(sought), sheet.rest.vertices, sheet.posed.vertices)
         model, known, view, label = sought[name]
         views = [view._replace(body=around)]
         (z,) = fit_codes_to_views(model, known, views, [wearer], [label], fit, seed)
         codes[name] = model, z
-    again = same_kinds(dress(body, wearer, codes, settings.wearing, meshing), nearest)
-    ways = {
-        "again": hang_outfit(again, person, models, hang),
-        "nearest": hang_outfit(nearest, person, models, hang),
-        "fitted": as_hung(outfit, hung),
-    }
-    return {name: way for name, way in ways.items() if way}
+    return codes
 
 
 def most_like(
@@ -222,7 +232,7 @@ def same_kinds(
 
 def _kind(sheet: Mesh) -> tuple[int, int]:
     """Numbers of pieces and of openings."""
-    return len(np.unique(piece_indices(sheet)[sheet.faces])), loop_count(sheet.faces)
+    return piece_count(sheet), loop_count(sheet.faces)
 
 
 def as_hung(

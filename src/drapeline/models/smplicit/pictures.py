@@ -69,11 +69,6 @@ BACKGROUND, BODY, UNKNOWN = "background", "body", "unknown"
 CLASSES = (BACKGROUND, BODY, UNKNOWN, *GARMENT_CLASSES)
 
 
-def mask_iou(one: np.ndarray, other: np.ndarray) -> float:
-    """Pixels (H, W) in both masks, as a share of those in either."""
-    return float((one & other).sum() / max((one | other).sum(), 1))
-
-
 def class_of_garment(garment: str) -> str:
     """The class of `GARMENT_CLASSES` that a segmentation calls a garment type."""
     region = GARMENT_TYPES[garment].region

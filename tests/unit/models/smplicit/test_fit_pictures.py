@@ -7,7 +7,6 @@ from drapeline.bodies.follow import PosedBody
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit import fit_pictures
-from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import (
     Wearer,
     codes_of_class,
@@ -17,15 +16,11 @@ from drapeline.models.smplicit.fit_pictures import (
     seek,
     seen_parts,
 )
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.outfits.garment_types import GARMENTS
 from gallery_toys import TubeField
-from smplicit_toys import PICTURE_PX, street, toy_camera
+from smplicit_toys import MESHING, PICTURE_PX, QUICK, street, toy_camera
 
-QUICK = FitImage(points=4000, rays=40, starts=3, rounds=2, steps=2)
-
-
-MESHING = Meshing(0.04, 0.028)
 # Upright, across the camera's way.
 SQUARE = Mesh(
     np.float32([[-0.8, 0, -0.8], [0.8, 0, -0.8], [0.8, 0, 0.8], [-0.8, 0, 0.8]]),

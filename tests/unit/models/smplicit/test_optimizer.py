@@ -78,7 +78,9 @@ def test_a_matrix_becomes_orthogonal_and_keeps_its_directions(shape):
     assert (orthogonalise(torch.zeros(shape)) == 0).all()
 
 
-def test_steps_are_those_of_torchs_muon_but_for_its_rounding():
+def test_steps_are_those_of_torchs_muon_but_for_its_rounding(monkeypatch):
+    monkeypatch.setattr(torch.Tensor, "bfloat16", torch.Tensor.clone)
+
     def matrices():
         rng = torch.Generator().manual_seed(0)
         return [torch.nn.Parameter(torch.randn(shape, generator=rng)) for shape in ((6, 9), (9, 6))]
@@ -99,7 +101,7 @@ def test_steps_are_those_of_torchs_muon_but_for_its_rounding():
         matrices(), go(Muon(pair, lr=0.01), pair), go(theirs, other), strict=True
     ):
         assert (a - start).norm() > 0.01
-        assert (a - b).norm() < 0.05 * (a - start).norm()
+        assert (a - b).norm() < 0.001 * (a - start).norm()
 
 
 def test_matrices_without_a_gradient_stay():
