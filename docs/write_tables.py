@@ -51,6 +51,11 @@ CANONICAL = {
     "mean_garment": "mean garment of the type",
     "pca": "true coefficients (lower bound)",
 }
+LABELS = {
+    "canonical": CANONICAL["canonical"],
+    "label_by_vertex": "most common training label at the nearest vertex of the body",
+    "one_label": "most common training label",
+}
 POSED = {
     "lbs": "interpolated skinning",
     "untrained": "posed stage, untrained",
@@ -78,6 +83,7 @@ PICTURES = {
     "smplicit_images_nearest_hung": "training code with the least loss, hung as well",
     "smplicit_images_mean_code_hung": "mean code of the class, hung as well",
     "smplicit_images_fitted": "fitted code, skinned",
+    "smplicit_images_fitted_in_pair": "the same with two people in a picture, one behind the other",
     "smplicit_images_nearest": "training code with the least loss, skinned",
     "smplicit_images_mean_code": "mean code of the class, skinned",
 }
@@ -154,9 +160,7 @@ BY_TYPE = {
     "static_by_type": (STATIC, GARMENTS, "surface_error_mm", 1, 1.0),
     "dynamic_by_type": (DYNAMIC, GARMENTS, "surface_error_mm", 1, 1.0),
     "canonical": (CANONICAL, TEMPLATE_TYPES, "canonical_error_mm", 1, 1.0),
-    "labels": (
-        {"canonical": CANONICAL["canonical"]}, TEMPLATE_TYPES, "segmentation_accuracy", 1, 100.0
-    ),
+    "labels": (LABELS, TEMPLATE_TYPES, "segmentation_accuracy", 1, 100.0),
     "posed": (POSED, TEMPLATE_TYPES, "vertex_error_mm", 1, 1.0),
     "posed_surface": (POSED, TEMPLATE_TYPES, "predicted_to_true_mm", 1, 1.0),
     "posed_surface_back": (POSED, TEMPLATE_TYPES, "true_to_predicted_mm", 1, 1.0),

@@ -34,9 +34,7 @@ def body_relative_points(
     rest_normals = vertex_normals(rest_body(body, shape), body.faces)
     out = np.zeros((*points.shape[:2], 7), dtype=np.float32)
     for frame, cloud in enumerate(points):
-        # A tree that is queried once is not worth balancing.
-        tree = cKDTree(posed[frame], balanced_tree=False, compact_nodes=False)
-        _, nearest = tree.query(cloud)
+        nearest = nearest_vertices(posed[frame], cloud)
         transform = (body.weights[nearest] @ motions[frame]).reshape(-1, 4, 4)
         turn, shift = transform[:, :3, :3], transform[:, :3, 3]
         rest = np.linalg.solve(turn, (cloud - shift)[..., None])[..., 0]
@@ -45,6 +43,12 @@ def body_relative_points(
         height = ((cloud - posed[frame, nearest]) * normals).sum(axis=1)
         out[frame] = np.column_stack([cloud, rest, np.arcsinh(height / _NEAR_M)])
     return out
+
+
+def nearest_vertices(vertices: np.ndarray, cloud: np.ndarray) -> np.ndarray:
+    """(P,) which of a body's vertices (B, 3) are nearest to the points (P, 3) of a frame."""
+    # A tree that is queried once is not worth balancing.
+    return cKDTree(vertices, balanced_tree=False, compact_nodes=False).query(cloud)[1]
 
 
 def joint_transforms(body: BodyModel, shape: np.ndarray, poses: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from drapeline.metrics.sequence import Measured
 from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
+from drapeline.models.garment4d.guessed_labels import GuessedLabels
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import (
     Estimate,
@@ -118,9 +119,9 @@ class Evaluation:
 
         The references are the mean garment; "regression", what the stage "canonical" starts from;
         "pca", the garment from its true coefficients, which is the best that the space can do; and
-        "truth", the registered garment against the original.
+        "truth", the registered garment against the original. Those for labels are `GuessedLabels`.
         """
-        data = self.data
+        data, guessed = self.data, GuessedLabels(self.sequences)
         for sequence in progress(self.simulated, total=len(self.simulated), label="canonical"):
             self._measure_canonical("mean_garment", sequence, data.space.mean)
             self._measure_canonical(
@@ -132,9 +133,10 @@ class Evaluation:
                 made["regression"] = made["canonical"]._replace(canonical=regressed)
             for variant, estimated in made.items():
                 self._measure_canonical(variant, sequence, estimated.canonical)
-                if estimated.labels is not None:
-                    true = data.labels[data.rows(sequence)]
-                    right = metrics.segmentation_accuracy(estimated.labels, true)
+            labels = {variant: estimated.labels for variant, estimated in made.items()}
+            for variant, found in (labels | guessed.of(sequence)).items():
+                if found is not None:
+                    right = metrics.segmentation_accuracy(found, data.labels[data.rows(sequence)])
                     self.add(variant, sequence, {"segmentation_accuracy": right})
 
     def _measure_canonical(

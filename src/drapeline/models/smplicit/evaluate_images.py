@@ -3,12 +3,13 @@
 A picture is the exact segmentation of a frame, seen from somewhere; body and camera are known. The
 fitted garments stand beside those of the mean code of their class and of the training code of it
 with the least loss. Those that hang on their wearers stand beside the mean code's, hung as well.
+The same people are also found two by two, one behind the other.
 """
 
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -52,9 +53,10 @@ from drapeline.seeding import rng_for
 
 MODEL = "smplicit"
 _DISTANCE_M, _MARGIN, _RISE = 4.0, 1.15, 0.25
+_ASIDE = 0.2  # of a picture's width, how far a person stands beside the one in front
 # Variant -> that of the mean code which is worn in the same way.
 _MEANS = {
-    **dict.fromkeys(("fitted", "nearest", "mean_code"), "mean_code"),
+    **dict.fromkeys(("fitted", "fitted_in_pair", "nearest", "mean_code"), "mean_code"),
     **dict.fromkeys(("hung", "nearest_hung", "mean_code_hung"), "mean_code_hung"),
 }
 Measures = dict[str, float]
@@ -184,6 +186,30 @@ def _segment(body: PosedBody, garments: Mapping[str, Mesh], camera: Camera) -> n
     return np.array(classes, dtype=np.uint8)[seen_parts(body, [*garments.values()], camera)]
 
 
+def join_people(front: Picture, behind: Picture) -> Picture:
+    """A picture of two people, of whom the first hides a part of the second.
+
+    Args:
+        front, behind: pictures of one person each, as large as each other.
+    """
+    height, width = front.classes.shape
+    aside = round(_ASIDE * width)
+    canvas = np.zeros((2, height, width + aside), dtype=np.uint8)
+    canvas[0, :, :width], canvas[1, :, aside:] = front.classes, behind.classes
+    first = canvas[0] > 0
+    second = (canvas[1] > 0) & ~first
+    classes = np.where(first, canvas[0], canvas[1])
+    people = []
+    for picture, others, left in ((front, second, 0), (behind, first, aside)):
+        (person,) = picture.people
+        intrinsics = person.camera.intrinsics + np.array([[0, 0, left], [0, 0, 0], [0, 0, 0]])
+        camera = replace(person.camera, intrinsics=intrinsics, width=width + aside)
+        seen = {CLASSES[number] for number in np.unique(classes[~others])}
+        garments = tuple(name for name in person.garments if name in seen)
+        people.append(replace(person, camera=camera, own=~others, others=others, garments=garments))
+    return Picture(f"{front.name}_{behind.name}", classes, None, tuple(people))
+
+
 class PictureEvaluation:
     """Measures of garments found in pictures, and of what they are compared with.
 
@@ -225,20 +251,41 @@ class PictureEvaluation:
                 f"no picture of the {split} split shows a garment of the models"
                 f" {', '.join(self._models)}, expected some"
             )
-        measures: dict[str, list[Measures]] = {}
-        shown = []
+        measured: dict[str, list[Measured]] = {}
+        shown, means = [], {}
         for known in progress(pictures, total=len(pictures), label="pictures"):
             found, seconds = self._look_at(known)
             rows = {name: measure_outfit(known, outfit) for name, outfit in found.items()}
+            means[known.picture.name] = rows["mean_code"]
             for name, part in rows.items():
-                mean_code = _MEANS[name]
-                for one, mean in zip(part, rows[mean_code], strict=True):
-                    better = one["silhouette_iou"] > mean["silhouette_iou"]
-                    more = {} if name == mean_code else {"better_than_mean_share": float(better)}
-                    cost = {"fit_s": seconds[name]} if name in seconds else {}
-                    measures.setdefault(name, []).append({**one, **more, **cost})
+                cost = {"fit_s": seconds[name]} if name in seconds else {}
+                _record(measured, name, known, part, rows[_MEANS[name]], cost)
             shown.append(_shown(known, found["hung" if self._hang else "fitted"]))
-        return self._rows(pictures, measures, split), shown
+        for known, outfit in self._look_at_pairs(pictures):
+            part = measure_outfit(known, outfit)
+            _record(measured, "fitted_in_pair", known, part, means[known.picture.name], {})
+        return [
+            row
+            for variant, part in measured.items()
+            for row in sequence_summary(
+                part,
+                variant=f"{MODEL}_images_{variant}",
+                split=split,
+                seed=self._seed,
+                model=MODEL,
+            )
+        ], shown
+
+    def _look_at_pairs(
+        self, pictures: Sequence[KnownPicture]
+    ) -> Iterator[tuple[KnownPicture, Outfit]]:
+        """Pictures, and what is found in them when two are joined; an odd one stays out."""
+        half = len(pictures) // 2
+        pairs = list(zip(pictures[:half], pictures[half:], strict=False))
+        for pair in progress(pairs, total=len(pairs), label="pairs"):
+            joined = join_people(*(known.picture for known in pair))
+            outfits = fit_picture(joined, self._models, self._fit, self._meshing, self._seed)
+            yield from zip(pair, outfits, strict=True)
 
     def _look_at(self, known: KnownPicture) -> tuple[dict[str, Outfit], dict[str, float]]:
         """Garments found in a picture, those beside them, and seconds that finding some took."""
@@ -272,24 +319,25 @@ class PictureEvaluation:
         }
         return dress(known.body, known.wearer, codes, self._fit.wearing, self._meshing)
 
-    def _rows(
-        self,
-        pictures: Sequence[KnownPicture],
-        measures: Mapping[str, Sequence[Measures]],
-        split: str,
-    ) -> list[MetricRow]:
-        of = [(known, name) for known in pictures for name in known.person.garments]
-        rows = []
-        for variant, part in measures.items():
-            measured = [
-                Measured(known.sample, known.garments[name], values, known.source)
-                for (known, name), values in zip(of, part, strict=True)
-            ]
-            name = f"{MODEL}_images_{variant}"
-            rows += sequence_summary(
-                measured, variant=name, split=split, seed=self._seed, model=MODEL
-            )
-        return rows
+
+def _record(
+    measured: dict[str, list[Measured]],
+    variant: str,
+    known: KnownPicture,
+    part: Mapping[str, Measures],
+    mean: Mapping[str, Measures],
+    cost: Measures,
+) -> None:
+    """Add what was measured of a variant in a picture, beside its mean code."""
+    for name, values in part.items():
+        better = {}
+        if variant not in _MEANS.values():
+            share = float(values["silhouette_iou"] > mean[name]["silhouette_iou"])
+            better = {"better_than_mean_share": share}
+        one = Measured(
+            known.sample, known.garments[name], {**values, **better, **cost}, known.source
+        )
+        measured.setdefault(variant, []).append(one)
 
 
 def silhouette_iou(found: np.ndarray, true: np.ndarray, name: str) -> float:
@@ -297,8 +345,8 @@ def silhouette_iou(found: np.ndarray, true: np.ndarray, name: str) -> float:
     return mask_iou(found == CLASSES.index(name), true == CLASSES.index(name))
 
 
-def measure_outfit(known: KnownPicture, outfit: Outfit) -> list[Measures]:
-    """Measures of each garment of a picture.
+def measure_outfit(known: KnownPicture, outfit: Outfit) -> dict[str, Measures]:
+    """Measures of each garment of a picture, by class.
 
     The silhouette's IoU, with all garments in place, simulated ones where none was looked for; the
     share of pixels with the right label among those of the person in either segmentation, the same
@@ -309,18 +357,16 @@ def measure_outfit(known: KnownPicture, outfit: Outfit) -> list[Measures]:
     found = known.segment(known.true | worn)
     true = known.picture.classes
     person = (found > 0) | (true > 0)
-    measured = []
+    measured = {}
     for name, garment in outfit.items():
         to_true, to_surface = area_distances_mm(garment.posed, known.true[name])
-        measured.append(
-            {
-                "silhouette_iou": silhouette_iou(found, true, name),
-                "segmentation_accuracy": float((found == true)[person].mean()),
-                "surface_to_true_mm": to_true,
-                "true_to_surface_mm": to_surface,
-                **inside_measures(garment.posed.vertices, known.body.posed, known.body.faces),
-            }
-        )
+        measured[name] = {
+            "silhouette_iou": silhouette_iou(found, true, name),
+            "segmentation_accuracy": float((found == true)[person].mean()),
+            "surface_to_true_mm": to_true,
+            "true_to_surface_mm": to_surface,
+            **inside_measures(garment.posed.vertices, known.body.posed, known.body.faces),
+        }
     return measured
 
 

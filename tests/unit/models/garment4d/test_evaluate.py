@@ -61,6 +61,10 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     assert noisy[0] == noisy[1] != noisy[2]
     labels = {variant for _, variant, *_ in rows}
     assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
+    assert 0 <= value("one_label", "segmentation_accuracy") <= 1
+    assert value("label_by_vertex", "segmentation_accuracy") > value(
+        "one_label", "segmentation_accuracy"
+    )
     # The truth is told apart from the body only; toy points are its own vertices.
     assert value("posed", "vertex_error_mm", "val") > 0
     assert find_value(rows, "untrained", "val", "Skirt", "vertex_error_mm") is None

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.table import find_value
 from drapeline.models.smplicit.evaluate_images import (
     PictureEvaluation,
+    join_people,
     measure_outfit,
     silhouette_iou,
     take_pictures,
@@ -91,7 +94,8 @@ def test_bodies_fill_the_picture(pictures):
 def test_the_truth_measures_as_such(pictures):
     for known in pictures:
         rows = measure_outfit(known, outfit_of(known.true))
-        for row in rows:
+        assert set(rows) == {"upper", "skirt"}
+        for row in rows.values():
             assert row["silhouette_iou"] == 1
             assert row["segmentation_accuracy"] == 1
             assert row["surface_to_true_mm"] == pytest.approx(0, abs=0.01)
@@ -102,10 +106,46 @@ def test_a_shifted_garment_measures_worse(pictures):
     known = pictures[0]
     skirt = known.true["skirt"]
     moved = Mesh(skirt.vertices - np.array([0, 0, 0.05], np.float32), skirt.faces)
-    (row,) = measure_outfit(known, outfit_of({"skirt": moved}))
+    row = measure_outfit(known, outfit_of({"skirt": moved}))["skirt"]
     assert row["silhouette_iou"] < 0.97
     assert row["segmentation_accuracy"] < 1
     assert 1 < row["surface_to_true_mm"] <= 50
+
+
+def test_of_two_people_the_first_hides_the_second(pictures):
+    front, behind = (known.picture for known in pictures)
+    joined = join_people(front, behind)
+    size = SETTINGS["size_px"]
+    aside = joined.classes.shape[1] - size
+    assert 0 < aside < size
+    assert np.array_equal(
+        joined.classes[:, :size][front.classes > 0], front.classes[front.classes > 0]
+    )
+    seen = np.pad(front.classes == 0, ((0, 0), (0, aside)), constant_values=True)[:, aside:]
+    assert (behind.classes[~seen] > 0).any()  # something is hidden
+    assert np.array_equal(joined.classes[:, aside:][seen], behind.classes[seen])
+    first, second = joined.people
+    assert np.array_equal(first.own, ~first.others)
+    assert np.array_equal(second.own, ~second.others)
+    assert not (first.others & second.others).any()
+    assert np.array_equal(first.others | second.others, joined.classes > 0)
+    # Where a camera sees a point, there it is in the joined picture.
+    point = pictures[1].body.posed[:1]
+    (alone,), _ = behind.people[0].camera.project(point)
+    (there,), _ = second.camera.project(point)
+    assert there == pytest.approx(alone + [aside, 0])
+    assert first.camera.project(point)[0] == pytest.approx(front.people[0].camera.project(point)[0])
+    assert (second.camera.width, second.camera.height) == joined.classes.shape[::-1]
+
+
+def test_garments_of_which_nothing_is_seen_are_not_looked_for(pictures):
+    behind = pictures[1].picture
+    wall = replace(behind, classes=np.ones_like(behind.classes))
+    first, second = join_people(wall, behind).people
+    assert first.garments == ()
+    assert set(second.garments) <= {"skirt"}
+    own = join_people(wall, behind).classes[second.own]
+    assert ("skirt" in second.garments) == (CLASSES.index("skirt") in own)
 
 
 def test_iou_counts_pixels():
@@ -127,7 +167,8 @@ def evaluated(models, pictures):
 @pytest.mark.portable
 def test_what_is_found_stands_beside_the_mean_and_the_nearest(evaluated):
     rows, _ = evaluated
-    variants = {f"smplicit_images_{name}" for name in ("fitted", "nearest", "mean_code")}
+    names = ("fitted", "fitted_in_pair", "nearest", "mean_code")
+    variants = {f"smplicit_images_{name}" for name in names}
     assert {row.variant for row in rows} == variants
     assert {row.garment for row in rows} >= {"Skirt"}
     assert {row.split for row in rows} == {"test"}

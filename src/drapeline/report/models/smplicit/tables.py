@@ -19,6 +19,7 @@ _VARIANTS = {
     "nearest_hung": "Training code with the least loss, hung by the cloth solver",
     "mean_code_hung": "Mean code, hung by the cloth solver",
     "fitted": "Fitted code",
+    "fitted_in_pair": "Fitted code; two people in a picture, one behind the other",
     "mean_code": "Mean code",
     "nearest": "Training code with the least loss",
     "nearest_cut": "Nearest training garment in z_cut",
