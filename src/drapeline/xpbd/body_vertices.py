@@ -17,18 +17,24 @@ wp.set_module_options({"enable_backward": False})
 _SLOTS = 4  # triangles that may cover a vertex
 _MOST = wp.constant(_SLOTS)
 _FACING = wp.constant(0.3)  # least cosine between the normals of cloth and the body beneath it
+_ROUNDED = wp.constant(1.001)  # so that nothing that is near is too far, whatever is rounded
 
 
 @wp.func
-def _cover(p: wp.vec3, up: wp.vec3, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
+def _cover(p: wp.vec3, up: wp.vec3, most: float, a: wp.vec3, ab: wp.vec3, ac: wp.vec3):
     # Where the line along `up` meets a triangle that faces the same way: how far above p, weights
-    # of b and c, and 1; the last is 0 for a triangle that faces another way.
+    # of b and c, and 1; the last is 0 for a triangle that faces another way or is farther than
+    # `most`.
     normal = wp.cross(ab, ac)
-    square = wp.length_sq(normal)
     slope = wp.dot(up, normal)
+    rise = wp.dot(a - p, normal)
+    # Most cloth is higher above the body, which is found without a division.
+    if slope <= 0.0 or rise > _ROUNDED * most * slope:
+        return wp.vec4(0.0, 0.0, 0.0, 0.0)
+    square = wp.length_sq(normal)
     if slope < _FACING * wp.sqrt(square) or square < 1.0e-14:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
-    height = wp.dot(a - p, normal) / slope
+    height = rise / slope
     r = p + up * height - a
     u = wp.dot(wp.cross(r, ac), normal) / square
     v = wp.dot(wp.cross(ab, r), normal) / square
@@ -66,7 +72,7 @@ def _find_covers(
         for k in range(halves):
             c = triangles[halves * face + k]
             a = place[c[0]]
-            hit = _cover(p, n, a, place[c[1]] - a, place[c[2]] - a)
+            hit = _cover(p, n, margin, a, place[c[1]] - a, place[c[2]] - a)
             near = hit[3] > 0.0 and wp.abs(hit[0]) < margin and found < _MOST
             if near and hit[1] > -0.3 and hit[2] > -0.3 and hit[1] + hit[2] < 1.3:
                 covers[i, found] = halves * face + k
@@ -107,7 +113,7 @@ def lift_covers(
     for k in range(count[i]):
         c = triangles[covers[i, k]]
         a = place[c[0]]
-        hit = _cover(p, n, a, place[c[1]] - a, place[c[2]] - a)
+        hit = _cover(p, n, gap, a, place[c[1]] - a, place[c[2]] - a)
         u = hit[1]
         v = hit[2]
         w = 1.0 - u - v
