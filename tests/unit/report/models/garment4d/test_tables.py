@@ -48,6 +48,7 @@ def metrics(tmp_path):
         metric_row("canonical_noisy_body", "Skirt", "canonical_error_mm", 26.0),
         metric_row("canonical", "Skirt", "canonical_error_mm", 24.0),
         metric_row("canonical", "Skirt", "segmentation_accuracy", 0.953),
+        metric_row("one_label", "Skirt", "segmentation_accuracy", 0.444),
         metric_row("posed", "Skirt", "vertex_error_mm", 31.5, source="blender"),
         metric_row("posed", "Skirt", "vertex_error_mm", 29.5, source="xpbd"),
         metric_row("neighbours_16", "Skirt", "vertex_error_mm", 30.0),
@@ -94,7 +95,10 @@ def test_shares_are_in_per_cent_and_the_truth_is_there_too(metrics, tmp_path):
         ["Skirt", "Ground truth itself", "0.45", "-", "-"],
         ["Skirt", "Garment4D", "1.23", "-", "-"],
     ]
-    assert body_rows(parts["Points with the right label (%)"])[0][1] == "95.3"
+    labels = parts["Points with the right label (%)"]
+    assert [line[1] for line in body_rows(labels)] == ["44.4", "95.3"]
+    assert 'good">95.3' in labels
+    assert 'good">44.4' not in labels
     assert body_rows(parts["Time per frame (ms)"])[0][1] == "4.2"
     cloud = parts["Table 5: distance of vertices to the cloud, one way (mm)"]
     assert body_rows(cloud)[0][:2] == ["Ground truth itself", "6.25"]
