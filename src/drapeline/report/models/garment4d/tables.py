@@ -388,8 +388,8 @@ def write_garment4d_page(
         "<p>Test split, which only evaluation reads. Means over whole sequences, all of one weight,"
         " with 95 % intervals from resampling sequences where there are three or more. The smallest"
         " error of a column, or the largest share of right labels, is green. All models are given"
-        " the pose and shape of the body, as in the released code; <code>snakemake garment4d_ablations</code> adds tables of what a"
-        " noisy body does.</p>",
+        " the pose and shape of the body, as in the released code;"
+        " <code>snakemake garment4d_ablations</code> adds tables of what a noisy body does.</p>",
         *(f"<p>{DEPARTURES[name]}</p>" for name in departures),
         *(section.html(rows) for section in _SECTIONS),
         "<h2>Registration to the templates</h2>",
