@@ -186,11 +186,12 @@ def _segment(body: PosedBody, garments: Mapping[str, Mesh], camera: Camera) -> n
     return np.array(classes, dtype=np.uint8)[seen_parts(body, [*garments.values()], camera)]
 
 
-def join_people(front: Picture, behind: Picture) -> Picture:
+def join_people(front: Picture, behind: Picture, *, least_px: int) -> Picture:
     """A picture of two people, of whom the first hides a part of the second.
 
     Args:
         front, behind: pictures of one person each, as large as each other.
+        least_px: garments that show fewer pixels are not looked for.
     """
     height, width = front.classes.shape
     aside = round(_ASIDE * width)
@@ -204,8 +205,10 @@ def join_people(front: Picture, behind: Picture) -> Picture:
         (person,) = picture.people
         intrinsics = person.camera.intrinsics + np.array([[0, 0, left], [0, 0, 0], [0, 0, 0]])
         camera = replace(person.camera, intrinsics=intrinsics, width=width + aside)
-        seen = {CLASSES[number] for number in np.unique(classes[~others])}
-        garments = tuple(name for name in person.garments if name in seen)
+        shown = np.bincount(classes[~others], minlength=len(CLASSES))
+        garments = tuple(
+            name for name in person.garments if shown[CLASSES.index(name)] >= max(least_px, 1)
+        )
         people.append(replace(person, camera=camera, own=~others, others=others, garments=garments))
     return Picture(f"{front.name}_{behind.name}", classes, None, tuple(people))
 
@@ -283,7 +286,7 @@ class PictureEvaluation:
         half = len(pictures) // 2
         pairs = list(zip(pictures[:half], pictures[half:], strict=False))
         for pair in progress(pairs, total=len(pairs), label="pairs"):
-            joined = join_people(*(known.picture for known in pair))
+            joined = join_people(*(known.picture for known in pair), least_px=self._fit.least_px)
             outfits = fit_picture(joined, self._models, self._fit, self._meshing, self._seed)
             yield from zip(pair, outfits, strict=True)
 

@@ -114,7 +114,7 @@ def test_a_shifted_garment_measures_worse(pictures):
 
 def test_of_two_people_the_first_hides_the_second(pictures):
     front, behind = (known.picture for known in pictures)
-    joined = join_people(front, behind)
+    joined = join_people(front, behind, least_px=1)
     size = SETTINGS["size_px"]
     aside = joined.classes.shape[1] - size
     assert 0 < aside < size
@@ -138,14 +138,24 @@ def test_of_two_people_the_first_hides_the_second(pictures):
     assert (second.camera.width, second.camera.height) == joined.classes.shape[::-1]
 
 
-def test_garments_of_which_nothing_is_seen_are_not_looked_for(pictures):
-    behind = pictures[1].picture
-    wall = replace(behind, classes=np.ones_like(behind.classes))
-    first, second = join_people(wall, behind).people
-    assert first.garments == ()
-    assert set(second.garments) <= {"skirt"}
-    own = join_people(wall, behind).classes[second.own]
-    assert ("skirt" in second.garments) == (CLASSES.index("skirt") in own)
+def test_garments_that_show_too_few_pixels_are_not_looked_for(pictures):
+    behind, size = pictures[1].picture, SETTINGS["size_px"]
+    wall = np.ones_like(behind.classes)
+    wall[:, 3 * size // 4 :] = 0
+    wall = replace(behind, classes=wall)
+
+    def skirt(front):
+        joined = join_people(front, behind, least_px=1)
+        return int((joined.classes[joined.people[1].own] == CLASSES.index("skirt")).sum())
+
+    shown = skirt(wall)
+    assert 0 < shown < (behind.classes == CLASSES.index("skirt")).sum()
+    for least_px in (0, 1, shown, shown + 1):
+        first, second = join_people(wall, behind, least_px=least_px).people
+        assert first.garments == ()
+        assert second.garments == (() if least_px > shown else ("skirt",))
+    everywhere = replace(wall, classes=np.ones_like(wall.classes))
+    assert join_people(everywhere, behind, least_px=0).people[1].garments == ()
 
 
 def test_iou_counts_pixels():
