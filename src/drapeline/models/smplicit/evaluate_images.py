@@ -46,6 +46,7 @@ from drapeline.models.smplicit.pictures import (
     Person,
     Picture,
     class_of_garment,
+    garment_pixels,
 )
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rule_log import progress
@@ -157,8 +158,8 @@ def _take_picture(
     nobody = np.zeros(classes.shape, dtype=bool)
     seen = tuple(
         name
-        for name, (learned, _) in GARMENT_CLASSES.items()
-        if learned in models and (classes == CLASSES.index(name)).any()
+        for name, pixels in garment_pixels(classes, ~nobody).items()
+        if pixels and GARMENT_CLASSES[name].model in models
     )
     person = Person(sample.gender, shape, pose, trans, camera, ~nobody, nobody, seen)
     picture = Picture(f"{sample.id}_{frame:03d}", classes, None, (person,))
@@ -205,10 +206,8 @@ def join_people(front: Picture, behind: Picture, *, least_px: int) -> Picture:
         (person,) = picture.people
         intrinsics = person.camera.intrinsics + np.array([[0, 0, left], [0, 0, 0], [0, 0, 0]])
         camera = replace(person.camera, intrinsics=intrinsics, width=width + aside)
-        shown = np.bincount(classes[~others], minlength=len(CLASSES))
-        garments = tuple(
-            name for name in person.garments if shown[CLASSES.index(name)] >= max(least_px, 1)
-        )
+        count = garment_pixels(classes, ~others)
+        garments = tuple(name for name in person.garments if count[name] >= max(least_px, 1))
         people.append(replace(person, camera=camera, own=~others, others=others, garments=garments))
     return Picture(f"{front.name}_{behind.name}", classes, None, tuple(people))
 

@@ -79,6 +79,12 @@ def class_of_garment(garment: str) -> str:
     )
 
 
+def garment_pixels(classes: np.ndarray, own: np.ndarray) -> dict[str, int]:
+    """How many of a person's `own` pixels (H, W) of `classes` (H, W) show each garment class."""
+    count = np.bincount(classes[own], minlength=len(CLASSES))
+    return {name: int(count[CLASSES.index(name)]) for name in GARMENT_CLASSES}
+
+
 def _table(*names: str) -> dict[int, str]:
     return dict(enumerate(names))
 
@@ -432,9 +438,7 @@ class _Reader:
             )
 
     def _garments(self, classes: np.ndarray, own: np.ndarray, least_px: int) -> tuple[str, ...]:
-        count = {
-            name: int(((classes == CLASSES.index(name)) & own).sum()) for name in GARMENT_CLASSES
-        }
+        count = garment_pixels(classes, own)
         wanted = self.entry.get("garments")
         if wanted is None:
             found = tuple(name for name, pixels in count.items() if pixels >= least_px)
