@@ -84,7 +84,6 @@ def _find_anchors(
     weights: wp.array(dtype=wp.vec3),
     away: wp.array(dtype=wp.vec3),
     strange: wp.array(dtype=int),  # 0 on the vertex's own limb, 1 elsewhere, 2 and 3 on hands
-    searched: wp.array(dtype=int),  # 1 if the anchor was searched again
     # Its place and normal at both ends of the frame.
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
@@ -102,7 +101,6 @@ def _find_anchors(
         slid = wp.length(p - _blend(points, faces[old], weights[i]) - away[i])
         # Cloth off the body may move by half of its distance before it can touch anything.
         search = slid > wp.max(slack, 0.5 * (wp.length(away[i]) - gap))
-    searched[i] = int(search)
     if search:
         last_strange = strange[i]
         anchor[i] = -1
@@ -162,10 +160,8 @@ def _find_room(
     points: wp.array(dtype=wp.vec3),
     start: wp.array(dtype=wp.vec3),
     end: wp.array(dtype=wp.vec3),
-    clock: wp.array(dtype=float),
     anchor: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
-    searched: wp.array(dtype=int),
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
     from_normal: wp.array(dtype=wp.vec3),
@@ -175,8 +171,6 @@ def _find_room(
 ):
     """How far above each anchor the body faces itself, along the anchor's normal."""
     i = wp.tid()
-    if clock[0] > 0.0 and searched[i] == 0:
-        return  # known since the frame began
     room[i] = wp.vec2(_FAR, _FAR)
     if anchor[i] < 0:
         return
@@ -283,7 +277,6 @@ class BodySurface:
         ]
         self.anchor = wp.full(count, -1, dtype=int)
         self.strange = wp.zeros(count, dtype=int)
-        self._searched = wp.zeros(count, dtype=int)
         self._weights, self._away = (_vectors(count) for _ in range(2))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
@@ -327,12 +320,8 @@ class BodySurface:
         reach_m: float,
         gap_m: float,
         slack_m: float,
-        room_m: float,
     ) -> None:
-        """Find the anchors of cloth at `place` again where it has slid by more than `slack_m`.
-
-        Find as well where the body faces itself within `room_m` of them.
-        """
+        """Find the anchors of cloth at `place` again where it has slid by more than `slack_m`."""
         wp.launch(
             _move_surface,
             dim=len(self._points),
@@ -351,16 +340,19 @@ class BodySurface:
                 *(home_reach_m, reach_m, gap_m, slack_m),
             ],
             outputs=[
-                *(self.anchor, self._weights, self._away, self.strange, self._searched),
+                *(self.anchor, self._weights, self._away, self.strange),
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
         )
+
+    def find_room(self, room_m: float) -> None:
+        """Find where the body faces itself within `room_m` of the anchors, as a frame begins."""
         wp.launch(
             _find_room,
-            dim=len(place),
+            dim=len(self.anchor),
             inputs=[
-                *(self._meshes[-1].id, self._faces, self._points, self._start, self._end, clock),
-                *(self.anchor, self._weights, self._searched, self.from_place, self.to_place),
+                *(self._meshes[-1].id, self._faces, self._points, self._start, self._end),
+                *(self.anchor, self._weights, self.from_place, self.to_place),
                 *(self.from_normal, self.to_normal, room_m),
             ],
             outputs=[self.room],

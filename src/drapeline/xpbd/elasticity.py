@@ -1,14 +1,12 @@
 """What cloth resists: springs along threads and diagonals, and hinges that bend."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
 
 from drapeline.geometry.mesh import edges, face_edges, triangulate
 from drapeline.outfits.fabrics import Fabric
-from drapeline.xpbd.lanes import NOT_NEGATIVE, dot_lanes, gather_lanes, overload_lanes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -17,9 +15,10 @@ _DIAGONAL_SHARE = 0.5
 # Time in which damping alone would stop bending, which Blender damps as well.
 _BENDING_DAMPING_S = 0.02
 _SHORT_M = 1e-4
-_SHORTEST_M = wp.constant(1.0e-7)
-_SMALLEST_M2 = wp.constant(1.0e-12)
-_FLIPPED_M2 = wp.constant(1.0e-6)
+# Those of the kernels here and in `elastic_lanes`.
+SHORTEST_M = wp.constant(1.0e-7)
+SMALLEST_M2 = wp.constant(1.0e-12)
+FLIPPED_M2 = wp.constant(1.0e-6)
 _PARALLEL = 0.01  # below this squared sine of their angle, two directions span no plane
 _STRAIGHT = -0.7  # cosine between two edges that follow one another along a thread
 
@@ -135,7 +134,7 @@ def _hinge_normals(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Unit normals (H, 3) of hinges; zero where there is none."""
     a, b, c, d = (vertices[corners[:, k]] for k in range(4))
     normals = np.cross(b - a, d - c)
-    return normals / (np.linalg.norm(normals, axis=1, keepdims=True) + _SMALLEST_M2)
+    return normals / (np.linalg.norm(normals, axis=1, keepdims=True) + SMALLEST_M2)
 
 
 def _thread_hinges(
@@ -253,144 +252,118 @@ def _lengths(ways: np.ndarray, least: float = _SHORT_M) -> np.ndarray:
     return np.maximum(np.linalg.norm(ways, axis=1), least)
 
 
-@wp.func
-def _difference(values: wp.array(dtype=wp.vec3), i: Any, j: Any, like: Any):
-    # Of the values at two vertices in each lane, by axis.
-    x = type(like)()
-    y = type(like)()
-    z = type(like)()
-    for k in range(len(like)):
-        way = values[i[k] & NOT_NEGATIVE] - values[j[k] & NOT_NEGATIVE]
-        x[k] = way[0]
-        y[k] = way[1]
-        z[k] = way[2]
-    return x, y, z
+def spring_numbers(springs: Springs, inverse_masses: np.ndarray, step_s: float) -> np.ndarray:
+    """Numbers (S, 4) that springs are pulled with.
+
+    Lengths at rest, compliance over step^2, compliance times damping over step, and push per metre
+    that is missing.
+    """
+    masses = inverse_masses[springs.pairs].sum(axis=1)
+    compliance, damping, ease = _responses(springs, masses, step_s)
+    return np.stack([springs.lengths_m, compliance, damping, ease], axis=1)
+
+
+def hinge_numbers(hinges: Hinges, inverse_masses: np.ndarray, step_s: float) -> np.ndarray:
+    """Numbers (H, 4) that hinges are turned with.
+
+    Lengths at rest, how far a push bends them, compliance times damping over step, and push per
+    metre that is missing.
+    """
+    masses = (inverse_masses[hinges.vertices] * hinges.weights**2).sum(axis=1)
+    _, damping, ease = _responses(hinges, masses, step_s)
+    return np.stack([hinges.lengths_m, masses, damping, ease], axis=1)
+
+
+def _responses(
+    constraints: Springs | Hinges, masses: np.ndarray, step_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compliance, damping and ease of constraints (Macklin et al. 2016, "XPBD", eq. 18 and 26).
+
+    Args:
+        masses: (C,) sums of inverse masses that they act on.
+    """
+    compliance = 1 / constraints.stiffness_n_m
+    damping = compliance * constraints.damping_kg_s / step_s
+    compliance = compliance / step_s**2
+    return compliance, damping, 1 / ((1 + damping) * masses + compliance)
 
 
 @wp.func
-def _weighted_sum(
-    values: wp.array(dtype=wp.vec3),
-    corners: wp.array2d(dtype=Any),
-    weights: wp.array2d(dtype=Any),
-    row: int,
-):
-    # Of the values at the corners in each lane, by axis.
-    like = weights[row, 0]
-    x = type(like)()
-    y = type(like)()
-    z = type(like)()
-    for corner in range(4):
-        weight = weights[row, corner]
-        u, v, w = gather_lanes(values, corners[row, corner], weight)
-        x += wp.cw_mul(weight, u)
-        y += wp.cw_mul(weight, v)
-        z += wp.cw_mul(weight, w)
-    return x, y, z
+def _place(weighed: wp.vec4):
+    return wp.vec3(weighed[0], weighed[1], weighed[2])
 
 
 @wp.func
-def _normal(values: wp.array(dtype=wp.vec3), corners: wp.array2d(dtype=Any), row: int, like: Any):
-    # Of the hinge in each lane, by axis; 0 where there is none.
-    a, b, c = _difference(values, corners[row, 1], corners[row, 0], like)
-    d, e, f = _difference(values, corners[row, 3], corners[row, 2], like)
-    x = wp.cw_mul(b, f) - wp.cw_mul(c, e)
-    y = wp.cw_mul(c, d) - wp.cw_mul(a, f)
-    z = wp.cw_mul(a, e) - wp.cw_mul(b, d)
-    square = dot_lanes(x, y, z, x, y, z)
-    for k in range(len(square)):
-        square[k] = 1.0 / (wp.sqrt(square[k]) + _SMALLEST_M2)
-    return wp.cw_mul(x, square), wp.cw_mul(y, square), wp.cw_mul(z, square)
-
-
-@wp.func
-def _length(square: Any):
-    length = type(square)()
-    for k in range(len(square)):
-        # Never 0, so that what has no length has no direction, instead of NaN.
-        length[k] = wp.sqrt(square[k]) + _SHORTEST_M
-    return length
+def _moved(weighed: wp.vec4, way: wp.vec3):
+    return weighed + wp.vec4(way[0], way[1], way[2], 0.0)
 
 
 @wp.kernel
 def pull_springs(
-    ends: wp.array2d(dtype=Any),
-    # length at rest; compliance over step^2; compliance times damping over step; push per metre
-    # that is missing, 0 in an empty lane
-    numbers: wp.array2d(dtype=Any),
-    inverse_mass: wp.array(dtype=float),
-    first: int,  # row
-    sweep: int,
+    ends: wp.array2d(dtype=int),
+    numbers: wp.array2d(dtype=float),  # see `spring_numbers`
+    first: int,  # spring
+    begins: int,
+    finishes: int,  # the sweeps of a small step
     share: float,  # of the way to where it is content
-    pull: wp.array(dtype=Any),  # of the sweeps before in this step
-    before: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
+    pull: wp.array(dtype=float),  # of the sweeps before in this step
+    lengths: wp.array(dtype=float),  # of springs when they had last been pulled, the step before
+    weighed: wp.array(dtype=wp.vec4),  # place and inverse mass
 ):
     """Pull or push the ends of springs towards their lengths at rest."""
-    row = first + wp.tid()
-    i = ends[row, 0]
-    j = ends[row, 1]
-    x, y, z = _difference(place, i, j, numbers[row, 0])
-    u, v, w = _difference(before, i, j, numbers[row, 0])
-    square = dot_lanes(x, y, z, x, y, z)
-    length = _length(square)
-    rate = wp.cw_div(square - dot_lanes(x, y, z, u, v, w), length)
-    push = numbers[row, 0] - length - wp.cw_mul(numbers[row, 2], rate)
-    if sweep > 0:
-        push = push - wp.cw_mul(numbers[row, 1], pull[row])
-    push = share * wp.cw_mul(push, numbers[row, 3])
-    if sweep > 0:
-        pull[row] = pull[row] + push
+    spring = first + wp.tid()
+    i = ends[spring, 0]
+    j = ends[spring, 1]
+    a = weighed[i]
+    b = weighed[j]
+    way = _place(a) - _place(b)
+    # Never 0, so that what has no length has no direction, instead of NaN.
+    length = wp.length(way) + SHORTEST_M
+    push = numbers[spring, 0] - length - numbers[spring, 2] * (length - lengths[spring])
+    if begins == 0:
+        push -= numbers[spring, 1] * pull[spring]
+    push *= share * numbers[spring, 3]
+    if begins == 0:
+        pull[spring] = pull[spring] + push
     else:
-        pull[row] = push
-    push = wp.cw_div(push, length)
-    x = wp.cw_mul(x, push)
-    y = wp.cw_mul(y, push)
-    z = wp.cw_mul(z, push)
-    for k in range(len(push)):
-        # In turn: an empty lane has the ends of a full one, and moves them by nothing.
-        way = wp.vec3(x[k], y[k], z[k])
-        a = i[k] & NOT_NEGATIVE
-        b = j[k] & NOT_NEGATIVE
-        place[a] = place[a] + way * inverse_mass[a]
-        place[b] = place[b] - way * inverse_mass[b]
+        pull[spring] = push
+    if finishes != 0:
+        lengths[spring] = length + push * (a[3] + b[3])
+    way *= push / length
+    weighed[i] = _moved(a, way * a[3])
+    weighed[j] = _moved(b, -way * b[3])
 
 
 @wp.kernel
 def turn_hinges(
-    corners: wp.array2d(dtype=Any),
-    weights: wp.array2d(dtype=Any),
-    numbers: wp.array2d(dtype=Any),  # as of springs
-    inverse_mass: wp.array(dtype=float),
-    first: int,  # row
-    turned: wp.array(dtype=Any),  # how far hinges were bent when they had last been turned
-    place: wp.array(dtype=wp.vec3),
+    corners: wp.array2d(dtype=int),
+    weights: wp.array2d(dtype=float),
+    numbers: wp.array2d(dtype=float),  # see `hinge_numbers`
+    first: int,  # hinge
+    turned: wp.array(dtype=float),  # how far hinges were bent when they had last been turned
+    weighed: wp.array(dtype=wp.vec4),  # place and inverse mass
 ):
     """Turn hinges towards their angles at rest."""
-    row = first + wp.tid()
-    x, y, z = _weighted_sum(place, corners, weights, row)
-    a, b, c = _normal(place, corners, row, numbers[row, 0])
-    bent = dot_lanes(a, b, c, x, y, z)
-    last = turned[row]
-    rate = bent - last
-    for k in range(len(rate)):
+    hinge = first + wp.tid()
+    a = _place(weighed[corners[hinge, 0]])
+    b = _place(weighed[corners[hinge, 1]])
+    c = _place(weighed[corners[hinge, 2]])
+    d = _place(weighed[corners[hinge, 3]])
+    normal = wp.cross(b - a, d - c)
+    size = wp.length(normal) + SMALLEST_M2
+    total = a * weights[hinge, 0] + b * weights[hinge, 1]
+    total += c * weights[hinge, 2] + d * weights[hinge, 3]
+    bent = wp.dot(normal, total) / size
+    rate = bent - turned[hinge]
+    if bent * turned[hinge] < -FLIPPED_M2:
         # From far on one side to far on the other: it is folded flat, and its normal has flipped.
-        if bent[k] * last[k] < -_FLIPPED_M2:
-            rate[k] = 0.0
-    push = numbers[row, 0] - bent - wp.cw_mul(numbers[row, 2], rate)
-    push = wp.cw_mul(push, numbers[row, 3])
-    for corner in range(4):
-        which = corners[row, corner]
-        weight = weights[row, corner]
-        for k in range(len(push)):
-            i = which[k] & NOT_NEGATIVE
-            way = push[k] * weight[k] * inverse_mass[i]
-            bent[k] = bent[k] + way * weight[k]
-            place[i] = place[i] + wp.vec3(a[k], b[k], c[k]) * way
-    turned[row] = bent
-
-
-overload_lanes(pull_springs, numbers=["numbers", "pull"], indices=["ends"])
-overload_lanes(turn_hinges, numbers=["weights", "numbers", "turned"], indices=["corners"])
+        rate = 0.0
+    push = (numbers[hinge, 0] - bent - numbers[hinge, 2] * rate) * numbers[hinge, 3]
+    turned[hinge] = bent + push * numbers[hinge, 1]
+    for k in range(4):
+        i = corners[hinge, k]
+        vertex = weighed[i]
+        weighed[i] = _moved(vertex, normal * (push / size * weights[hinge, k] * vertex[3]))
 
 
 @wp.kernel

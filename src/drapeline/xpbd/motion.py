@@ -1,10 +1,23 @@
-"""Particles in motion: prediction, what holds them, and their speed at the end of a step."""
+"""Particles in motion: prediction, what holds them, and their speed at the end of a step.
+
+Between prediction and contact a particle's place and its inverse mass stand in one vector of four,
+which a processor reads and writes at once.
+"""
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
 _GRAVITY = wp.constant(wp.vec3(0.0, 0.0, -9.81))
+
+
+@wp.kernel
+def tick(steps: int, ticks: wp.array(dtype=int), clock: wp.array(dtype=float)):
+    """Let the clock show when the next of a frame's small steps begins and ends, from 0 to 1."""
+    step = ticks[0]
+    clock[0] = float(step) / float(steps)
+    clock[1] = float(step + 1) / float(steps)
+    ticks[0] = (step + 1) % steps
 
 
 @wp.kernel
@@ -16,6 +29,7 @@ def predict(
     way: wp.array(dtype=wp.vec3),
     before: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
+    weighed: wp.array(dtype=wp.vec4),
 ):
     """Where particles go by their speed, gravity and the air alone."""
     i = wp.tid()
@@ -25,7 +39,7 @@ def predict(
     speed[i] = free
     way[i] = end - start  # as it was rounded
     before[i] = start
-    place[i] = end
+    weighed[i] = wp.vec4(end[0], end[1], end[2], weighed[i][3])
 
 
 @wp.kernel
@@ -35,13 +49,21 @@ def hold(
     start: wp.array(dtype=wp.vec3),
     end: wp.array(dtype=wp.vec3),
     clock: wp.array(dtype=float),
-    place: wp.array(dtype=wp.vec3),
+    weighed: wp.array(dtype=wp.vec4),
 ):
     """Pull held vertices to where they are held, which moves between two frames."""
     i = wp.tid()
     target = start[i] + (end[i] - start[i]) * clock[1]
-    vertex = vertices[i]
-    place[vertex] = place[vertex] + (target - place[vertex]) * pull[i]
+    vertex = weighed[vertices[i]]
+    goal = wp.vec4(target[0], target[1], target[2], vertex[3])
+    weighed[vertices[i]] = vertex + (goal - vertex) * pull[i]
+
+
+@wp.kernel
+def take_places(weighed: wp.array(dtype=wp.vec4), place: wp.array(dtype=wp.vec3)):
+    """Where the cloth's own forces have left particles."""
+    i = wp.tid()
+    place[i] = wp.vec3(weighed[i][0], weighed[i][1], weighed[i][2])
 
 
 @wp.kernel

@@ -15,11 +15,18 @@ from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
 from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
-from drapeline.xpbd.elasticity import Hinges, Springs, measure_strain, pull_springs, turn_hinges
+from drapeline.xpbd.elastic_lanes import pull_springs_in_lanes, turn_hinges_in_lanes
+from drapeline.xpbd.elasticity import (
+    hinge_numbers,
+    measure_strain,
+    pull_springs,
+    spring_numbers,
+    turn_hinges,
+)
 from drapeline.xpbd.floor_contact import touch_floor
-from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes, repeat_first
+from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes
 from drapeline.xpbd.launches import BusyLaunch, record
-from drapeline.xpbd.motion import add_speed, hold, predict, take_speed
+from drapeline.xpbd.motion import add_speed, hold, predict, take_places, take_speed, tick
 from drapeline.xpbd.moves import make_all_moves, make_moves
 from drapeline.xpbd.system import join_garments
 
@@ -31,7 +38,8 @@ class Numbers:
     Attributes:
         steps_per_step: small steps for each of `Attempt.steps`.
         way_m: how far cloth goes past other cloth, as a root mean square, between two searches for
-            what is near.
+            what is near of it.
+        body_way_m: the same, between two searches for the body.
         limb_way_m: the same for a fast limb, the 95th percentile of the body's vertices, which
             cloth must not be passed by before it is found.
         searches_min, searches_max: such searches in a frame.
@@ -57,9 +65,10 @@ class Numbers:
         pin_pull: share of the way to where it is held that a pin goes in a small step.
     """
 
-    steps_per_step: float = 4.5
-    way_m: float = 0.004
-    limb_way_m: float = 0.03
+    steps_per_step: float = 3.0
+    way_m: float = 0.005
+    body_way_m: float = 0.01
+    limb_way_m: float = 0.04
     searches_min: int = 2
     searches_max: int = 6
     reach_m: float = 0.045
@@ -72,7 +81,7 @@ class Numbers:
     edge_margin_m: float = 0.012
     cover_margin_m: float = 0.012
     cover_gap_m: float = 0.002
-    sweeps: tuple[float, ...] = (1.0, 1.4)
+    sweeps: tuple[float, ...] = (1.0, 1.2, 1.4)
     friction: float = 0.4
     lead_friction: float = 0.1
     cloth_friction: float = 0.3
@@ -121,10 +130,12 @@ class MovingCloth:
         self._width = 1 if self._together else LANES
         system = self._system = join_garments(garments, self._width)
         self._place = _vectors(system.vertices)
+        weighed = np.column_stack([system.vertices, system.inverse_masses])
+        self._weighed = wp.array(weighed.astype(np.float32), dtype=wp.vec4)
         self._before, self._speed, self._way = (wp.zeros_like(self._place) for _ in range(3))
-        times = np.arange(self._steps + 1) / self._steps
-        self._clocks = _numbers(np.stack([times[:-1], times[1:]], axis=1).ravel())
+        self._ticks = wp.zeros(1, dtype=int)
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
+        self._tick = record(tick, 1, [self._steps], [self._ticks, self._clock])
         self._strain = _numbers(np.zeros(len(system.vertices)))
         self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
@@ -157,26 +168,8 @@ class MovingCloth:
     def _record(self) -> list[wp.Launch | BusyLaunch]:
         """What a small step launches, in order."""
         system, numbers, surface = self._system, self._numbers, self._surface
-        mass, state = _numbers(system.inverse_masses), [self._before, self._place]
-        springs, hinges = system.springs, system.hinges
+        state, weighed = [self._before, self._place], self._weighed
         touching = self._gap_m, *self._step_ways_m, self._friction
-        number, index = lane_types(self._width)
-        masses = system.inverse_masses[springs.pairs].sum(axis=1)
-        pulling = [
-            _lanes(springs.pairs, system.spring_lanes, index),
-            self._responses(springs, masses, system.spring_lanes),
-            mass,
-        ]
-        pulls = wp.zeros(len(system.spring_lanes), dtype=number)
-        masses = (system.inverse_masses[hinges.vertices] * hinges.weights**2).sum(axis=1)
-        turning = [
-            _lanes(hinges.vertices, system.hinge_lanes, index),
-            _lanes(hinges.weights, system.hinge_lanes, number),
-            self._responses(hinges, masses, system.hinge_lanes),
-            mass,
-        ]
-        bent = hinges.lengths_m[repeat_first(system.hinge_lanes)].astype(np.float32)
-        turned = wp.array(bent, dtype=number)
         moves = []
         if self._together:
             moves = [record(make_all_moves, len(self._place), [self._moves], state)]
@@ -185,7 +178,7 @@ class MovingCloth:
                 predict,
                 len(self._place),
                 [_numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry, self._step_s],
-                [self._speed, self._way, *state],
+                [self._speed, self._way, *state, weighed],
             ),
             record(
                 hold,
@@ -194,17 +187,10 @@ class MovingCloth:
                     wp.array(system.pinned, dtype=int),
                     _numbers(numbers.pin_pull * system.pin_weights),
                 ],
-                [self._pin_start, self._pin_end, self._clock, self._place],
+                [self._pin_start, self._pin_end, self._clock, weighed],
             ),
-            *(
-                record(pull_springs, count, [*pulling, first, sweep, share], [pulls, *state])
-                for sweep, share in enumerate(numbers.sweeps)
-                for first, count in self._at_once(system.spring_rows)
-            ),
-            *(
-                record(turn_hinges, count, [*turning, first], [turned, self._place])
-                for first, count in self._at_once(system.hinge_rows)
-            ),
+            *self._record_elasticity(),
+            record(take_places, len(self._place), [weighed], [self._place]),
             *(launch for contact in self._contacts for launch in (contact, *moves)),
             record(
                 touch_floor,
@@ -224,6 +210,51 @@ class MovingCloth:
             record(take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]),
         ]
         return [launch for launch in launches if launch is not None]
+
+    def _record_elasticity(self) -> list[wp.Launch | None]:
+        """What cloth resists by itself."""
+        system, sweeps = self._system, self._numbers.sweeps
+        springs, hinges = system.springs, system.hinges
+        number, index = (float, int) if self._together else lane_types(LANES)
+        pull = pull_springs if self._together else pull_springs_in_lanes
+        turn = turn_hinges if self._together else turn_hinges_in_lanes
+
+        def laid(values: np.ndarray, lanes: np.ndarray, dtype: type) -> wp.array:
+            rows = lay_in_lanes(values, lanes)
+            return wp.array(rows[..., 0] if self._together else rows, dtype=dtype)
+
+        def numbers(values: np.ndarray, lanes: np.ndarray) -> wp.array:
+            return laid(values.astype(np.float32), lanes, number)
+
+        lanes, ways = system.spring_lanes, np.diff(system.vertices[springs.pairs], axis=1)[:, 0]
+        pulling = [
+            laid(springs.pairs, lanes, index),
+            numbers(spring_numbers(springs, system.inverse_masses, self._step_s), lanes),
+        ]
+        pulled = [
+            wp.zeros(len(lanes), dtype=number),
+            numbers(np.linalg.norm(ways, axis=1)[:, None], lanes).flatten(),
+            self._weighed,
+        ]
+        bent = system.hinge_lanes
+        turning = [
+            laid(hinges.vertices, bent, index),
+            numbers(hinges.weights, bent),
+            numbers(hinge_numbers(hinges, system.inverse_masses, self._step_s), bent),
+        ]
+        turned = [numbers(hinges.lengths_m[:, None], bent).flatten(), self._weighed]
+        last = len(sweeps) - 1
+        return [
+            *(
+                record(pull, count, [*pulling, first, k == 0, k == last, share], pulled)
+                for k, share in enumerate(sweeps)
+                for first, count in self._at_once(system.spring_rows)
+            ),
+            *(
+                record(turn, count, [*turning, first], turned)
+                for first, count in self._at_once(system.hinge_rows)
+            ),
+        ]
 
     def _at_once(self, rows: np.ndarray) -> list[tuple[int, int]]:
         """First rows, and how many, of the constraints that a launch solves: a colour, or all."""
@@ -276,26 +307,6 @@ class MovingCloth:
             ),
         ]
 
-    def _responses(
-        self, constraints: Springs | Hinges, masses: np.ndarray, lanes: np.ndarray
-    ) -> wp.array:
-        """Numbers that springs and hinges are solved with, by lane.
-
-        Args:
-            constraints: C springs or hinges.
-            masses: (C,) sums of inverse masses that they act on.
-            lanes: (R, width), see `fill_lanes`.
-        """
-        compliance = 1 / constraints.stiffness_n_m
-        damping = compliance * constraints.damping_kg_s / self._step_s
-        compliance = compliance / self._step_s**2
-        ease = 1 / ((1 + damping) * masses + compliance)
-        rows = lay_in_lanes(
-            np.stack([constraints.lengths_m, compliance, damping, ease], axis=1), lanes
-        )
-        rows[:, 3][lanes < 0] = 0  # an empty lane repeats a full one, and must move nothing
-        return wp.array(rows.astype(np.float32), dtype=lane_types(self._width)[0])
-
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
 
@@ -307,48 +318,53 @@ class MovingCloth:
             if self._device.is_cuda:
                 self._replay(every)
             else:
-                self._step(every)
+                self._step(*every)
             return self._system.split(self._place.numpy().copy())
 
-    def _replay(self, every: int) -> None:
+    def _replay(self, every: tuple[int, int]) -> None:
         """Do what `_step` does without its many launches one by one."""
         if every not in self._graphs:
             with wp.ScopedCapture() as capture:
-                self._step(every)
+                self._step(*every)
             self._graphs[every] = capture.graph
         wp.capture_launch(self._graphs[every])
 
-    def _step(self, every: int) -> None:
-        """Take the small steps of a frame, and search every so many."""
+    def _step(self, body_every: int, cloth_every: int) -> None:
+        """Take the small steps of a frame, and search every so many for the body and for cloth."""
         for step in range(self._steps):
-            wp.copy(self._clock, self._clocks, src_offset=2 * step, count=2)
-            if step % every == 0:
-                self._search()
+            self._tick.launch()
+            if step % body_every == 0:
+                self._find_body()
+            if step % cloth_every == 0:
+                self._find_cloth()
             if step == 0:
+                self._surface.find_room(self._numbers.room_m)
                 margin_m = self._numbers.cover_margin_m
                 self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
-            if step % every == 0:
+            if step % cloth_every == 0:
                 for contact in self._contacts:
                     contact.find()
             for launch in self._commands:
                 launch.launch()
 
-    def _search_every(self, limb_way_m: float) -> int:
-        """Small steps between two searches.
+    def _search_every(self, limb_way_m: float) -> tuple[int, int]:
+        """Small steps between two searches for the body, and for cloth.
 
-        In these, cloth goes past cloth by `way_m` if it is as fast as in the frame before, and the
-        body's limbs move by `limb_way_m`.
+        In these, cloth goes past cloth by `body_way_m` or `way_m` if it is as fast as in the frame
+        before. Nor do the body's limbs move by more than `limb_way_m` between two for the body.
         """
         numbers = self._numbers
-        ways = self._near.relative_way_m(self._last, self._place) / numbers.way_m
+        way_m = self._near.relative_way_m(self._last, self._place)
         wp.copy(self._last, self._place)
-        ways = max(ways, limb_way_m / numbers.limb_way_m)
+        body_ways = max(way_m / numbers.body_way_m, limb_way_m / numbers.limb_way_m)
+        ways = [body_ways, way_m / numbers.way_m]
         searches = np.clip(np.ceil(ways), numbers.searches_min, numbers.searches_max)
-        return int(np.ceil(self._steps / searches))
+        body_every, cloth_every = np.ceil(self._steps / searches).astype(int).tolist()
+        return body_every, cloth_every
 
-    def _search(self) -> None:
-        """Find what the cloth is near to, and what it passes through."""
-        numbers, near, crossings = self._numbers, self._near, self._crossings
+    def _find_body(self) -> None:
+        """Find where the cloth is nearest to the body."""
+        numbers = self._numbers
         self._strain.zero_()
         self._measure.launch()
         self._surface.find_anchors(
@@ -359,8 +375,11 @@ class MovingCloth:
             reach_m=numbers.reach_m,
             gap_m=self._gap_m,
             slack_m=numbers.slack_m,
-            room_m=numbers.room_m,
         )
+
+    def _find_cloth(self) -> None:
+        """Find what the cloth is near to of itself, and what it passes through."""
+        numbers, near, crossings = self._numbers, self._near, self._crossings
         near.find(self._place, margin_m=numbers.margin_m, free_m=numbers.free_m)
         crossings.find(self._place, near.count, near.near)
         self._near_edges.find(
@@ -400,7 +419,3 @@ def _vectors(rows: np.ndarray) -> wp.array:
 
 def _numbers(values: np.ndarray) -> wp.array:
     return wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=float)
-
-
-def _lanes(values: np.ndarray, lanes: np.ndarray, dtype: type) -> wp.array:
-    return wp.array(lay_in_lanes(values, lanes), dtype=dtype)

@@ -34,8 +34,9 @@ def anchors(tmp_path):
         strains = wp.array(np.float32([strain]), dtype=float, device="cpu")
         for height in heights:
             place = wp.array(np.float32([[0.01, 0.02, height]]), dtype=wp.vec3, device="cpu")
-            reaches = {"home_reach_m": 0.012, "reach_m": 0.025, "room_m": 0.045}
+            reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
             surface.find_anchors(place, strains, clock, **reaches, gap_m=0.004, slack_m=0.002)
+        surface.find_room(0.045)
         face = surface.anchor.numpy()[0]
         find.room = surface.room.numpy()[0]
         return (None if face < 0 else faces[face][0]), surface.strange.numpy()[0]
@@ -80,7 +81,7 @@ def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path):
     with PointCache(tmp_path / "body.pc2") as cache:
         body = MovingBody(cache, np.int32([[0, 1, 2], [0, 2, 3]]), segments)
         surface = BodySurface(body, [np.float32([[0.01, 0.02, 0.005]])])
-    reaches = {"home_reach_m": 0.012, "reach_m": 0.025, "room_m": 0.045}
+    reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
     strain = wp.array(np.float32([1]), dtype=float, device="cpu")
     for frame, time, height, ends in (
         (0, 0.0, 0.005, (0, 0)),

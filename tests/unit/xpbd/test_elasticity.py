@@ -7,7 +7,6 @@ import warp as wp
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd.elasticity import face_areas, make_hinges, make_springs, turn_hinges
-from drapeline.xpbd.lanes import lane_types, lay_in_lanes
 from sheet_toys import Held, far_away, sheet, still
 
 COTTON = FABRICS["cotton"]
@@ -171,25 +170,23 @@ def test_edges_without_length_give_finite_numbers(faces_of):
 def turn(place, turned, *, damping):
     """Two hinges of a sheet of three rows, turned once: vertices and how far they are bent then."""
     hinges = make_hinges(sheet(0.0, rows=3, columns=2, edge_m=EDGE_M).vertices, QUADS, COTTON)
-    lanes = np.array([[0], [1]], dtype=np.int32)
-    number, index = lane_types(1)
-    ease = 1 / ((1 + damping) * (hinges.weights**2).sum(axis=1) + 100)
-    numbers = np.stack([hinges.lengths_m, np.full(2, 100), np.full(2, damping), ease], axis=1)
-    moved = wp.array(np.float32(place), dtype=wp.vec3)
-    bent = wp.array(np.float32(turned)[:, None], dtype=number)
+    masses = (hinges.weights**2).sum(axis=1)
+    ease = 1 / ((1 + damping) * masses + 100)
+    numbers = np.stack([hinges.lengths_m, masses, np.full(2, damping), ease], axis=1)
+    moved = wp.array(np.float32(np.column_stack([place, np.ones(6)])), dtype=wp.vec4)
+    bent = wp.array(np.float32(turned), dtype=float)
     wp.launch(
         turn_hinges,
         dim=2,
         inputs=[
-            wp.array(lay_in_lanes(hinges.vertices.astype(np.int32), lanes), dtype=index),
-            wp.array(lay_in_lanes(hinges.weights, lanes).astype(np.float32), dtype=number),
-            wp.array(lay_in_lanes(numbers, lanes).astype(np.float32), dtype=number),
-            wp.array(np.ones(6, dtype=np.float32), dtype=float),
+            wp.array(hinges.vertices.astype(np.int32), dtype=int),
+            wp.array(hinges.weights.astype(np.float32), dtype=float),
+            wp.array(numbers.astype(np.float32), dtype=float),
             0,
         ],
         outputs=[bent, moved],
     )
-    return moved.numpy() - np.float32(place), bent.numpy().ravel()
+    return moved.numpy()[:, :3] - np.float32(place), bent.numpy()
 
 
 def folded(degrees):

@@ -17,7 +17,7 @@ from drapeline.xpbd.solver import cloth_solver
 def test_it_is_named_with_its_numbers_and_version():
     solver = cloth_solver(1)
     assert solver.name == "xpbd"
-    assert solver.settings["steps_per_step"] == 4.5
+    assert solver.settings["steps_per_step"] == 3.0
     assert solver.versions() == {"warp": wp.config.version}
 
 
