@@ -12,7 +12,7 @@ import warp as wp
 LANES = 8
 # Warp counts negative indices from the end. Ours are none, as this mask tells the compiler, which
 # would otherwise check lane by lane.
-NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 
 
 def lane_types(width: int) -> tuple[type, type]:
@@ -100,7 +100,7 @@ def gather_lanes(values: wp.array(dtype=wp.vec3), which: Any, like: Any):
     y = type(like)()
     z = type(like)()
     for k in range(len(like)):
-        value = values[which[k] & NOT_NEGATIVE]
+        value = values[which[k] & _NOT_NEGATIVE]
         x[k] = value[0]
         y[k] = value[1]
         z[k] = value[2]

@@ -54,7 +54,7 @@ class Numbers:
         cover_margin_m: how far from a vertex of the body cloth that covers it is looked for.
         cover_gap_m: how far above it that cloth is held.
         sweeps: of the springs in a small step; in each, what share they go of the way to where
-            they are content. The last goes beyond, for what the others take back.
+            they are content. The later go beyond, for what other springs take back.
         friction: of cloth on the body, as a coefficient of Coulomb's law.
         lead_friction: the same during the transition.
         cloth_friction: of cloth on cloth.
