@@ -5,6 +5,7 @@ import scipy.sparse as sp
 import warp as wp
 from scipy.sparse.csgraph import connected_components
 
+from drapeline.geometry.closest_lanes import find_closest_in_lanes, rows_in_order
 from drapeline.geometry.mesh import face_edges, half_edges
 from drapeline.geometry.warp_mesh import warp_mesh
 
@@ -15,23 +16,33 @@ _MOST_SURFACES = wp.constant(64)
 
 
 @wp.kernel
+def _bound(
+    surface: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    faces: wp.array(dtype=int),  # closest to each point in the pose before
+    reaches: wp.array(dtype=float),
+):
+    """How far each point is from the surface at most: no farther than from a face of it."""
+    index = wp.tid()
+    third = 1.0 / 3.0
+    middle = wp.mesh_eval_position(surface, faces[index], third, third)
+    reaches[index] = 1.01 * wp.length(points[index] - middle) + _PAST_M
+
+
+@wp.kernel
 def _locate(
     surface: wp.uint64,
     closed: wp.uint64,
     points: wp.array(dtype=wp.vec3),
-    last: wp.array(dtype=int),  # the face nearest to each point in the pose before
+    faces: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
     distance: wp.array(dtype=float),
     inside: wp.array(dtype=int),
 ):
     index = wp.tid()
     point = points[index]
-    # No point is farther from the surface than from a face of it.
-    third = 1.0 / 3.0
-    middle = wp.mesh_eval_position(surface, last[index], third, third)
-    far = 1.01 * wp.length(point - middle) + _PAST_M
-    hit = wp.mesh_query_point_no_sign(surface, point, far)
-    last[index] = hit.face
-    away = point - wp.mesh_eval_position(surface, hit.face, hit.u, hit.v)
+    at = weights[index]
+    away = point - wp.mesh_eval_position(surface, faces[index], at[0], at[1])
     distance[index] = wp.length(away)
     # How often a ray leaves the body, less how often it enters: away from the nearest surface,
     # for there is seldom another one in that direction.
@@ -68,7 +79,16 @@ class MovingSurface:
         self._open = self._closed = warp_mesh(vertices, faces)
         if len(fans):
             self._closed = warp_mesh(self._with_centres(vertices), np.concatenate([faces, fans]))
-        self._last = wp.zeros(0, dtype=int, device=_DEVICE)
+        self._expect(0)
+
+    def _expect(self, count: int) -> None:
+        """Make room for so many points."""
+        self._rows = rows_in_order(count)
+        self._faces, self._inside = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
+        self._reaches, self._distance = (
+            wp.zeros(count, dtype=float, device=_DEVICE) for _ in range(2)
+        )
+        self._weights = wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
 
     def _with_centres(self, vertices: np.ndarray) -> np.ndarray:
         """Vertices (B, 3), and the middles of the holes."""
@@ -87,24 +107,29 @@ class MovingSurface:
     def locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) of points (P, 3) to the surface in metres, and whether they are inside.
 
-        Fastest for points that are called in the same order in every pose.
+        Fastest for points that follow one another closely, and in the same order in every pose.
         """
-        if len(points) != len(self._last):
-            self._last = wp.zeros(len(points), dtype=int, device=_DEVICE)
-        distance = wp.zeros(len(points), dtype=float, device=_DEVICE)
-        inside = wp.zeros(len(points), dtype=int, device=_DEVICE)
-        wp.launch(
-            _locate,
-            dim=len(points),
-            inputs=[
-                self._open.id,
-                self._closed.id,
-                wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE),
-            ],
-            outputs=[self._last, distance, inside],
-            device=_DEVICE,
-        )
-        return distance.numpy().copy(), inside.numpy() > 0
+        if len(points) != len(self._faces):
+            self._expect(len(points))
+        places = wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
+        surface, found = [self._open.id, places], [self._faces, self._weights]
+        for kernel, count, inputs, outputs in (
+            (_bound, len(points), [*surface, self._faces], [self._reaches]),
+            (
+                find_closest_in_lanes,
+                len(self._rows),
+                [self._open.id, self._rows, places, self._reaches],
+                found,
+            ),
+            (
+                _locate,
+                len(points),
+                [self._open.id, self._closed.id, places, *found],
+                [self._distance, self._inside],
+            ),
+        ):
+            wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE)
+        return self._distance.numpy().copy(), self._inside.numpy() > 0
 
 
 def _close_holes(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from drapeline.geometry.lanes import INDICES, LANES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
+from drapeline.xpbd.body_lanes import search_in_lanes
 from drapeline.xpbd.contact import SHARE_OF_ROOM, pushed_out
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
@@ -59,13 +61,79 @@ def _blend(values: wp.array(dtype=wp.vec3), face: wp.vec3i, weights: wp.vec3):
     )
 
 
+@wp.func
+def _let_go(strain: float, strange: int):
+    # Torn cloth keeps to nothing but what it is worn on.
+    return strain > _TORN and strange > 0
+
+
 @wp.kernel
-def _find_anchors(
+def _choose_reaches(
+    homes: wp.array(dtype=int),
+    last: int,  # the number of the whole body
+    strain: wp.array(dtype=float),
+    faces: wp.array(dtype=wp.vec3i),
+    points: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    home_reach: float,
+    reach: float,
+    gap: float,
+    slack: float,
+    anchor: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+    away: wp.array(dtype=wp.vec3),
+    strange: wp.array(dtype=int),
+    reaches: wp.array(dtype=float),  # how far each anchor is looked for, 0 for one that is kept
+    found: wp.array(dtype=int),
+):
+    i = wp.tid()
+    far = wp.where(homes[i] < last, home_reach, reach)
+    if anchor[i] >= 0 and not _let_go(strain[i], strange[i]):
+        from_anchor = place[i] - _blend(points, faces[anchor[i]], weights[i])
+        slid = wp.length(from_anchor - away[i])
+        # Cloth off the body may move by half of its distance before it can touch anything.
+        if slid <= wp.max(slack, 0.5 * (wp.length(away[i]) - gap)):
+            far = 0.0
+        elif strange[i] == 0:
+            # The nearest point is no farther than the last one, which is on the same limb.
+            far = wp.min(far, 1.01 * wp.length(from_anchor) + 1.0e-6)
+    reaches[i] = far
+    found[i] = -1
+
+
+@wp.kernel
+def search_in_turn(
     meshes: wp.array(dtype=wp.uint64),  # of each limb, and of the whole body
+    homes: wp.array(dtype=int),
+    place: wp.array(dtype=wp.vec3),
+    reach: float,
+    reaches: wp.array(dtype=float),
+    parts: wp.array(dtype=int),
+    found: wp.array(dtype=int),
+    found_weights: wp.array(dtype=wp.vec3),
+):
+    """Find the nearest point on each vertex's limb or, if that is too far, on the whole body."""
+    i = wp.tid()
+    far = reaches[i]
+    part = homes[i]
+    last = len(meshes) - 1
+    while far > 0.0 and part >= 0:
+        hit = wp.mesh_query_point_no_sign(meshes[part], place[i], far)
+        if hit.result:
+            parts[i] = part
+            found[i] = hit.face
+            found_weights[i] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+        far = reach
+        part = wp.where(hit.result or part == last, -1, last)
+
+
+@wp.kernel
+def _take_anchors(
     first_face: wp.array(dtype=int),
     face_numbers: wp.array(dtype=int),
     homes: wp.array(dtype=int),
     hands: wp.array(dtype=int),
+    last: int,
     strain: wp.array(dtype=float),
     faces: wp.array(dtype=wp.vec3i),
     points: wp.array(dtype=wp.vec3),
@@ -75,10 +143,11 @@ def _find_anchors(
     end_normals: wp.array(dtype=wp.vec3),
     clock: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
-    home_reach: float,
-    reach: float,
-    gap: float,
-    slack: float,
+    # What was found of those that were looked for: on which part, and which of its faces or -1.
+    reaches: wp.array(dtype=float),
+    parts: wp.array(dtype=int),
+    found: wp.array(dtype=int),
+    found_weights: wp.array(dtype=wp.vec3),
     # The anchor: its face or -1, weights of the corners, and the way from it to the vertex.
     anchor: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
@@ -92,58 +161,40 @@ def _find_anchors(
 ):
     i = wp.tid()
     p = place[i]
-    old = anchor[i]
-    search = True
-    torn = strain[i] > _TORN
-    if old >= 0 and torn and strange[i] > 0:
-        old = -1
-    if old >= 0:
-        slid = wp.length(p - _blend(points, faces[old], weights[i]) - away[i])
-        # Cloth off the body may move by half of its distance before it can touch anything.
-        search = slid > wp.max(slack, 0.5 * (wp.length(away[i]) - gap))
+    search = reaches[i] > 0.0
     if search:
+        old = anchor[i]
         last_strange = strange[i]
+        if _let_go(strain[i], last_strange):
+            old = -1
         anchor[i] = -1
         strange[i] = 0
-        part = homes[i]
-        last = len(meshes) - 1
-        far = wp.where(part < last, home_reach, reach)
-        if old >= 0 and last_strange == 0:
-            # The nearest point is no farther than the last one, which is on the same limb.
-            far = wp.min(far, 1.01 * wp.length(p - _blend(points, faces[old], weights[i])) + 1.0e-6)
-        while part >= 0:
-            hit = wp.mesh_query_point_no_sign(meshes[part], p, far)
-            if hit.result:
-                number = face_numbers[first_face[part] + hit.face]
-                found = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
-                here = _blend(points, faces[number], found)
-                normal = _face_normal(points, faces[number])
+        if found[i] >= 0:
+            number = face_numbers[first_face[parts[i]] + found[i]]
+            here = _blend(points, faces[number], found_weights[i])
+            normal = _face_normal(points, faces[number])
+            within = wp.dot(p - here, normal) < 0.0
+            foreign = int(0)  # noqa: RUF046, UP018
+            if parts[i] == last and homes[i] != last:
+                foreign = 1
+            if parts[i] == last and hands[number] > 0:
+                foreign = 1 + hands[number]
+            free = foreign > 0 and strain[i] > _TORN
+            if foreign > 1 and last_strange != foreign and within:
+                free = True
+            if not free:
+                # In the body: stay with the side that it came from if another is nearer now.
                 keep = False
-                if old >= 0 and wp.dot(p - here, normal) < 0.0:
-                    # In the body: stay with the side that it came from if another is nearer now.
+                if old >= 0 and within:
                     keep = wp.dot(_face_normal(points, faces[old]), normal) < 0.0
-                foreign = int(0)  # noqa: RUF046, UP018
-                if part == last and homes[i] != last:
-                    foreign = 1
-                if part == last and hands[number] > 0:
-                    foreign = 1 + hands[number]
-                free = foreign > 0 and torn
-                if foreign > 1 and last_strange != foreign and wp.dot(p - here, normal) < 0.0:
-                    free = True
-                if not free:
-                    if keep:
-                        anchor[i] = old
-                        strange[i] = last_strange
-                    else:
-                        anchor[i] = number
-                        weights[i] = found
-                        strange[i] = foreign
-                    away[i] = p - _blend(points, faces[anchor[i]], weights[i])
-            if hit.result or part == last:
-                part = -1
-            else:
-                part = last
-                far = reach
+                if keep:
+                    anchor[i] = old
+                    strange[i] = last_strange
+                else:
+                    anchor[i] = number
+                    weights[i] = found_weights[i]
+                    strange[i] = foreign
+                away[i] = p - _blend(points, faces[anchor[i]], weights[i])
     # Within a frame, those that were not searched again are known.
     if anchor[i] >= 0 and (search or clock[0] == 0.0):
         face = faces[anchor[i]]
@@ -246,9 +297,12 @@ class BodySurface:
     Args:
         body: what the cloth collides with.
         garments: vertices (V, 3) of each garment in frame 0.
+        together: whether each vertex is searched by itself, as on a GPU, not in patches.
     """
 
-    def __init__(self, body: MovingBody, garments: Sequence[np.ndarray]) -> None:
+    def __init__(
+        self, body: MovingBody, garments: Sequence[np.ndarray], *, together: bool = False
+    ) -> None:
         vertices, count = body.frame(0), sum(map(len, garments))
         flat = np.ascontiguousarray(body.faces, dtype=np.int32)
         self._faces = wp.array(flat, dtype=wp.vec3i)
@@ -263,18 +317,23 @@ class BodySurface:
         parts = [*(p if (homes == k).any() else p[:0] for k, p in enumerate(limbs)), whole]
         self._meshes = [self._index(flat[part]) for part in parts]
         ids = np.array([mesh.id for mesh in self._meshes], dtype=np.uint64)
-        self._parts = [
-            wp.array(ids, dtype=wp.uint64),
-            *(
-                wp.array(numbers.astype(np.int32), dtype=int)
-                for numbers in (
-                    np.cumsum([0, *map(len, parts)])[:-1],
-                    np.concatenate(parts),
-                    homes,
-                    hand_numbers(body.faces, body.segments),
-                )
-            ),
-        ]
+        self._ids = wp.array(ids, dtype=wp.uint64)
+        self._first, self._numbers, self._homes, self._hands = (
+            wp.array(numbers.astype(np.int32), dtype=int)
+            for numbers in (
+                np.cumsum([0, *map(len, parts)])[:-1],
+                np.concatenate(parts),
+                homes,
+                hand_numbers(body.faces, body.segments),
+            )
+        )
+        self._patches = None
+        if not together:
+            patches = repeat_first(make_patches(np.concatenate(garments), homes, LANES))
+            self._patches = wp.array(patches, dtype=INDICES)
+        self._reaches, self._again = (wp.zeros(count, dtype=float) for _ in range(2))
+        self._on_part, self._found = (wp.zeros(count, dtype=int) for _ in range(2))
+        self._found_weights = _vectors(count)
         self.anchor = wp.full(count, -1, dtype=int)
         self.strange = wp.zeros(count, dtype=int)
         self._weights, self._away = (_vectors(count) for _ in range(2))
@@ -330,17 +389,39 @@ class BodySurface:
         )
         for mesh in self._meshes:
             mesh.refit()
-        surface = [*self._parts, strain, self._faces, self._points, self._start, self._end]
+        last, count = len(self._meshes) - 1, len(place)
+        known = [self.anchor, self._weights, self._away, self.strange]
+        found = [self._on_part, self._found, self._found_weights]
         wp.launch(
-            _find_anchors,
-            dim=len(place),
+            _choose_reaches,
+            dim=count,
             inputs=[
-                *surface,
-                *(self._start_normals, self._end_normals, clock, place),
-                *(home_reach_m, reach_m, gap_m, slack_m),
+                *(self._homes, last, strain, self._faces, self._points, place),
+                *(home_reach_m, reach_m, gap_m, slack_m, *known),
+            ],
+            outputs=[self._reaches, self._found],
+        )
+        if self._patches is None:
+            inputs = [self._ids, self._homes, place, reach_m, self._reaches]
+            wp.launch(search_in_turn, dim=count, inputs=inputs, outputs=found)
+        else:
+            inputs = [self._ids, self._homes, self._patches, place, reach_m, self._reaches]
+            wp.launch(
+                search_in_lanes,
+                dim=len(self._patches),
+                inputs=inputs,
+                outputs=[self._again, *found],
+            )
+        wp.launch(
+            _take_anchors,
+            dim=count,
+            inputs=[
+                *(self._first, self._numbers, self._homes, self._hands, last, strain),
+                *(self._faces, self._points, self._start, self._end),
+                *(self._start_normals, self._end_normals, clock, place, self._reaches, *found),
             ],
             outputs=[
-                *(self.anchor, self._weights, self._away, self.strange),
+                *known,
                 *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
         )

@@ -1,29 +1,26 @@
 """Cloth against cloth: vertices keep to the side of the triangles that they are on."""
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 
-from drapeline.xpbd.contact import held_slip, narrowed
-from drapeline.xpbd.lanes import (
+from drapeline.geometry.lanes import (
+    INDICES,
     LANES,
-    count_less,
-    dot_lanes,
-    gather_lanes,
-    lane_types,
+    NUMBERS,
     lay_in_lanes,
     make_patches,
-    most,
-    overload_lanes,
     repeat_first,
 )
+from drapeline.xpbd.cloth_lanes import ASIDE, SMALLEST_M4, find_near_in_lanes
+from drapeline.xpbd.contact import held_slip, narrowed
 from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
 _SLOTS = 24  # triangles that a vertex may be near to
 _MOST = wp.constant(_SLOTS)
+_ASIDE = wp.constant(ASIDE)
+_SMALLEST_M4 = wp.constant(SMALLEST_M4)
 _ROUNDED = 1.001  # so that corners are within a box's radius, whatever is rounded
 
 
@@ -56,7 +53,7 @@ def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float
     square = wp.length_sq(normal)
     height = wp.dot(p - a, normal)
     side = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
-    if height * height < margin * margin * square and square > 1.0e-14:
+    if height * height < margin * margin * square and square > _SMALLEST_M4:
         bb = wp.dot(ab, ab)
         cc = wp.dot(ac, ac)
         bc = wp.dot(ab, ac)
@@ -64,27 +61,19 @@ def _side(p: wp.vec3, place: wp.array(dtype=wp.vec3), c: wp.vec3i, margin: float
         pc = wp.dot(p - a, ac)
         u = (cc * pb - bc * pc) / square
         v = (bb * pc - bc * pb) / square
-        if u > -0.4 and v > -0.4 and u + v < 1.4:
+        if u > -_ASIDE and v > -_ASIDE and u + v < 1.0 + _ASIDE:
             side = 1
             if height < 0.0:
                 side = -1
     return side
 
 
-@wp.func
-def _outside(x: Any, low: float, high: float):
-    # How far a coordinate in each lane is outside of a range, negative within it.
-    return most(type(x)(low) - x, x - type(x)(high))
-
-
 @wp.kernel
-def _find_near_triangles(
+def find_near_in_turn(
+    rest: wp.array(dtype=wp.vec3),
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
-    patches: wp.array(dtype=Any),  # vertices of a garment that are looked up together
-    sizes: wp.array(dtype=int),
-    rest: wp.array2d(dtype=Any),
     rest_centres: wp.array(dtype=wp.vec3),
     rest_radii: wp.array(dtype=float),
     place: wp.array(dtype=wp.vec3),
@@ -96,46 +85,26 @@ def _find_near_triangles(
     count: wp.array(dtype=int),
     near: wp.array2d(dtype=int),  # number of the triangle + 1, negative beneath it; 0 for none
 ):
-    patch = wp.tid()
-    vertices = patches[patch]
-    for m in range(sizes[patch]):
-        count[vertices[m]] = 0
-    x, y, z = gather_lanes(place, vertices, rest[patch, 0])
-    layer = layers[vertices[0]]
+    """Find the triangles that each vertex is near to, and on which side of them it is."""
+    i = wp.tid()
+    p = place[i]
     half = wp.vec3(margin, margin, margin)
-    low = wp.vec3(wp.min(x), wp.min(y), wp.min(z)) - half
-    high = wp.vec3(wp.max(x), wp.max(y), wp.max(z)) + half
-    query = wp.bvh_query_aabb(tree, low, high)
+    found = int(0)  # noqa: RUF046, UP018
+    query = wp.bvh_query_aabb(tree, p - half, p + half)
     face = int(0)  # noqa: RUF046, UP018
     while wp.bvh_query_next(query, face):
-        low = lower[face] - half
-        high = upper[face] + half
-        away = most(
-            most(_outside(x, low[0], high[0]), _outside(y, low[1], high[1])),
-            _outside(z, low[2], high[2]),
-        )
-        if layers[triangles[halves * face][0]] == layer:
-            # Parts of a garment that are close at rest are held apart by the cloth itself; a face's
-            # own corners always are, however large it is.
-            centre = rest_centres[face]
-            held = wp.max(free, rest_radii[face])
-            u = rest[patch, 0] - type(x)(centre[0])
-            v = rest[patch, 1] - type(x)(centre[1])
-            w = rest[patch, 2] - type(x)(centre[2])
-            away = most(away, type(x)(held * held) - dot_lanes(u, v, w, u, v, w))
-        if count_less(away, type(x)(0.0)) > 0:
-            for m in range(sizes[patch]):
-                if away[m] < 0.0:
-                    i = vertices[m]
-                    for k in range(halves):
-                        number = halves * face + k
-                        side = _side(place[i], place, triangles[number], margin)
-                        if side != 0 and count[i] < _MOST:
-                            near[i, count[i]] = side * (number + 1)
-                            count[i] = count[i] + 1
-
-
-overload_lanes(_find_near_triangles, numbers=["rest"], indices=["patches"])
+        # Parts of a garment that are close at rest are held apart by the cloth itself; a face's
+        # own corners always are, however large it is.
+        held = wp.max(free, rest_radii[face])
+        apart = wp.length_sq(rest[i] - rest_centres[face]) > held * held
+        if apart or layers[triangles[halves * face][0]] != layers[i]:
+            for k in range(halves):
+                number = halves * face + k
+                side = _side(p, place, triangles[number], margin)
+                if side != 0 and found < _MOST:
+                    near[i, found] = side * (number + 1)
+                    found += 1
+    count[i] = found
 
 
 @wp.kernel
@@ -237,7 +206,7 @@ class NearTriangles:
         triangles: (F, 3); halves of a quad follow one another if `halves` is 2.
         layers: (V,) number of each vertex's garment.
         halves: triangles per face.
-        width: of the lanes in which vertices are looked up.
+        together: whether each vertex is looked up by itself, as on a GPU, not in patches.
 
     Attributes:
         triangles, halves: as given.
@@ -246,7 +215,13 @@ class NearTriangles:
     """
 
     def __init__(
-        self, rest: wp.array, triangles: wp.array, layers: wp.array, halves: int, width: int = LANES
+        self,
+        rest: wp.array,
+        triangles: wp.array,
+        layers: wp.array,
+        halves: int,
+        *,
+        together: bool = False,
     ) -> None:
         self.triangles, self._layers, self.halves = triangles, layers, halves
         faces = len(triangles) // halves
@@ -256,12 +231,16 @@ class NearTriangles:
         low, high = self._lower.numpy(), self._upper.numpy()
         self._centres = wp.array((low + high) / 2, dtype=wp.vec3)
         self._radii = wp.array(_ROUNDED * np.linalg.norm(high - low, axis=1) / 2, dtype=float)
-        patches = make_patches(rest.numpy(), layers.numpy(), width)
-        at_rest, sizes = lay_in_lanes(rest.numpy(), patches), (patches >= 0).sum(axis=1)
-        number, index = lane_types(width)
-        self._patches = wp.array(repeat_first(patches), dtype=index)
-        self._sizes = wp.array(sizes, dtype=int)
-        self._rest = wp.array(at_rest, dtype=number)
+        if together:
+            self._kernel, self._searches, self._rest = find_near_in_turn, len(rest), [rest]
+        else:
+            patches = make_patches(rest.numpy(), layers.numpy(), LANES)
+            self._kernel, self._searches = find_near_in_lanes, len(patches)
+            self._rest = [
+                wp.array(repeat_first(patches), dtype=INDICES),
+                wp.array((patches >= 0).sum(axis=1), dtype=int),
+                wp.array(lay_in_lanes(rest.numpy(), patches), dtype=NUMBERS),
+            ]
         self._sums = wp.zeros(len(rest), dtype=wp.vec2)
         self.count = wp.zeros(len(rest), dtype=int)
         self.near = wp.zeros((len(rest), _SLOTS), dtype=int)
@@ -274,11 +253,11 @@ class NearTriangles:
         self._box(place)
         self.tree.refit()
         wp.launch(
-            _find_near_triangles,
-            dim=len(self._sizes),
+            self._kernel,
+            dim=self._searches,
             inputs=[
-                *(wp.uint64(self.tree.id), self._lower, self._upper),
-                *(self._patches, self._sizes, self._rest, self._centres, self._radii, place),
+                *(*self._rest, wp.uint64(self.tree.id), self._lower, self._upper),
+                *(self._centres, self._radii, place),
                 *(self.triangles, self.halves, self._layers, margin_m, free_m),
             ],
             outputs=[self.count, self.near],

@@ -7,12 +7,10 @@ scattered, and what comes of that takes more than twice as long.
 
 import warp as wp
 
+from drapeline.geometry.lanes import INDICES, NUMBERS
 from drapeline.xpbd.elasticity import FLIPPED_M2, SHORTEST_M, SMALLEST_M2
-from drapeline.xpbd.lanes import LANES, lane_types
 
 wp.set_module_options({"enable_backward": False})
-
-_NUMBER, _INDEX = lane_types(LANES)
 
 # `take` and `put` read and write (x, y, z, inverse mass) of eight vertices as four vectors and
 # four: they are transposed on the way.
@@ -120,39 +118,39 @@ def _with_numbers(snippet: str) -> str:
 
 @wp.func_native(_with_numbers(_PULL))
 def _pull(
-    ends: wp.array2d(dtype=_INDEX),
-    numbers: wp.array2d(dtype=_NUMBER),
+    ends: wp.array2d(dtype=INDICES),
+    numbers: wp.array2d(dtype=NUMBERS),
     row: int,
     begins: int,
     finishes: int,
     share: float,
-    pull: wp.array(dtype=_NUMBER),
-    lengths: wp.array(dtype=_NUMBER),
+    pull: wp.array(dtype=NUMBERS),
+    lengths: wp.array(dtype=NUMBERS),
     weighed: wp.array(dtype=wp.vec4),
 ): ...
 
 
 @wp.func_native(_with_numbers(_TURN))
 def _turn(
-    corners: wp.array2d(dtype=_INDEX),
-    weights: wp.array2d(dtype=_NUMBER),
-    numbers: wp.array2d(dtype=_NUMBER),
+    corners: wp.array2d(dtype=INDICES),
+    weights: wp.array2d(dtype=NUMBERS),
+    numbers: wp.array2d(dtype=NUMBERS),
     row: int,
-    turned: wp.array(dtype=_NUMBER),
+    turned: wp.array(dtype=NUMBERS),
     weighed: wp.array(dtype=wp.vec4),
 ): ...
 
 
 @wp.kernel
 def pull_springs_in_lanes(
-    ends: wp.array2d(dtype=_INDEX),
-    numbers: wp.array2d(dtype=_NUMBER),
+    ends: wp.array2d(dtype=INDICES),
+    numbers: wp.array2d(dtype=NUMBERS),
     first: int,  # row
     begins: int,
     finishes: int,
     share: float,
-    pull: wp.array(dtype=_NUMBER),
-    lengths: wp.array(dtype=_NUMBER),
+    pull: wp.array(dtype=NUMBERS),
+    lengths: wp.array(dtype=NUMBERS),
     weighed: wp.array(dtype=wp.vec4),
 ):
     """As `elasticity.pull_springs`, for those of a row; an empty lane repeats a full one."""
@@ -162,11 +160,11 @@ def pull_springs_in_lanes(
 
 @wp.kernel
 def turn_hinges_in_lanes(
-    corners: wp.array2d(dtype=_INDEX),
-    weights: wp.array2d(dtype=_NUMBER),
-    numbers: wp.array2d(dtype=_NUMBER),
+    corners: wp.array2d(dtype=INDICES),
+    weights: wp.array2d(dtype=NUMBERS),
+    numbers: wp.array2d(dtype=NUMBERS),
     first: int,  # row
-    turned: wp.array(dtype=_NUMBER),
+    turned: wp.array(dtype=NUMBERS),
     weighed: wp.array(dtype=wp.vec4),
 ):
     """As `elasticity.turn_hinges`, for those of a row; an empty lane repeats a full one."""

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.frames import FPS
+from drapeline.geometry.lanes import INDICES, LANES, NUMBERS, lay_in_lanes
 from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.solver import ClothGarment
@@ -24,7 +25,6 @@ from drapeline.xpbd.elasticity import (
     turn_hinges,
 )
 from drapeline.xpbd.floor_contact import touch_floor
-from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes
 from drapeline.xpbd.launches import BusyLaunch, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_places, take_speed, tick
 from drapeline.xpbd.moves import make_all_moves, make_moves
@@ -141,11 +141,15 @@ class MovingCloth:
         self._carry = _vectors(np.zeros((1, 3)))
         self._pin_start, self._pin_end = (_vectors(self._pins(0)) for _ in range(2))
         self._floor_m = wp.zeros(1, dtype=wp.vec2)  # at both ends of the frame
-        self._surface = BodySurface(self._body, [g.vertices for g in garments])
+        self._surface = BodySurface(
+            self._body, [g.vertices for g in garments], together=self._together
+        )
         layers = wp.array(system.layers, dtype=int)
         triangles = wp.array(system.triangles, dtype=wp.vec3i)
         halves = 2 if all(g.faces.shape[1] == 4 for g in garments) else 1
-        self._near = NearTriangles(wp.clone(self._place), triangles, layers, halves, self._width)
+        self._near = NearTriangles(
+            wp.clone(self._place), triangles, layers, halves, together=self._together
+        )
         self._covered = CoveredVertices(self._body.segments, self._body.faces, self._near)
         pairs = wp.array(system.edges, dtype=wp.vec2i)
         sides = edges_of_triangles(system.edges, system.triangles)
@@ -215,7 +219,7 @@ class MovingCloth:
         """What cloth resists by itself."""
         system, sweeps = self._system, self._numbers.sweeps
         springs, hinges = system.springs, system.hinges
-        number, index = (float, int) if self._together else lane_types(LANES)
+        number, index = (float, int) if self._together else (NUMBERS, INDICES)
         pull = pull_springs if self._together else pull_springs_in_lanes
         turn = turn_hinges if self._together else turn_hinges_in_lanes
 

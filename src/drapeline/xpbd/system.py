@@ -6,11 +6,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from drapeline.geometry.lanes import LANES, fill_lanes
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.simulation.solver import ClothGarment
 from drapeline.xpbd.colouring import colour_constraints
 from drapeline.xpbd.elasticity import Hinges, Springs, make_hinges, make_springs, triangle_areas
-from drapeline.xpbd.lanes import LANES, fill_lanes
 
 Constraints = TypeVar("Constraints", Springs, Hinges)
 

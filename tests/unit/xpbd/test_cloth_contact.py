@@ -100,7 +100,8 @@ def slow_near(place, rest, triangles, layers, margin_m, free_m):
     return found
 
 
-def test_near_triangles_are_those_of_a_slow_search():
+@pytest.mark.parametrize("together", [False, True])
+def test_near_triangles_are_those_of_a_slow_search(together):
     start_warp()
     layers = np.repeat([0, 1], [81, 30]).astype(np.int32)
     one, two = sheet(0.0, rows=9, edge_m=0.02), sheet(0.006, rows=5, columns=6, edge_m=0.045)
@@ -115,6 +116,7 @@ def test_near_triangles_are_those_of_a_slow_search():
         wp.array(triangles.astype(np.int32), dtype=wp.vec3i, device="cpu"),
         wp.array(layers, dtype=int, device="cpu"),
         2,
+        together=together,
     )
     near.find(wp.array(place, dtype=wp.vec3, device="cpu"), margin_m=0.012, free_m=0.028)
     rows = zip(near.count.numpy(), near.near.numpy(), strict=True)

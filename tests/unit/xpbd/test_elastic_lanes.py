@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import warp as wp
 
+from drapeline.geometry.lanes import INDICES, NUMBERS, lay_in_lanes
 from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.seeding import rng_for
 from drapeline.xpbd.elastic_lanes import pull_springs_in_lanes, turn_hinges_in_lanes
 from drapeline.xpbd.elasticity import hinge_numbers, pull_springs, spring_numbers, turn_hinges
-from drapeline.xpbd.lanes import LANES, lane_types, lay_in_lanes
 from drapeline.xpbd.system import join_garments
 from sheet_toys import sheet
 
@@ -34,11 +34,11 @@ def cloth(request):
 
 
 def numbers(values, lanes):
-    return laid(values.astype(np.float32), lanes, float, lane_types(LANES)[0])
+    return laid(values.astype(np.float32), lanes, float, NUMBERS)
 
 
 def indices(values, lanes):
-    return laid(values.astype(np.int32), lanes, int, lane_types(LANES)[1])
+    return laid(values.astype(np.int32), lanes, int, INDICES)
 
 
 def laid(values, lanes, dtype, lane_dtype):

@@ -1,20 +1,16 @@
 import numpy as np
 import pytest
-import warp as wp
 
+from drapeline.geometry.lanes import (
+    LANES,
+    fill_lanes,
+    lay_in_lanes,
+    make_patches,
+)
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.colouring import colour_constraints
-from drapeline.xpbd.lanes import (
-    LANES,
-    count_less,
-    fill_lanes,
-    lane_types,
-    lay_in_lanes,
-    make_patches,
-    most,
-)
 from sheet_toys import sheet
 
 
@@ -67,27 +63,3 @@ def test_points_of_a_patch_lie_together():
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
     for row in make_patches(points, np.zeros(128, dtype=int), LANES):
         assert sorted(np.ptp(points[row], axis=0)) == [0, 1, 3]
-
-
-@pytest.mark.parametrize("width", [1, LANES])
-def test_the_larger_of_two_numbers_and_how_many_are_less(width):
-    number, _ = lane_types(width)
-
-    @wp.kernel
-    def compare(
-        a: wp.array(dtype=number),
-        b: wp.array(dtype=number),
-        larger: wp.array(dtype=number),
-        less: wp.array(dtype=int),
-    ):
-        i = wp.tid()
-        larger[i] = most(a[i], b[i])
-        less[i] = count_less(a[i], b[i])
-
-    start_warp()
-    one, two = rng_for(1, "lanes").integers(0, 4, (2, 9, width)).astype(np.float32)
-    a, b = (wp.array(values, dtype=number, device="cpu") for values in (one, two))
-    larger, less = wp.zeros_like(a), wp.zeros(9, dtype=int, device="cpu")
-    wp.launch(compare, dim=9, inputs=[a, b], outputs=[larger, less], device="cpu")
-    np.testing.assert_array_equal(larger.numpy(), np.maximum(one, two))
-    np.testing.assert_array_equal(less.numpy(), (one < two).sum(axis=1))

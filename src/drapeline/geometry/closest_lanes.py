@@ -1,0 +1,164 @@
+"""Closest points on a triangle mesh for `LANES` points at once, which lie together.
+
+They go down the mesh's tree of boxes together, each in a lane of a processor's vector registers: a
+box is passed by if it is too far from all of them. That takes a quarter of the time of one point
+after the other, and finds the same (to rounding). The body is C++, for a processor alone.
+"""
+
+import numpy as np
+import warp as wp
+
+from drapeline.geometry.lanes import INDICES, LANES
+
+wp.set_module_options({"enable_backward": False})
+
+_CLOSEST = """
+typedef float lanes __attribute__((ext_vector_type(8)));
+typedef int masks __attribute__((ext_vector_type(8)));
+typedef float half_lanes __attribute__((ext_vector_type(4)));
+const wp::Mesh& mesh = *(const wp::Mesh*)surface;
+const wp::BVH& tree = mesh.bvh;
+const int* which = (const int*)patches.data + 8 * patch;
+const lanes zero = 0.0f, one = 1.0f;
+lanes x, y, z, least, best_v = zero, best_w = zero;
+masks best = -1;
+for (int k = 0; k < 8; ++k) {
+    const wp::vec3 point = points.data[which[k]];
+    const float reach = reaches.data[which[k]];
+    x[k] = point[0];
+    y[k] = point[1];
+    z[k] = point[2];
+    least[k] = reach > 0.0f ? reach * reach : -1.0f;
+}
+auto any = [](masks m) { return __builtin_reduce_or(m) != 0; };
+auto greater = [](lanes a, lanes b) { return __builtin_elementwise_max(a, b); };
+auto clamped = [&](lanes a) { return __builtin_elementwise_min(greater(a, zero), one); };
+auto to_box = [&](int node) {
+    const wp::BVHPackedNodeHalf low = tree.node_lowers[node], high = tree.node_uppers[node];
+    const lanes u = greater(greater(low.x - x, x - high.x), zero);
+    const lanes v = greater(greater(low.y - y, y - high.y), zero);
+    const lanes w = greater(greater(low.z - z, z - high.z), zero);
+    return u * u + v * v + w * w;
+};
+auto try_face = [&](int face) {
+    const int* corners = mesh.indices.data + 3 * face;
+    const wp::vec3 a = mesh.points.data[corners[0]];
+    const wp::vec3 b = mesh.points.data[corners[1]] - a;
+    const wp::vec3 c = mesh.points.data[corners[2]] - a;
+    const float bb = wp::dot(b, b), bc = wp::dot(b, c), cc = wp::dot(c, c);
+    const float ee = bb - 2.0f * bc + cc, square = bb * cc - bc * bc;
+    const float round = bb + cc + ee;
+    if (square <= 1.0e-12f * round * round)
+        return;  // as thin as a line: its edges are its neighbours' too
+    const lanes p = x - a[0], q = y - a[1], r = z - a[2];
+    auto to_point = [&](lanes v, lanes w) {
+        const lanes i = p - v * b[0] - w * c[0];
+        const lanes j = q - v * b[1] - w * c[1];
+        const lanes k = r - v * b[2] - w * c[2];
+        return i * i + j * j + k * k;
+    };
+    const lanes pb = p * b[0] + q * b[1] + r * b[2];
+    const lanes pc = p * c[0] + q * c[1] + r * c[2];
+    const float scale = 1.0f / square;
+    lanes v = (cc * pb - bc * pc) * scale, w = (bb * pc - bc * pb) * scale;
+    lanes away = to_point(v, w);
+    const masks past = (v < zero) | (w < zero) | (v + w > one);
+    if (any(past)) {
+        if (!any(away < least))
+            return;  // nothing of a face is closer than its plane
+        const lanes s = clamped(pb / bb), t = clamped(pc / cc);
+        const lanes o = clamped((pc - pb + bb - bc) / ee);
+        lanes edge_v = s, edge_w = zero, to_edge = to_point(s, zero);
+        const lanes second = to_point(zero, t), third = to_point(one - o, o);
+        masks closer = second < to_edge;
+        edge_v = closer ? zero : edge_v;
+        edge_w = closer ? t : edge_w;
+        to_edge = closer ? second : to_edge;
+        closer = third < to_edge;
+        edge_v = closer ? one - o : edge_v;
+        edge_w = closer ? o : edge_w;
+        to_edge = closer ? third : to_edge;
+        v = past ? edge_v : v;
+        w = past ? edge_w : w;
+        away = past ? to_edge : away;
+    }
+    const masks closer = away < least;
+    least = closer ? away : least;
+    best_v = closer ? v : best_v;
+    best_w = closer ? w : best_w;
+    best = closer ? (masks)face : best;
+};
+int stack[BVH_QUERY_STACK_SIZE];
+int count = 1;
+stack[0] = *tree.root;
+while (count) {
+    const int node = stack[--count];
+    if (!any(to_box(node) < least))
+        continue;
+    const wp::BVHPackedNodeHalf low = tree.node_lowers[node], high = tree.node_uppers[node];
+    const int first = low.i, second = high.i;
+    if (low.b) {
+        for (int item = first; item < second; ++item)
+            try_face(tree.primitive_indices[item]);
+        continue;
+    }
+    const lanes to_first = to_box(first), to_second = to_box(second);
+    const bool in_first = any(to_first < least), in_second = any(to_second < least);
+    // The box that is closer to most of them comes off the stack first.
+    const lanes more = to_first - to_second;
+    const half_lanes sums = more.lo + more.hi;
+    const bool turned = sums.x + sums.y + sums.z + sums.w > 0.0f;
+    if (turned ? in_first : in_second)
+        stack[count++] = turned ? first : second;
+    if (turned ? in_second : in_first)
+        stack[count++] = turned ? second : first;
+}
+for (int k = 0; k < 8; ++k) {
+    if (best[k] >= 0) {
+        faces.data[which[k]] = best[k];
+        weights.data[which[k]] = wp::vec3(1.0f - best_v[k] - best_w[k], best_v[k], best_w[k]);
+    }
+}
+"""
+
+
+@wp.func_native(_CLOSEST)
+def closest_in_lanes(
+    surface: wp.uint64,
+    patches: wp.array(dtype=INDICES),
+    patch: int,
+    points: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+    faces: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+):
+    """For Warp's kernels: the face closest to each point of a patch, and weights of its corners.
+
+    Args:
+        surface: the mesh.
+        patches: numbers of the points of all patches.
+        patch: which is searched.
+        points: of all patches.
+        reaches: how far from each the surface is looked for in metres; 0 for one that is not
+            searched.
+        faces, weights: stay as they are where nothing is found.
+    """
+
+
+@wp.kernel
+def find_closest_in_lanes(
+    surface: wp.uint64,
+    patches: wp.array(dtype=INDICES),
+    points: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+    faces: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+):
+    """`closest_in_lanes` for each patch of points, on one surface."""
+    closest_in_lanes(surface, patches, wp.tid(), points, reaches, faces, weights)
+
+
+def rows_in_order(count: int) -> wp.array:
+    """Patches of so many points that follow one another; the last is repeated to fill its row."""
+    numbers = np.arange(-(-count // LANES) * LANES, dtype=np.int32).reshape(-1, LANES)
+    return wp.array(np.minimum(numbers, count - 1), dtype=INDICES, device="cpu")
