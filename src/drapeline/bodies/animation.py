@@ -65,9 +65,10 @@ def first_free_sequence(
         rejected.
     """
     parts = body_parts(body)
+    order = _spread(len(poses))
     for redrawn, drawn in enumerate(shapes):  # noqa: B007
         shape = np.array(drawn, dtype=np.float64)
-        freed = _free(body, parts, shape, poses, removable, shape_range, gap_m)
+        freed, order = _free(body, parts, shape, poses, removable, shape_range, gap_m, order)
         if freed is not None:
             break
     else:
@@ -133,31 +134,35 @@ def _free(
     removable: str,
     shape_range: float,
     gap_m: float,
-) -> _Freed | None:
+    order: np.ndarray,
+) -> tuple[_Freed | None, np.ndarray]:
     """The body, or a thinner one, whose collisions are solved in all frames; None if none is.
 
     A shape is given up with its first frame that nothing cures, so those that are likely to be it
-    come first.
+    come first, in the given order (N,); what stopped this body will likely stop the next, whose
+    order comes back.
     """
-    spread = np.argsort(np.arange(len(poses)) % GLANCE_STEP, kind="stable")
-    found = _solve(body, parts, shape, poses, removable, gap_m, spread)
+    found = _solve(body, parts, shape, poses, removable, gap_m, order)
     if found.free:
-        return found
-    worst = _worst_first(found.solution)
+        return found, order
+    order = _near_the_worst(found.solution)
     for times, thin in enumerate(_thinner_shapes(body, shape, shape_range), 1):
-        found = _solve(body, parts, thin, poses, removable, gap_m, worst)
+        found = _solve(body, parts, thin, poses, removable, gap_m, order)
         if found.free:
-            return replace(found, thinned=times)
-        # What stopped this one will likely stop the next.
-        stopped = found.solution.unsolved().any(axis=1)
-        worst = worst[np.argsort(~stopped[worst], kind="stable")]
-    return None
+            return replace(found, thinned=times), order
+        order = _near_the_worst(found.solution)
+    return None, order
 
 
-def _worst_first(solution: Solution) -> np.ndarray:
-    """Frames (N,) by how deep their deepest collision is."""
+def _spread(count: int) -> np.ndarray:
+    """So many frames (N,), every tenth of them first."""
+    return np.argsort(np.arange(count) % GLANCE_STEP, kind="stable")
+
+
+def _near_the_worst(solution: Solution) -> np.ndarray:
+    """Frames (N,) by how far they are from that with the deepest collision."""
     deepest = np.where(solution.unsolved(), solution.depth_m, 0).max(axis=1)
-    return np.argsort(-deepest, kind="stable")
+    return np.argsort(np.abs(np.arange(len(deepest)) - deepest.argmax()), kind="stable")
 
 
 def _outcome(deep: bool, thinned: int, removed: bool, collided: bool) -> str:
