@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from drapeline.bodies import animation
 from drapeline.bodies.animation import first_free_sequence, make_body_sequence
 from drapeline.bodies.model import posed_vertices
+from drapeline.bodies.self_collision import solve_self_collisions
 from drapeline.bodies.sequence import ClipLabels, body_sequence_vertices, collision_faces
 from drapeline.frames import JOINT_NAMES, REST_POSE
 
@@ -77,6 +79,25 @@ def test_another_shape_is_taken_only_where_one_is_rejected(toy_body):
         assert (record.redrawn, record.outcome) == (redrawn, outcome)
         assert len(list(shapes)) == 2 - redrawn
         assert record.shape[0] == pytest.approx(0.1 * redrawn)
+
+
+def test_what_stopped_one_body_is_looked_at_first_in_the_next(toy_body, monkeypatch):
+    orders = []
+
+    def solve(*given, order=None, **options):
+        orders.append(None if order is None else list(order))
+        return solve_self_collisions(*given, order=order, **options)
+
+    monkeypatch.setattr(animation, "solve_self_collisions", solve)
+    angles = [0.4] * 17 + [1.8] + [0.4] * 7
+    trans = np.tile([1.0, 2.0, 0.95], (len(angles), 1))
+    shapes = [np.zeros(10), np.full(10, 0.1)]
+    first_free_sequence(toy_body, shapes, arms_down(angles), trans, gender=0)
+    assert orders[0][:4] == [0, 10, 20, 1]
+    assert len(orders) > 3
+    for order in orders[1:-1]:
+        assert order[:4] == [17, 16, 18, 15]
+    assert orders[-1] is None
 
 
 def test_fat_body_is_made_thinner(toy_body):
