@@ -9,13 +9,11 @@ the tree as Warp 1.19 lays it out: another version of Warp asks for a look at it
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, LANES
+from drapeline.geometry.lanes import INDICES, LANES, lane_code
 
 wp.set_module_options({"enable_backward": False})
 
 _CLOSEST = """
-typedef float lanes __attribute__((ext_vector_type(8)));
-typedef int masks __attribute__((ext_vector_type(8)));
 typedef float half_lanes __attribute__((ext_vector_type(4)));
 const wp::Mesh& mesh = *(const wp::Mesh*)surface;
 const wp::BVH& tree = mesh.bvh;
@@ -31,7 +29,6 @@ for (int k = 0; k < 8; ++k) {
     z[k] = point[2];
     least[k] = reach > 0.0f ? reach * reach : -1.0f;
 }
-auto any = [](masks m) { return __builtin_reduce_or(m) != 0; };
 auto greater = [](lanes a, lanes b) { return __builtin_elementwise_max(a, b); };
 auto clamped = [&](lanes a) { return __builtin_elementwise_min(greater(a, zero), one); };
 auto to_box = [&](int node) {
@@ -123,7 +120,7 @@ for (int k = 0; k < 8; ++k) {
 """
 
 
-@wp.func_native(_CLOSEST)
+@wp.func_native(lane_code(_CLOSEST))
 def closest_in_lanes(
     surface: wp.uint64,
     patches: wp.array(dtype=INDICES),

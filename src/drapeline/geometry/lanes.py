@@ -10,6 +10,27 @@ LANES = 8
 NUMBERS = wp.types.vector(LANES, wp.float32)  # Warp's types of a number in each lane,
 INDICES = wp.types.vector(LANES, wp.int32)  # and of an index
 
+# The same for kernels' bodies in C++, which the compiler keeps in vector registers. Rows of Warp's
+# arrays are aligned for single numbers only.
+_CPP = f"""
+typedef float lanes __attribute__((ext_vector_type({LANES})));
+typedef int masks __attribute__((ext_vector_type({LANES})));
+typedef lanes loose_lanes __attribute__((aligned(4)));
+auto any = [](masks m) {{ return __builtin_reduce_or(m) != 0; }};
+"""
+
+
+def lane_code(body: str, **numbers: float) -> str:
+    """The C++ body of a function for Warp's `func_native` that knows of lanes.
+
+    Args:
+        body: of the function.
+        numbers: what is to stand for each of these names in it.
+    """
+    for name, value in numbers.items():
+        body = body.replace(name, f"{float(value)!r}f")
+    return _CPP + body
+
 
 def fill_lanes(colours: np.ndarray, width: int) -> np.ndarray:
     """Rows (R, width) of constraints to be solved at once: their numbers, -1 for an empty lane.
@@ -42,8 +63,8 @@ def lay_in_lanes(values: np.ndarray, lanes: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.swapaxes(values[repeat_first(lanes)], 1, 2))
 
 
-def make_patches(points: np.ndarray, groups: np.ndarray, width: int) -> np.ndarray:
-    """Rows (R, width) of points that lie together: their numbers, -1 for an empty lane.
+def make_patches(points: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Rows (R, LANES) of points that lie together: their numbers, -1 for an empty lane.
 
     Args:
         points: (P, 3).
@@ -52,18 +73,18 @@ def make_patches(points: np.ndarray, groups: np.ndarray, width: int) -> np.ndarr
     parts = [
         part
         for group in np.unique(groups)
-        for part in _bisect(points, np.flatnonzero(groups == group), width)
+        for part in _bisect(points, np.flatnonzero(groups == group))
     ]
-    patches = np.full((len(parts), width), -1, dtype=np.int32)
+    patches = np.full((len(parts), LANES), -1, dtype=np.int32)
     for patch, part in zip(patches, parts, strict=True):
         patch[: len(part)] = part
     return patches
 
 
-def _bisect(points: np.ndarray, chosen: np.ndarray, width: int) -> list[np.ndarray]:
-    if len(chosen) <= width:
+def _bisect(points: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
+    if len(chosen) <= LANES:
         return [chosen]
     axis = np.argmax(np.ptp(points[chosen], axis=0))
-    half = width * -(-len(chosen) // (2 * width))
+    half = LANES * -(-len(chosen) // (2 * LANES))
     order = chosen[np.argpartition(points[chosen, axis], half - 1)]
-    return [*_bisect(points, order[:half], width), *_bisect(points, order[half:], width)]
+    return [*_bisect(points, order[:half]), *_bisect(points, order[half:])]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, LANES, make_patches, repeat_first
+from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.body_lanes import search_in_lanes
 from drapeline.xpbd.contact import SHARE_OF_ROOM, pushed_out
@@ -329,7 +329,7 @@ class BodySurface:
         )
         self._patches = None
         if not together:
-            patches = repeat_first(make_patches(np.concatenate(garments), homes, LANES))
+            patches = repeat_first(make_patches(np.concatenate(garments), homes))
             self._patches = wp.array(patches, dtype=INDICES)
         self._reaches, self._again = (wp.zeros(count, dtype=float) for _ in range(2))
         self._on_part, self._found = (wp.zeros(count, dtype=int) for _ in range(2))

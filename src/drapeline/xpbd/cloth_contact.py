@@ -5,7 +5,6 @@ import warp as wp
 
 from drapeline.geometry.lanes import (
     INDICES,
-    LANES,
     NUMBERS,
     lay_in_lanes,
     make_patches,
@@ -234,7 +233,7 @@ class NearTriangles:
         if together:
             self._kernel, self._searches, self._rest = find_near_in_turn, len(rest), [rest]
         else:
-            patches = make_patches(rest.numpy(), layers.numpy(), LANES)
+            patches = make_patches(rest.numpy(), layers.numpy())
             self._kernel, self._searches = find_near_in_lanes, len(patches)
             self._rest = [
                 wp.array(repeat_first(patches), dtype=INDICES),

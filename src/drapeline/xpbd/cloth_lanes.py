@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, NUMBERS
+from drapeline.geometry.lanes import INDICES, NUMBERS, lane_code
 
 wp.set_module_options({"enable_backward": False})
 
@@ -11,9 +11,6 @@ ASIDE = 0.4  # of a triangle's edges, how far past it a vertex may lie
 
 # Faces whose boxes meet the patch's are looked at in all lanes; what is near is noted lane by lane.
 _FIND = """
-typedef float lanes __attribute__((ext_vector_type(8)));
-typedef int masks __attribute__((ext_vector_type(8)));
-typedef lanes loose_lanes __attribute__((aligned(4)));
 const wp::BVH& boxes = *(const wp::BVH*)tree;
 const int* which = (const int*)patches.data + 8 * patch;
 const loose_lanes* at_rest = (const loose_lanes*)rest.data + 3 * patch;
@@ -33,7 +30,6 @@ for (int k = 0; k < 8; ++k) {
 }
 low -= wp::vec3(margin);
 high += wp::vec3(margin);
-auto any = [](masks m) { return __builtin_reduce_or(m) != 0; };
 auto apart = [&](auto start, auto end) {
     return start.x > high[0] || start.y > high[1] || start.z > high[2]
         || end.x < low[0] || end.y < low[1] || end.z < low[2];
@@ -103,10 +99,7 @@ for (int k = 0; k < size; ++k)
 """
 
 
-_FIND = _FIND.replace("SMALLEST_M4", f"{SMALLEST_M4}f").replace("ASIDE", f"{ASIDE}f")
-
-
-@wp.func_native(_FIND)
+@wp.func_native(lane_code(_FIND, SMALLEST_M4=SMALLEST_M4, ASIDE=ASIDE))
 def _find(
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),

@@ -7,7 +7,7 @@ scattered, and what comes of that takes more than twice as long.
 
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, NUMBERS
+from drapeline.geometry.lanes import INDICES, NUMBERS, lane_code
 from drapeline.xpbd.elasticity import FLIPPED_M2, SHORTEST_M, SMALLEST_M2
 
 wp.set_module_options({"enable_backward": False})
@@ -15,9 +15,7 @@ wp.set_module_options({"enable_backward": False})
 # `take` and `put` read and write (x, y, z, inverse mass) of eight vertices as four vectors and
 # four: they are transposed on the way.
 _GATHER = """
-typedef float lanes __attribute__((ext_vector_type(8)));
 typedef float quad __attribute__((ext_vector_type(4)));
-typedef lanes loose_lanes __attribute__((aligned(4)));
 typedef quad loose_quad __attribute__((aligned(4)));
 loose_quad* at = (loose_quad*)weighed.data;
 auto take = [at](const int* which, lanes& x, lanes& y, lanes& z, lanes& w) {
@@ -106,17 +104,7 @@ for (int k = 0; k < 4; ++k) {
 """
 
 
-def _with_numbers(snippet: str) -> str:
-    for name, value in (
-        ("SHORTEST_M", SHORTEST_M),
-        ("SMALLEST_M2", SMALLEST_M2),
-        ("FLIPPED_M2", FLIPPED_M2),
-    ):
-        snippet = snippet.replace(name, f"{float(value)!r}f")
-    return _GATHER + snippet
-
-
-@wp.func_native(_with_numbers(_PULL))
+@wp.func_native(lane_code(_GATHER + _PULL, SHORTEST_M=SHORTEST_M))
 def _pull(
     ends: wp.array2d(dtype=INDICES),
     numbers: wp.array2d(dtype=NUMBERS),
@@ -130,7 +118,7 @@ def _pull(
 ): ...
 
 
-@wp.func_native(_with_numbers(_TURN))
+@wp.func_native(lane_code(_GATHER + _TURN, SMALLEST_M2=SMALLEST_M2, FLIPPED_M2=FLIPPED_M2))
 def _turn(
     corners: wp.array2d(dtype=INDICES),
     weights: wp.array2d(dtype=NUMBERS),

@@ -46,13 +46,12 @@ def test_an_empty_lane_repeats_the_first_of_its_row():
     assert laid[2, 1].tolist() == [19, 21, *[19] * 6]
 
 
-@pytest.mark.parametrize("width", [1, LANES])
 @pytest.mark.parametrize("sizes", [[1], [8], [100, 3], [57, 64, 9]])
-def test_patches_have_each_point_once_and_one_group(sizes, width):
+def test_patches_have_each_point_once_and_one_group(sizes):
     points = rng_for(1, "points").uniform(size=(sum(sizes), 3))
     groups = np.repeat(np.arange(len(sizes)), sizes)
-    patches = make_patches(points, groups, width)
-    assert len(patches) == sum(-(-size // width) for size in sizes)
+    patches = make_patches(points, groups)
+    assert len(patches) == sum(-(-size // LANES) for size in sizes)
     assert sorted(patches[patches >= 0]) == list(range(len(points)))
     for row in patches:
         assert len(np.unique(groups[row[row >= 0]])) == 1
@@ -61,5 +60,5 @@ def test_patches_have_each_point_once_and_one_group(sizes, width):
 def test_points_of_a_patch_lie_together():
     x, y = np.meshgrid(np.arange(16.0), np.arange(8.0))
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-    for row in make_patches(points, np.zeros(128, dtype=int), LANES):
+    for row in make_patches(points, np.zeros(128, dtype=int)):
         assert sorted(np.ptp(points[row], axis=0)) == [0, 1, 3]

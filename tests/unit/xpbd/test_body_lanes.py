@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, LANES, make_patches, repeat_first
+from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.seeding import rng_for
 from drapeline.xpbd.body_contact import search_in_turn
@@ -22,7 +22,7 @@ def test_a_limb_comes_first_and_then_the_whole_body():
     points = rng.uniform(-0.15, 0.15, (600, 3)) + homes[:, None] * [0.075, 0, 0]
     reaches = rng.choice([0, 0.01, 0.03], 600)
     ids = np.array([mesh.id for mesh in meshes], dtype=np.uint64)
-    patches = repeat_first(make_patches(points, homes, LANES))
+    patches = repeat_first(make_patches(points, homes))
     fixed = [
         wp.array(ids, dtype=wp.uint64, device="cpu"),
         wp.array(homes.astype(np.int32), dtype=int, device="cpu"),
