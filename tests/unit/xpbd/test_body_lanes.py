@@ -1,6 +1,8 @@
-"""The body's nearest points in lanes against those in turn, which a GPU searches."""
+"""The body's nearest points, on a processor in lanes and as a GPU searches them."""
 
+import igl
 import numpy as np
+import pytest
 import trimesh
 import warp as wp
 
@@ -10,56 +12,56 @@ from drapeline.seeding import rng_for
 from drapeline.xpbd.body_contact import search_in_turn
 from drapeline.xpbd.body_lanes import search_in_lanes
 
+COUNT, REACH_M = 600, 0.05
 
-def test_a_limb_comes_first_and_then_the_whole_body():
+
+def array(values, dtype):
+    return wp.array(values, dtype=dtype, device="cpu")
+
+
+@pytest.mark.parametrize("in_lanes", [False, True])
+def test_a_limb_comes_first_and_then_the_whole_body(in_lanes):
     start_warp()
     rng = rng_for(1, "points")
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
     limbs = [ball.vertices + [x, 0, 0] for x in (0.0, 0.15)]
-    whole = np.concatenate(limbs), np.concatenate([ball.faces, ball.faces + len(ball.vertices)])
-    meshes = [*(warp_mesh(limb, ball.faces) for limb in limbs), warp_mesh(*whole)]
+    surfaces = [*((limb, ball.faces) for limb in limbs), trimesh.util.append_faces(
+        limbs, [ball.faces, ball.faces]
+    )]  # fmt: skip
     homes = np.repeat([0, 1, 2], [301, 200, 99])
-    points = rng.uniform(-0.15, 0.15, (600, 3)) + homes[:, None] * [0.075, 0, 0]
-    reaches = rng.choice([0, 0.01, 0.03], 600)
-    ids = np.array([mesh.id for mesh in meshes], dtype=np.uint64)
-    patches = repeat_first(make_patches(points, homes))
-    fixed = [
-        wp.array(ids, dtype=wp.uint64, device="cpu"),
-        wp.array(homes.astype(np.int32), dtype=int, device="cpu"),
+    points = rng.uniform(-0.15, 0.15, (COUNT, 3)) + homes[:, None] * [0.075, 0, 0]
+    reaches = rng.choice([0, 0.01, 0.03], COUNT)
+
+    meshes = [warp_mesh(*surface) for surface in surfaces]
+    given = [
+        array(np.array([mesh.id for mesh in meshes], dtype=np.uint64), wp.uint64),
+        array(homes.astype(np.int32), int),
     ]
-    rows = wp.array(patches, dtype=INDICES, device="cpu")
-    asked = [
-        wp.array(points.astype(np.float32), dtype=wp.vec3, device="cpu"),
-        0.05,
-        wp.array(reaches.astype(np.float32), dtype=float, device="cpu"),
-    ]
-    ends = []
-    for kernel, count, inputs in (
-        (search_in_turn, 600, [*fixed, *asked]),
-        (
-            search_in_lanes,
-            len(patches),
-            [*fixed, rows, *asked, wp.zeros(600, dtype=float, device="cpu")],
-        ),
-    ):
-        parts, found = (wp.full(600, -1, dtype=int, device="cpu") for _ in range(2))
-        weights = wp.zeros(600, dtype=wp.vec3, device="cpu")
-        wp.launch(kernel, count, inputs, [parts, found, weights], device="cpu")
-        part, face, weight = parts.numpy(), found.numpy(), weights.numpy()
-        hit = face >= 0
-        near = np.zeros((600, 3))
-        for number, mesh in enumerate(meshes):
-            on = hit & (part == number)
-            corners = mesh.indices.numpy().reshape(-1, 3)[face[on]]
-            near[on] = np.einsum("pki,pk->pi", mesh.points.numpy()[corners], weight[on])
-        ends.append((hit, np.where(hit, part, -1), near))
-    (hit, part, near), (hit_two, part_two, near_two) = ends
-    assert (part < 0).any()
-    assert set(part[homes == 0]) == {-1, 0, 2}
-    assert not hit[reaches == 0].any()
-    # One whose distance is its reach, to rounding, may be found on either.
-    clear = np.abs(np.linalg.norm(points - near, axis=1) - reaches) > 1e-5
+    asked = [array(points.astype(np.float32), wp.vec3), REACH_M]
+    asked.append(array(reaches.astype(np.float32), float))
+    parts, found = (wp.full(COUNT, -1, dtype=int, device="cpu") for _ in range(2))
+    weights = wp.zeros(COUNT, dtype=wp.vec3, device="cpu")
+    kernel, size, inputs = search_in_turn, COUNT, [*given, *asked]
+    if in_lanes:
+        patches = array(repeat_first(make_patches(points, homes)), INDICES)
+        again = wp.zeros(COUNT, dtype=float, device="cpu")
+        kernel, size = search_in_lanes, len(patches)
+        inputs = [*given, patches, *asked, again]
+    wp.launch(kernel, size, inputs, [parts, found, weights], device="cpu")
+
+    away = np.sqrt([igl.point_mesh_squared_distance(points, *surface)[0] for surface in surfaces])
+    at_home, whole = away[homes, np.arange(COUNT)], away[2]
+    expected = np.where(at_home < reaches, homes, np.where(whole < REACH_M, 2, -1))
+    expected[(reaches == 0) | ((homes == 2) & (at_home >= reaches))] = -1
+    assert set(expected[homes == 0]) == {-1, 0, 2}
+    # One whose distance is its reach, to rounding, may be found or not.
+    clear = np.minimum(np.abs(at_home - reaches), np.abs(whole - REACH_M)) > 1e-5
     assert clear.mean() > 0.9
-    np.testing.assert_array_equal(hit[clear], hit_two[clear])
-    np.testing.assert_array_equal(part[clear], part_two[clear])
-    np.testing.assert_allclose(near_two[clear], near[clear], atol=1e-5)
+    face, weight = found.numpy(), weights.numpy()
+    part = np.where(face >= 0, parts.numpy(), -1)
+    np.testing.assert_array_equal(part[clear], expected[clear])
+    for number, (vertices, faces) in enumerate(surfaces):
+        on = part == number
+        near = np.einsum("pki,pk->pi", vertices[faces[face[on]]], weight[on])
+        distance = np.linalg.norm(points[on] - near, axis=1)
+        np.testing.assert_allclose(distance, away[number, on], atol=1e-5)
