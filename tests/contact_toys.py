@@ -45,16 +45,16 @@ def after_contact(kernel, near, parts, old, new, *, layers, room=FAR, friction=(
 
 def _after_contact(kernel, near, parts, old, new, layers, room, friction, *, together):
     near = np.array(near, np.int32)
-    state = [wp.array(np.float32(part), dtype=wp.vec3, device="cpu") for part in (old, new)]
+    state = [wp.array(np.float32(part), dtype=wp.vec3) for part in (old, new)]
     launch = BusyLaunch(
         kernel,
-        wp.array((near != 0).astype(np.int32), dtype=int, device="cpu"),
+        wp.array((near != 0).astype(np.int32), dtype=int),
         inputs=[
-            wp.array(near[:, None], dtype=int, device="cpu"),
-            wp.array(np.int32(parts), dtype=wp.types.vector(len(parts[0]), int), device="cpu"),
-            wp.array(np.int32(layers), dtype=int, device="cpu"),
-            wp.array(np.float32(1 / MASS), dtype=float, device="cpu"),
-            wp.array(np.float32([room] * 4), dtype=wp.vec2, device="cpu"),
+            wp.array(near[:, None], dtype=int),
+            wp.array(np.int32(parts), dtype=wp.types.vector(len(parts[0]), int)),
+            wp.array(np.int32(layers), dtype=int),
+            wp.array(np.float32(1 / MASS), dtype=float),
+            wp.array(np.float32([room] * 4), dtype=wp.vec2),
             *(OWN_GAP, LAYER_GAP, RELEASE_M, *friction),
         ],
         outputs=[moves := make_moves(4 if together else 0), *state],

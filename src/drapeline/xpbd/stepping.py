@@ -1,6 +1,6 @@
 """From frame to frame in small steps."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,7 +120,7 @@ class MovingCloth:
         self._step_s = 1 / FPS / self._steps
         self._step_ways_m = numbers.release_m_s * self._step_s, numbers.stick_m_s * self._step_s
         self._device, self._together = wp.get_device(device), together
-        self._graphs: dict[int, wp.Graph] = {}
+        self._graphs: dict[Callable[[], None], wp.Graph] = {}
         with wp.ScopedDevice(self._device):
             self._place_system()
 
@@ -314,42 +314,41 @@ class MovingCloth:
     def _pins(self, frame: int) -> np.ndarray:
         return np.concatenate([g.pins.positions(frame) for g in self._garments])
 
-    def advance(self, frame: int) -> list[np.ndarray]:
-        """Go from the frame before to `frame`: vertices (V, 3) of each garment then."""
+    def start(self, frame: int) -> None:
+        """Set out from the frame before to `frame`; a GPU goes on while this returns."""
         with wp.ScopedDevice(self._device):
             limb_way_m = self._begin(frame)
-            every = self._search_every(limb_way_m)
-            if self._device.is_cuda:
-                self._replay(every)
-            else:
-                self._step(*every)
-            return self._system.split(self._place.numpy().copy())
+            self._step(*self._search_every(limb_way_m))
 
-    def _replay(self, every: tuple[int, int]) -> None:
-        """Do what `_step` does without its many launches one by one."""
-        if every not in self._graphs:
-            with wp.ScopedCapture() as capture:
-                self._step(*every)
-            self._graphs[every] = capture.graph
-        wp.capture_launch(self._graphs[every])
+    def arrive(self) -> list[np.ndarray]:
+        """Vertices (V, 3) of each garment in the frame that was set out for."""
+        return self._system.split(self._place.numpy().copy())
 
     def _step(self, body_every: int, cloth_every: int) -> None:
         """Take the small steps of a frame, and search every so many for the body and for cloth."""
         for step in range(self._steps):
             self._tick.launch()
             if step % body_every == 0:
-                self._find_body()
+                self._do(self._find_body)
             if step % cloth_every == 0:
-                self._find_cloth()
+                self._do(self._find_cloth)
             if step == 0:
-                self._surface.find_room(self._numbers.room_m)
-                margin_m = self._numbers.cover_margin_m
-                self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
+                self._do(self._find_at_first)
             if step % cloth_every == 0:
                 for contact in self._contacts:
                     contact.find()
-            for launch in self._commands:
-                launch.launch()
+            self._do(self._solve)
+
+    def _do(self, part: Callable[[], None]) -> None:
+        """Do a part of a step; on a GPU its launches are recorded once, and replayed as one."""
+        if not self._device.is_cuda:
+            part()
+            return
+        if part not in self._graphs:
+            with wp.ScopedCapture() as capture:
+                part()
+            self._graphs[part] = capture.graph
+        wp.capture_launch(self._graphs[part])
 
     def _search_every(self, limb_way_m: float) -> tuple[int, int]:
         """Small steps between two searches for the body, and for cloth.
@@ -389,6 +388,17 @@ class MovingCloth:
         self._near_edges.find(
             self._place, near.count, near.near, crossings.count, margin_m=numbers.edge_margin_m
         )
+
+    def _find_at_first(self) -> None:
+        """Find what is found once in a frame: the body's room, and its vertices under cloth."""
+        self._surface.find_room(self._numbers.room_m)
+        margin_m = self._numbers.cover_margin_m
+        self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
+
+    def _solve(self) -> None:
+        """Move the cloth by a small step, among what it is known to be near to."""
+        for launch in self._commands:
+            launch.launch()
 
     def _begin(self, frame: int) -> float:
         """Take the body and the pins to the frame, and the cloth along during the transition.

@@ -12,7 +12,7 @@ THIGH, PALM = 0, 4
 
 
 @pytest.fixture
-def anchors(tmp_path):
+def anchors(tmp_path, together):
     """A thigh's skin at height 0, a palm that faces it from 4 cm, and one vertex of trousers."""
     start_warp()
     square = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 10
@@ -27,13 +27,13 @@ def anchors(tmp_path):
         """Anchor, and kind of limb, of a vertex that goes through heights over the thigh."""
         with PointCache(tmp_path / "body.pc2") as cache:
             body = MovingBody(cache, faces, segments)
-            surface = BodySurface(body, [np.float32([[0, 0, 0.005]])])
+            surface = BodySurface(body, [np.float32([[0, 0, 0.005]])], together=together)
             surface.move_to(body.frame(1))
             surface.move_to(body.frame(1))
-        clock = wp.array(np.float32([0, 0]), dtype=float, device="cpu")
-        strains = wp.array(np.float32([strain]), dtype=float, device="cpu")
+        clock = wp.array(np.float32([0, 0]), dtype=float)
+        strains = wp.array(np.float32([strain]), dtype=float)
         for height in heights:
-            place = wp.array(np.float32([[0.01, 0.02, height]]), dtype=wp.vec3, device="cpu")
+            place = wp.array(np.float32([[0.01, 0.02, height]]), dtype=wp.vec3)
             reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
             surface.find_anchors(place, strains, clock, **reaches, gap_m=0.004, slack_m=0.002)
         surface.find_room(0.045)
@@ -73,16 +73,16 @@ def test_how_far_the_body_faces_itself(anchors):
     assert anchors.room.min() > 1
 
 
-def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path):
+def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path, together):
     start_warp()
     square = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 10
     write_point_cache(tmp_path / "body.pc2", [square, square + np.float32([0, 0, 0.1])])
     segments = np.full(4, JOINT_NAMES.index("left_hip"))
     with PointCache(tmp_path / "body.pc2") as cache:
         body = MovingBody(cache, np.int32([[0, 1, 2], [0, 2, 3]]), segments)
-        surface = BodySurface(body, [np.float32([[0.01, 0.02, 0.005]])])
+        surface = BodySurface(body, [np.float32([[0.01, 0.02, 0.005]])], together=together)
     reaches = {"home_reach_m": 0.012, "reach_m": 0.025}
-    strain = wp.array(np.float32([1]), dtype=float, device="cpu")
+    strain = wp.array(np.float32([1]), dtype=float)
     for frame, time, height, ends in (
         (0, 0.0, 0.005, (0, 0)),
         (1, 0.0, 0.005, (0, 0.1)),
@@ -90,7 +90,7 @@ def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path):
     ):
         if frame is not None:
             surface.move_to(square + np.float32([0, 0, 0.1 * frame]))
-        clock = wp.array(np.float32([time, time]), dtype=float, device="cpu")
+        clock = wp.array(np.float32([time, time]), dtype=float)
         place = vectors([0.01, 0.02, height])
         surface.find_anchors(place, strain, clock, **reaches, gap_m=0.004, slack_m=0.002)
         found = [a.numpy()[0, 2] for a in (surface.from_place, surface.to_place)]
@@ -98,7 +98,7 @@ def test_the_place_that_cloth_keeps_to_moves_with_the_body(tmp_path):
 
 
 def vectors(*rows):
-    return wp.array(np.float32(rows), dtype=wp.vec3, device="cpu")
+    return wp.array(np.float32(rows), dtype=wp.vec3)
 
 
 @pytest.fixture
@@ -111,13 +111,13 @@ def between():
         before = wp.clone(place)
         count = len(heights)
         up, still = vectors(*[[0, 0, 1]] * count), vectors(*[[0, 0, 0]] * count)
-        anchor = wp.zeros(count, dtype=int, device="cpu")
-        room = wp.array(np.full((count, 2), room_m, np.float32), dtype=wp.vec2, device="cpu")
-        clock = wp.zeros(2, dtype=float, device="cpu")
-        friction = wp.zeros(1, dtype=float, device="cpu")
+        anchor = wp.zeros(count, dtype=int)
+        room = wp.array(np.full((count, 2), room_m, np.float32), dtype=wp.vec2)
+        clock = wp.zeros(2, dtype=float)
+        friction = wp.zeros(1, dtype=float)
         inputs = [anchor, still, still, up, up, room, clock, still, 0.004, 3e-4, 2e-5, friction]
         for _ in range(steps):
-            wp.launch(touch_body, count, inputs=inputs, outputs=[before, place], device="cpu")
+            wp.launch(touch_body, count, inputs=inputs, outputs=[before, place])
         np.testing.assert_allclose(place.numpy(), before.numpy(), atol=1e-6)  # without speed
         return place.numpy()[:, 2]
 

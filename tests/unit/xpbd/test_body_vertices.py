@@ -21,11 +21,11 @@ TRIANGLE = np.float32([[0.01, 0, 0], [-0.005, 0.009, 0], [-0.005, -0.009, 0]])
 
 
 def vectors(rows):
-    return wp.array(np.float32(rows).reshape(-1, 3), dtype=wp.vec3, device="cpu")
+    return wp.array(np.float32(rows).reshape(-1, 3), dtype=wp.vec3)
 
 
-@pytest.fixture(params=[False, True], ids=["in turn", "at once"])
-def lift(request):
+@pytest.fixture
+def lift(together):
     """lift(height, ...) -> heights of a triangle's corners, in the end and when the step began."""
     start_warp()
 
@@ -33,15 +33,15 @@ def lift(request):
         corners = TRIANGLE + np.float32([0, 0, height])
         place = vectors(corners)
         before = vectors(corners if then is None else TRIANGLE + np.float32([0, 0, then]))
-        triangles = wp.array([faces], dtype=wp.vec3i, device="cpu")
-        layers = wp.zeros(3, dtype=int, device="cpu")
-        cloth = NearTriangles(vectors(corners), triangles, layers, halves=1)
+        triangles = wp.array([faces], dtype=wp.vec3i)
+        layers = wp.zeros(3, dtype=int)
+        cloth = NearTriangles(vectors(corners), triangles, layers, halves=1, together=together)
         # One vertex of the body at the origin, which faces up.
         skin = CoveredVertices(np.array([JOINT_NAMES.index(joint)]), np.zeros((1, 3), int), cloth)
         body = vectors([0, 0, 0]), vectors([0, 0, 0]), vectors([0, 0, 1])
         skin.find(place, body, margin_m=MARGIN_M)
-        mass = wp.array(np.float32([1, 2, 3]), dtype=float, device="cpu")
-        clock, friction = (wp.zeros(2, dtype=float, device="cpu") for _ in range(2))
+        mass = wp.array(np.float32([1, 2, 3]), dtype=float)
+        clock, friction = (wp.zeros(2, dtype=float) for _ in range(2))
         launch = BusyLaunch(
             lift_covers,
             skin.count,
@@ -50,7 +50,7 @@ def lift(request):
                 *(triangles, mass, clock, vectors([0, 0, 0])),
                 *(GAP_M, MARGIN_M, RELEASE_M, STICK_M, friction),
             ],
-            [moves := make_moves(3 * request.param), before, place],
+            [moves := make_moves(3 * together), before, place],
         )
         launch.find()
         for _ in range(steps):
@@ -92,14 +92,16 @@ def test_others_stay_where_they_are(lift, case):
     np.testing.assert_array_equal(now, np.float32(case["height"]))
 
 
-def test_a_ball_smaller_than_the_meshes_of_a_sheet_does_not_show_through_it(tmp_path):
+def test_a_ball_smaller_than_the_meshes_of_a_sheet_does_not_show_through_it(
+    tmp_path, device, together
+):
     radius_m = 0.03
     ball = trimesh.creation.icosphere(subdivisions=3, radius=radius_m)
     up = ball.vertices[:, 2] > 0.5 * radius_m
     shown = []
     for margin_m in (1e-9, MARGIN_M):
         piece = sheet(radius_m + 0.005, rows=7, edge_m=0.06)
-        solver = XpbdCloth(Numbers(cover_margin_m=margin_m))
+        solver = XpbdCloth(Numbers(cover_margin_m=margin_m), device, together)
         (cloth,) = drop(tmp_path, solver, [piece], 12, radius=radius_m)
         covered = rays_hit(
             ball.vertices[up], ball.vertex_normals[up], cloth[-1], triangulate(piece.faces),

@@ -67,6 +67,7 @@ def both(kernels, count, lanes, inputs, states, weighed, launches):
         np.testing.assert_allclose(rows[full], values[lanes[full]], atol=1e-3 * size)
 
 
+@pytest.mark.processor_only
 def test_springs_in_lanes_are_those_in_turn(cloth):
     system, weighed = cloth
     springs, lanes = system.springs, system.spring_lanes
@@ -78,6 +79,7 @@ def test_springs_in_lanes_are_those_in_turn(cloth):
     both((pull_springs, pull_springs_in_lanes), count, lanes, inputs, states, weighed, launches)
 
 
+@pytest.mark.processor_only
 def test_hinges_in_lanes_are_those_in_turn(cloth):
     system, weighed = cloth
     hinges, lanes = system.hinges, system.hinge_lanes

@@ -7,16 +7,16 @@ from drapeline.xpbd.motion import add_speed, hold, predict, take_places, take_sp
 
 
 def vectors(*rows):
-    return wp.array(np.float32(rows), dtype=wp.vec3, device="cpu")
+    return wp.array(np.float32(rows), dtype=wp.vec3)
 
 
 def weigh(*rows):
     """Places and inverse masses."""
-    return wp.array(np.float32(rows), dtype=wp.vec4, device="cpu")
+    return wp.array(np.float32(rows), dtype=wp.vec4)
 
 
 def numbers(*values):
-    return wp.array(np.float32(values), dtype=float, device="cpu")
+    return wp.array(np.float32(values), dtype=float)
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +25,7 @@ def _warp():
 
 
 def launch(kernel, count, *arrays):
-    wp.launch(kernel, dim=count, inputs=list(arrays), device="cpu")
+    wp.launch(kernel, dim=count, inputs=list(arrays))
 
 
 def test_a_particle_goes_by_its_speed_and_gravity_and_is_carried_without_gaining_speed():
@@ -60,14 +60,14 @@ def test_gravity_is_exact_however_short_the_steps_and_far_the_place():
 
 def test_a_held_vertex_is_pulled_a_share_of_the_way_to_where_it_is_held_now():
     weighed = weigh([0, 0, 0, 5], [9, 9, 9, 6])
-    held = wp.array([1], dtype=int, device="cpu")
+    held = wp.array([1], dtype=int)
     start, end = vectors([0, 0, 0]), vectors([4, 0, 0])
     launch(hold, 1, held, numbers(0.5), start, end, numbers(0.25, 0.5), weighed)
     np.testing.assert_allclose(weighed.numpy(), [[0, 0, 0, 5], [5.5, 4.5, 4.5, 6]])
 
 
 def test_the_clock_goes_from_0_to_1_and_begins_again():
-    ticks, clock = wp.zeros(1, dtype=int, device="cpu"), numbers(0, 0)
+    ticks, clock = wp.zeros(1, dtype=int), numbers(0, 0)
     shown = []
     for _ in range(5):
         launch(tick, 1, 4, ticks, clock)

@@ -25,18 +25,18 @@ def pushed(which, weights, ways, together, passes=1):
     """Ways (5, 3) of vertices by pushes, and of the places that they came from."""
     start_warp()
     arrays = [
-        wp.array(np.int32(which), dtype=int, device="cpu"),
-        wp.array(np.float32(weights), dtype=float, device="cpu"),
-        wp.array(np.float32(ways), dtype=wp.vec3, device="cpu"),
+        wp.array(np.int32(which), dtype=int),
+        wp.array(np.float32(weights), dtype=float),
+        wp.array(np.float32(ways), dtype=wp.vec3),
     ]
     moves, before, place = (
         make_moves(5 * together),
-        *(wp.zeros(5, dtype=wp.vec3, device="cpu") for _ in range(2)),
+        *(wp.zeros(5, dtype=wp.vec3) for _ in range(2)),
     )
-    wp.launch(_push, dim=len(which), inputs=[*arrays, moves, before, place], device="cpu")
+    wp.launch(_push, dim=len(which), inputs=[*arrays, moves, before, place])
     for _ in range(passes):
         inputs = [moves, before, place]
-        wp.launch(make_all_moves, dim=len(moves.weight), inputs=inputs, device="cpu")
+        wp.launch(make_all_moves, dim=len(moves.weight), inputs=inputs)
     return place.numpy(), before.numpy()
 
 
@@ -53,6 +53,7 @@ def sums(which, weights, ways):
     return found, total[:, None]
 
 
+@pytest.mark.processor_only
 def test_in_turn_every_push_is_made(pushes):
     place, before = pushed(*pushes, together=False)
     np.testing.assert_allclose(place, sums(*pushes)[0], atol=1e-7)

@@ -33,11 +33,11 @@ def test_it_takes_a_gpu_where_there_is_one_and_it_may(monkeypatch):
         cloth_solver(1, "gpu")
 
 
-def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, toy_body):
+def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, toy_body, accelerator):
     status = simulate_outfit(
         tmp_path / "00001",
         dress(toy_body),
-        cloth_solver(1),
+        cloth_solver(1, accelerator),
         settings=SimulationSettings(
             steps_min=6, steps_max=6, shape_frames=2, pose_frames=3, collider_share=0.5
         ),
@@ -53,7 +53,9 @@ def test_a_skirt_follows_the_body_and_is_accepted(tmp_path, toy_body):
     assert np.abs(frames[-1] - skirt().vertices).max() > 0.005
 
 
-def test_a_sample_of_two_layers_is_the_same_to_the_byte_whatever_the_threads(tmp_path, toy_body):
+def test_a_sample_of_two_layers_is_the_same_to_the_byte_whatever_the_threads(
+    tmp_path, toy_body, accelerator
+):
     dressed = dress(toy_body)
     outer = replace(skirt(), name="Dress", vertices=skirt().vertices * np.float32([1.05, 1.05, 1]))
     dressed = replace(dressed, outfit=replace(dressed.outfit, garments=(skirt(), outer)))
@@ -63,7 +65,7 @@ def test_a_sample_of_two_layers_is_the_same_to_the_byte_whatever_the_threads(tmp
             status = simulate_outfit(
                 tmp_path / str(threads),
                 dressed,
-                cloth_solver(threads),
+                cloth_solver(threads, accelerator),
                 settings=SimulationSettings(steps_min=6, steps_max=6, attempts=1),
                 bounds=HealthBounds(**bounds),
             )

@@ -142,15 +142,15 @@ def test_triangles_are_simulated_as_well(run):
 
 
 @pytest.fixture
-def run_at_once(tmp_path):
+def run_at_once(tmp_path, device):
     """As `run`, but constraints of a colour and contacts of a kind act at once."""
-    return partial(drop, tmp_path, XpbdCloth(together=True))
+    return partial(drop, tmp_path, XpbdCloth(device=device, together=True))
 
 
-def test_constraints_at_once_are_those_in_turn(run, run_at_once):
+def test_constraints_at_once_are_those_in_turn(tmp_path, run_at_once):
     """Those of a colour share no vertex; without contact nothing else differs."""
     piece = sheet(1.0, pin=first_row(1), path=lambda frame: np.array([0, 0.01 * frame, 0]))
-    (in_turn,), (at_once,) = (simulate([piece], 12) for simulate in (run, run_at_once))
+    (in_turn,), (at_once,) = drop(tmp_path, XpbdCloth(), [piece], 12), run_at_once([piece], 12)
     assert np.abs(in_turn[-1] - piece.vertices).max() > 0.1
     np.testing.assert_allclose(at_once, in_turn, atol=1e-4)
 
@@ -166,6 +166,7 @@ def test_contacts_at_once_hold_layers_on_a_ball(run_at_once):
     assert beneath_share(inner, outer, over.faces) > 0.5
 
 
+@pytest.mark.processor_only
 def test_contacts_at_once_have_no_order(run_at_once, monkeypatch):
     pieces = [sheet(0.115, name="in"), sheet(0.13, name="out")]
     cloths = run_at_once(pieces, 12)
