@@ -6,13 +6,13 @@ import warp as wp
 from scipy.sparse.csgraph import connected_components
 
 from drapeline.geometry.closest_lanes import find_closest_in_lanes, rows_in_order
+from drapeline.geometry.lanes import INDICES, LANES
 from drapeline.geometry.mesh import face_edges, half_edges
 from drapeline.geometry.warp_mesh import warp_mesh
+from drapeline.geometry.ray_lanes import windings_in_lanes
 
 _DEVICE = "cpu"
-_FAR_M = 1.0e3
 _PAST_M = wp.constant(1.0e-6)
-_MOST_SURFACES = wp.constant(64)
 
 
 @wp.kernel
@@ -33,34 +33,23 @@ def _bound(
 def _locate(
     surface: wp.uint64,
     closed: wp.uint64,
+    rows: wp.array(dtype=INDICES),
     points: wp.array(dtype=wp.vec3),
     faces: wp.array(dtype=int),
     weights: wp.array(dtype=wp.vec3),
     distance: wp.array(dtype=float),
-    inside: wp.array(dtype=int),
+    windings: wp.array(dtype=int),
 ):
-    index = wp.tid()
-    point = points[index]
-    at = weights[index]
-    away = point - wp.mesh_eval_position(surface, faces[index], at[0], at[1])
-    distance[index] = wp.length(away)
-    # How often a ray leaves the body, less how often it enters: away from the nearest surface,
-    # for there is seldom another one in that direction.
-    way = wp.normalize(away + wp.vec3(1.0e-9, 2.0e-9, 3.0e-9))
-    start = point
-    surfaces = int(0)  # noqa: RUF046, UP018
-    left = int(0)  # noqa: RUF046, UP018
-    while surfaces < _MOST_SURFACES:
-        ray = wp.mesh_query_ray(closed, start, way, _FAR_M)
-        if not ray.result:
-            break
-        if wp.dot(ray.normal, way) > 0.0:
-            left += 1
-        else:
-            left -= 1
-        start = start + way * (ray.t + _PAST_M)
-        surfaces += 1
-    inside[index] = left
+    row = wp.tid()
+    # Away from the nearest surface: there is seldom another one in that direction.
+    way = wp.vec3(1.0e-9, 2.0e-9, 3.0e-9)
+    for k in range(LANES):
+        i = rows[row][k]
+        at = weights[i]
+        away = points[i] - wp.mesh_eval_position(surface, faces[i], at[0], at[1])
+        distance[i] = wp.length(away)
+        way += away
+    windings_in_lanes(closed, rows, row, points, wp.normalize(way), windings)
 
 
 class MovingSurface:
@@ -84,7 +73,7 @@ class MovingSurface:
     def _expect(self, count: int) -> None:
         """Make room for so many points."""
         self._rows = rows_in_order(count)
-        self._faces, self._inside = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
+        self._faces, self._windings = (wp.zeros(count, dtype=int, device=_DEVICE) for _ in range(2))
         self._reaches, self._distance = (
             wp.zeros(count, dtype=float, device=_DEVICE) for _ in range(2)
         )
@@ -123,13 +112,13 @@ class MovingSurface:
             ),
             (
                 _locate,
-                len(points),
-                [self._open.id, self._closed.id, places, *found],
-                [self._distance, self._inside],
+                len(self._rows),
+                [self._open.id, self._closed.id, self._rows, places, *found],
+                [self._distance, self._windings],
             ),
         ):
             wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, device=_DEVICE)
-        return self._distance.numpy().copy(), self._inside.numpy() > 0
+        return self._distance.numpy().copy(), self._windings.numpy() > 0
 
 
 def _close_holes(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import warp as wp
 
 from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.body_lanes import search_in_lanes
+from drapeline.xpbd.body_lanes import look_in_lanes, search_in_lanes
 from drapeline.xpbd.contact import SHARE_OF_ROOM, pushed_out
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
@@ -205,35 +205,69 @@ def _take_anchors(
 
 
 @wp.kernel
-def _find_room(
+def _aim(
+    faces: wp.array(dtype=wp.vec3i),
+    points: wp.array(dtype=wp.vec3),
+    anchor: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+    room: float,
+    starts: wp.array(dtype=wp.vec3),
+    ways: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+):
+    """Rays from anchors along the body's normals, of no length where there is no anchor."""
+    i = wp.tid()
+    reaches[i] = 0.0
+    if anchor[i] >= 0:
+        face = faces[anchor[i]]
+        ways[i] = wp.normalize(_face_normal(points, face))
+        starts[i] = _blend(points, face, weights[i]) + ways[i] * _SKIN
+        reaches[i] = room
+
+
+@wp.kernel
+def look_in_turn(
     whole: wp.uint64,
+    starts: wp.array(dtype=wp.vec3),
+    ways: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+    facing: wp.array(dtype=int),
+    facing_weights: wp.array(dtype=wp.vec3),
+):
+    """Find the face of the body that each ray hits first, -1 for none."""
+    i = wp.tid()
+    facing[i] = -1
+    if reaches[i] > 0.0:
+        hit = wp.mesh_query_ray(whole, starts[i], ways[i], reaches[i])
+        if hit.result:
+            facing[i] = hit.face
+            facing_weights[i] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+
+
+@wp.kernel
+def _measure_room(
     faces: wp.array(dtype=wp.vec3i),
     points: wp.array(dtype=wp.vec3),
     start: wp.array(dtype=wp.vec3),
     end: wp.array(dtype=wp.vec3),
-    anchor: wp.array(dtype=int),
-    weights: wp.array(dtype=wp.vec3),
+    ways: wp.array(dtype=wp.vec3),
+    facing: wp.array(dtype=int),
+    facing_weights: wp.array(dtype=wp.vec3),
     from_place: wp.array(dtype=wp.vec3),
     to_place: wp.array(dtype=wp.vec3),
     from_normal: wp.array(dtype=wp.vec3),
     to_normal: wp.array(dtype=wp.vec3),
-    reach: float,
     room: wp.array(dtype=wp.vec2),  # at both ends of the frame
 ):
     """How far above each anchor the body faces itself, along the anchor's normal."""
     i = wp.tid()
     room[i] = wp.vec2(_FAR, _FAR)
-    if anchor[i] < 0:
+    if facing[i] < 0:
         return
-    face = faces[anchor[i]]
-    normal = wp.normalize(_face_normal(points, face))
-    here = _blend(points, face, weights[i])
-    facing = wp.mesh_query_ray(whole, here + normal * _SKIN, normal, reach)
-    if facing.result and wp.dot(facing.normal, normal) < 0.0:
-        other = faces[facing.face]
-        found = wp.vec3(facing.u, facing.v, 1.0 - facing.u - facing.v)
-        first = _blend(start, other, found) - from_place[i]
-        last = _blend(end, other, found) - to_place[i]
+    face = faces[facing[i]]
+    if wp.dot(_face_normal(points, face), ways[i]) < 0.0:
+        first = _blend(start, face, facing_weights[i]) - from_place[i]
+        last = _blend(end, face, facing_weights[i]) - to_place[i]
         room[i] = wp.vec2(
             wp.max(wp.dot(first, wp.normalize(from_normal[i])), 0.0),
             wp.max(wp.dot(last, wp.normalize(to_normal[i])), 0.0),
@@ -336,7 +370,7 @@ class BodySurface:
         self._found_weights = _vectors(count)
         self.anchor = wp.full(count, -1, dtype=int)
         self.strange = wp.zeros(count, dtype=int)
-        self._weights, self._away = (_vectors(count) for _ in range(2))
+        self._weights, self._away, self._starts, self._ways = (_vectors(count) for _ in range(4))
         self.from_place, self.to_place, self.from_normal, self.to_normal = (
             _vectors(count) for _ in range(4)
         )
@@ -428,13 +462,23 @@ class BodySurface:
 
     def find_room(self, room_m: float) -> None:
         """Find where the body faces itself within `room_m` of the anchors, as a frame begins."""
+        count, surface = len(self.anchor), [self._faces, self._points]
+        rays = [self._starts, self._ways, self._reaches]
+        facing = [self._found, self._found_weights]
+        known = [self.anchor, self._weights]
+        wp.launch(_aim, dim=count, inputs=[*surface, *known, room_m], outputs=rays)
+        whole = self._meshes[-1].id
+        if self._patches is None:
+            wp.launch(look_in_turn, dim=count, inputs=[whole, *rays], outputs=facing)
+        else:
+            inputs = [whole, self._patches, *rays]
+            wp.launch(look_in_lanes, dim=len(self._patches), inputs=inputs, outputs=facing)
         wp.launch(
-            _find_room,
-            dim=len(self.anchor),
+            _measure_room,
+            dim=count,
             inputs=[
-                *(self._meshes[-1].id, self._faces, self._points, self._start, self._end),
-                *(self.anchor, self._weights, self.from_place, self.to_place),
-                *(self.from_normal, self.to_normal, room_m),
+                *(*surface, self._start, self._end, self._ways, *facing),
+                *(self.from_place, self.to_place, self.from_normal, self.to_normal),
             ],
             outputs=[self.room],
         )

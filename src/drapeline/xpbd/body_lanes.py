@@ -4,6 +4,7 @@ import warp as wp
 
 from drapeline.geometry.closest_lanes import closest_in_lanes
 from drapeline.geometry.lanes import INDICES
+from drapeline.geometry.ray_lanes import hits_in_lanes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -38,3 +39,17 @@ def search_in_lanes(
             missed = True
     if missed:
         closest_in_lanes(meshes[last], patches, patch, place, again, found, found_weights)
+
+
+@wp.kernel
+def look_in_lanes(
+    whole: wp.uint64,
+    patches: wp.array(dtype=INDICES),
+    starts: wp.array(dtype=wp.vec3),
+    ways: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+    facing: wp.array(dtype=int),
+    facing_weights: wp.array(dtype=wp.vec3),
+):
+    """As `body_contact.look_in_turn`, for the rays of a patch."""
+    hits_in_lanes(whole, patches, wp.tid(), starts, ways, reaches, facing, facing_weights)

@@ -1,0 +1,172 @@
+"""Rays from `LANES` points at once, which lie together, to a triangle mesh.
+
+They go down the mesh's tree of boxes together, each in a lane of a processor's vector registers: a
+box is passed by if all of them miss it. The bodies are C++, for a processor alone, and read the
+tree as `closest_lanes` does.
+"""
+
+import warp as wp
+
+from drapeline.geometry.lanes import INDICES, lane_code
+
+wp.set_module_options({"enable_backward": False})
+
+_RAYS = """
+const wp::Mesh& mesh = *(const wp::Mesh*)surface;
+const wp::BVH& tree = mesh.bvh;
+const int* which = (const int*)patches.data + 8 * patch;
+auto lesser = [](lanes a, lanes b) { return __builtin_elementwise_min(a, b); };
+auto greater = [](lanes a, lanes b) { return __builtin_elementwise_max(a, b); };
+auto lay = [&](const wp::vec3* values, lanes* laid) {
+    for (int k = 0; k < 8; ++k)
+        for (int axis = 0; axis < 3; ++axis)
+            laid[axis][k] = values[which[k]][axis];
+};
+lanes from[3];
+lay(points.data, from);
+// Over all faces in boxes that any of the rays meets before its reach, which may become shorter.
+auto descend = [&](const lanes* ways, const lanes& reach, auto try_face) {
+    lanes inverse[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        const lanes size = greater(ways[axis], -ways[axis]);
+        inverse[axis] = 1.0f / (size > 1.0e-12f ? ways[axis] : (lanes)1.0e-12f);
+    }
+    int stack[BVH_QUERY_STACK_SIZE];
+    int count = 1;
+    stack[0] = *tree.root;
+    while (count) {
+        const int node = stack[--count];
+        const wp::BVHPackedNodeHalf low = tree.node_lowers[node], high = tree.node_uppers[node];
+        const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
+        lanes in = 0.0f, out = reach;
+        for (int axis = 0; axis < 3; ++axis) {
+            const lanes a = (lows[axis] - from[axis]) * inverse[axis];
+            const lanes b = (highs[axis] - from[axis]) * inverse[axis];
+            in = greater(in, lesser(a, b));
+            out = lesser(out, greater(a, b));
+        }
+        if (!any(in <= out * 1.000001f))
+            continue;
+        const int first = low.i, second = high.i;
+        if (low.b) {
+            for (int item = first; item < second; ++item)
+                try_face(mesh.indices.data + 3 * tree.primitive_indices[item],
+                    tree.primitive_indices[item]);
+        } else {
+            stack[count++] = second;
+            stack[count++] = first;
+        }
+    }
+};
+"""
+
+_WIND = """
+// In a frame whose third axis is along the rays these are points (Woop et al. 2013).
+const int third = wp::max_dim(way);
+const int first = (third + 1) % 3, second = (third + 2) % 3;
+const float slope = way[first] / way[third], rise = way[second] / way[third];
+const lanes along = from[third];
+const lanes x = from[first] - slope * along, y = from[second] - rise * along;
+masks wound = 0;
+auto try_face = [&](const int* corners, int) {
+    lanes p[3], q[3], ahead[3];
+    for (int k = 0; k < 3; ++k) {
+        const wp::vec3 corner = mesh.points.data[corners[k]];
+        p[k] = (corner[first] - slope * corner[third]) - x;
+        q[k] = (corner[second] - rise * corner[third]) - y;
+        ahead[k] = (corner[third] - along) * way[third];
+    }
+    const lanes u = p[1] * q[2] - p[2] * q[1];
+    const lanes v = p[2] * q[0] - p[0] * q[2];
+    const lanes w = p[0] * q[1] - p[1] * q[0];
+    const masks leaves = lesser(lesser(u, v), w) >= 0.0f;
+    const masks enters = greater(greater(u, v), w) <= 0.0f;
+    if (!any(leaves | enters))
+        return;
+    const lanes far = u * ahead[0] + v * ahead[1] + w * ahead[2];
+    wound += (leaves & (far > 0.0f)) ? (masks)1 : (masks)0;
+    wound -= (enters & (far < 0.0f)) ? (masks)1 : (masks)0;
+};
+const lanes ways[3] = {(lanes)way[0], (lanes)way[1], (lanes)way[2]}, no_end = 1.0e9f;
+descend(ways, no_end, try_face);
+for (int k = 0; k < 8; ++k)
+    windings.data[which[k]] = way[third] > 0.0f ? wound[k] : -wound[k];
+"""
+
+_HIT = """
+lanes d[3], reach, best_u = 0.0f, best_v = 0.0f;
+masks best = -1;
+lay(ways.data, d);
+for (int k = 0; k < 8; ++k)
+    reach[k] = reaches.data[which[k]] > 0.0f ? reaches.data[which[k]] : -1.0f;
+auto try_face = [&](const int* corners, int face) {
+    const wp::vec3 a = mesh.points.data[corners[0]];
+    const wp::vec3 b = mesh.points.data[corners[1]] - a, c = mesh.points.data[corners[2]] - a;
+    const wp::vec3 normal = wp::cross(b, c);
+    const lanes x = from[0] - a[0], y = from[1] - a[1], z = from[2] - a[2];
+    const lanes scale = 1.0f / (d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]);
+    const lanes far = -scale * (x * normal[0] + y * normal[1] + z * normal[2]);
+    const masks nearer = (far >= 0.0f) & (far < reach);
+    if (!any(nearer))
+        return;
+    const lanes p = y * d[2] - z * d[1], q = z * d[0] - x * d[2], r = x * d[1] - y * d[0];
+    const lanes u = -scale * (p * c[0] + q * c[1] + r * c[2]);
+    const lanes v = scale * (p * b[0] + q * b[1] + r * b[2]);
+    const masks hit = nearer & (lesser(lesser(u, v), 1.0f - u - v) >= 0.0f);
+    reach = hit ? far : reach;
+    best_u = hit ? u : best_u;
+    best_v = hit ? v : best_v;
+    best = hit ? (masks)face : best;
+};
+descend(d, reach, try_face);
+for (int k = 0; k < 8; ++k) {
+    faces.data[which[k]] = best[k];
+    weights.data[which[k]] = wp::vec3(1.0f - best_u[k] - best_v[k], best_u[k], best_v[k]);
+}
+"""
+
+
+@wp.func_native(lane_code(_RAYS + _WIND))
+def windings_in_lanes(
+    surface: wp.uint64,
+    patches: wp.array(dtype=INDICES),
+    patch: int,
+    points: wp.array(dtype=wp.vec3),
+    way: wp.vec3,
+    windings: wp.array(dtype=int),
+):
+    """For Warp's kernels: how often rays from points leave a surface, less how often they enter it.
+
+    Args:
+        surface: the mesh, closed, its faces outward.
+        patches: numbers of the points of all patches.
+        patch: whose rays are followed.
+        points: of all patches.
+        way: of its rays, a unit vector; the shorter their way out, the faster.
+        windings: is found for its points.
+    """
+
+
+@wp.func_native(lane_code(_RAYS + _HIT))
+def hits_in_lanes(
+    surface: wp.uint64,
+    patches: wp.array(dtype=INDICES),
+    patch: int,
+    points: wp.array(dtype=wp.vec3),
+    ways: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+    faces: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+):
+    """For Warp's kernels: the face that each ray of a patch hits first, and weights of its corners.
+
+    Args:
+        surface: the mesh.
+        patches: numbers of the rays of all patches.
+        patch: whose rays are followed.
+        points: where all rays start.
+        ways: unit vectors along all rays.
+        reaches: their lengths in metres; of no length, 0, hits nothing.
+        faces: is found for those of the patch, -1 for nothing.
+        weights: likewise.
+    """
