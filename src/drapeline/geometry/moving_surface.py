@@ -8,8 +8,8 @@ from scipy.sparse.csgraph import connected_components
 from drapeline.geometry.closest_lanes import find_closest_in_lanes, rows_in_order
 from drapeline.geometry.lanes import INDICES, LANES
 from drapeline.geometry.mesh import face_edges, half_edges
-from drapeline.geometry.warp_mesh import warp_mesh
 from drapeline.geometry.ray_lanes import windings_in_lanes
+from drapeline.geometry.warp_mesh import warp_mesh
 
 _DEVICE = "cpu"
 _PAST_M = wp.constant(1.0e-6)

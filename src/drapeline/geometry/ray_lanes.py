@@ -79,16 +79,17 @@ auto try_face = [&](const int* corners, int) {
     const lanes u = p[1] * q[2] - p[2] * q[1];
     const lanes v = p[2] * q[0] - p[0] * q[2];
     const lanes w = p[0] * q[1] - p[1] * q[0];
-    const masks leaves = lesser(lesser(u, v), w) >= 0.0f;
-    const masks enters = greater(greater(u, v), w) <= 0.0f;
-    if (!any(leaves | enters))
+    const masks right = lesser(lesser(u, v), w) >= 0.0f;
+    const masks left = greater(greater(u, v), w) <= 0.0f;
+    if (!any(right | left))
         return;
     const lanes far = u * ahead[0] + v * ahead[1] + w * ahead[2];
-    wound += (leaves & (far > 0.0f)) ? (masks)1 : (masks)0;
-    wound -= (enters & (far < 0.0f)) ? (masks)1 : (masks)0;
+    wound += (right & (far > 0.0f)) ? (masks)1 : (masks)0;
+    wound -= (left & (far < 0.0f)) ? (masks)1 : (masks)0;
 };
 const lanes ways[3] = {(lanes)way[0], (lanes)way[1], (lanes)way[2]}, no_end = 1.0e9f;
 descend(ways, no_end, try_face);
+// Seen against the third axis, a face that turns right turns left.
 for (int k = 0; k < 8; ++k)
     windings.data[which[k]] = way[third] > 0.0f ? wound[k] : -wound[k];
 """
