@@ -1,5 +1,7 @@
 """Launches of kernels that a small step repeats."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import warp as wp
 
@@ -7,6 +9,29 @@ import warp as wp
 def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
     """A launch to repeat; nothing if `count`, the number of its threads, is 0."""
     return wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, record_cmd=True)
+
+
+class Replay:
+    """Launches that are always the same, recorded when they are first called for, to be replayed.
+
+    One by one, each would take Python several microseconds.
+
+    Args:
+        parts: make the launches, in order.
+    """
+
+    def __init__(self, parts: Sequence[Callable[[], None]]) -> None:
+        self._parts = parts
+        self._graph: wp.Graph | None = None
+
+    def __call__(self) -> None:
+        """Make all launches."""
+        if self._graph is None:
+            with wp.ScopedCapture() as capture:
+                for part in self._parts:
+                    part()
+            self._graph = capture.graph
+        wp.capture_launch(self._graph)
 
 
 class BusyLaunch:

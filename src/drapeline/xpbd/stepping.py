@@ -25,7 +25,7 @@ from drapeline.xpbd.elasticity import (
     turn_hinges,
 )
 from drapeline.xpbd.floor_contact import touch_floor
-from drapeline.xpbd.launches import BusyLaunch, record
+from drapeline.xpbd.launches import BusyLaunch, Replay, record
 from drapeline.xpbd.motion import add_speed, hold, predict, take_places, take_speed, tick
 from drapeline.xpbd.moves import make_all_moves, make_moves
 from drapeline.xpbd.system import join_garments
@@ -120,7 +120,6 @@ class MovingCloth:
         self._step_s = 1 / FPS / self._steps
         self._step_ways_m = numbers.release_m_s * self._step_s, numbers.stick_m_s * self._step_s
         self._device, self._together = wp.get_device(device), together
-        self._graphs: dict[Callable[[], None], wp.Graph] = {}
         with wp.ScopedDevice(self._device):
             self._place_system()
 
@@ -133,9 +132,9 @@ class MovingCloth:
         weighed = np.column_stack([system.vertices, system.inverse_masses])
         self._weighed = wp.array(weighed.astype(np.float32), dtype=wp.vec4)
         self._before, self._speed, self._way = (wp.zeros_like(self._place) for _ in range(3))
-        self._ticks = wp.zeros(1, dtype=int)
         self._clock, self._friction = _numbers(np.zeros(2)), _numbers(np.zeros(1))
-        self._tick = record(tick, 1, [self._steps], [self._ticks, self._clock])
+        self._tick = record(tick, 1, [self._steps], [wp.zeros(1, dtype=int), self._clock])
+        self._tick.launch()
         self._strain = _numbers(np.zeros(len(system.vertices)))
         self._last = wp.clone(self._place)  # a frame ago
         self._carry = _vectors(np.zeros((1, 3)))
@@ -167,22 +166,35 @@ class MovingCloth:
             [self._strain],
         )
         self._contacts = self._record_contacts(triangles, layers, pairs)
-        self._commands = self._record()
+        self._arrange()
 
-    def _record(self) -> list[wp.Launch | BusyLaunch]:
-        """What a small step launches, in order."""
-        system, numbers, surface = self._system, self._numbers, self._surface
-        state, weighed = [self._before, self._place], self._weighed
-        touching = self._gap_m, *self._step_ways_m, self._friction
-        moves = []
+    def _arrange(self) -> None:
+        """Set what a small step does, and replay what is always the same in as few calls as can be.
+
+        Contacts always are on a GPU, which goes through all vertices; a processor leaves out those
+        that are near to nothing.
+        """
+        contacts = [contact.launch for contact in self._contacts]
         if self._together:
-            moves = [record(make_all_moves, len(self._place), [self._moves], state)]
+            state = [self._before, self._place]
+            moves = record(make_all_moves, len(self._place), [self._moves], state)
+            contacts = [part for contact in contacts for part in (contact, moves.launch)]
+        first, last = self._record_first(), self._record_last()
+        self._finds = [self._find_body, self._find_cloth, self._find_once]
+        self._solve = [Replay(first), *contacts, Replay(last)]
+        if self._device.is_cuda:
+            self._finds = [Replay([find]) for find in self._finds]
+            self._solve = [Replay([*first, *contacts, *last])]
+
+    def _record_first(self) -> list[Callable[[], None]]:
+        """What a small step does before contacts."""
+        system, numbers, weighed = self._system, self._numbers, self._weighed
         launches = [
             record(
                 predict,
                 len(self._place),
                 [_numbers(np.exp(-system.drag_1_s * self._step_s)), self._carry, self._step_s],
-                [self._speed, self._way, *state, weighed],
+                [self._speed, self._way, self._before, self._place, weighed],
             ),
             record(
                 hold,
@@ -195,7 +207,14 @@ class MovingCloth:
             ),
             *self._record_elasticity(),
             record(take_places, len(self._place), [weighed], [self._place]),
-            *(launch for contact in self._contacts for launch in (contact, *moves)),
+        ]
+        return [launch.launch for launch in launches if launch is not None]
+
+    def _record_last(self) -> list[Callable[[], None]]:
+        """What a small step does after contacts with cloth; the clock then shows the next."""
+        surface, state = self._surface, [self._before, self._place]
+        touching = self._gap_m, *self._step_ways_m, self._friction
+        launches = [
             record(
                 touch_floor,
                 0 if self._body.floor_m is None else len(self._place),
@@ -212,8 +231,9 @@ class MovingCloth:
                 [self._clock, self._carry, *touching, *state],
             ),
             record(take_speed, len(self._place), [self._way, *state, self._step_s], [self._speed]),
+            self._tick,
         ]
-        return [launch for launch in launches if launch is not None]
+        return [launch.launch for launch in launches if launch is not None]
 
     def _record_elasticity(self) -> list[wp.Launch | None]:
         """What cloth resists by itself."""
@@ -326,29 +346,19 @@ class MovingCloth:
 
     def _step(self, body_every: int, cloth_every: int) -> None:
         """Take the small steps of a frame, and search every so many for the body and for cloth."""
+        find_body, find_cloth, find_once = self._finds
         for step in range(self._steps):
-            self._tick.launch()
             if step % body_every == 0:
-                self._do(self._find_body)
+                find_body()
             if step % cloth_every == 0:
-                self._do(self._find_cloth)
+                find_cloth()
             if step == 0:
-                self._do(self._find_at_first)
+                find_once()
             if step % cloth_every == 0:
                 for contact in self._contacts:
                     contact.find()
-            self._do(self._solve)
-
-    def _do(self, part: Callable[[], None]) -> None:
-        """Do a part of a step; on a GPU its launches are recorded once, and replayed as one."""
-        if not self._device.is_cuda:
-            part()
-            return
-        if part not in self._graphs:
-            with wp.ScopedCapture() as capture:
+            for part in self._solve:
                 part()
-            self._graphs[part] = capture.graph
-        wp.capture_launch(self._graphs[part])
 
     def _search_every(self, limb_way_m: float) -> tuple[int, int]:
         """Small steps between two searches for the body, and for cloth.
@@ -389,16 +399,11 @@ class MovingCloth:
             self._place, near.count, near.near, crossings.count, margin_m=numbers.edge_margin_m
         )
 
-    def _find_at_first(self) -> None:
+    def _find_once(self) -> None:
         """Find what is found once in a frame: the body's room, and its vertices under cloth."""
         self._surface.find_room(self._numbers.room_m)
         margin_m = self._numbers.cover_margin_m
         self._covered.find(self._place, self._surface.ends, margin_m=margin_m)
-
-    def _solve(self) -> None:
-        """Move the cloth by a small step, among what it is known to be near to."""
-        for launch in self._commands:
-            launch.launch()
 
     def _begin(self, frame: int) -> float:
         """Take the body and the pins to the frame, and the cloth along during the transition.

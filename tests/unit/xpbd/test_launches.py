@@ -3,7 +3,7 @@ import pytest
 import warp as wp
 
 from drapeline.geometry.warp_mesh import start_warp
-from drapeline.xpbd.launches import BusyLaunch, record
+from drapeline.xpbd.launches import BusyLaunch, Replay, record
 
 
 @wp.kernel
@@ -50,3 +50,21 @@ def test_nothing_is_launched_for_nothing():
     launch = BusyLaunch(_add_count, empty, [1], [empty, empty])
     launch.find()
     launch.launch()
+
+
+def test_launches_are_recorded_once_and_made_in_order_each_time():
+    start_warp()
+    one, two = (wp.array(np.int32([n]), dtype=int) for n in (1, 2))
+    busy, seen = wp.zeros(1, dtype=int), wp.zeros(1, dtype=int)
+    calls = []
+
+    def times(factor, source, total):
+        calls.append(factor)
+        wp.launch(_add_count, 1, [busy, source, factor, total, seen])
+
+    replay = Replay([lambda: times(10, one, two), lambda: times(100, two, one)])
+    assert not calls
+    for expected in ((1 + 100 * 12, 2 + 10), (1 + 1200 + 100 * 12022, 12 + 10 * 1201)):
+        replay()
+        assert (one.numpy()[0], two.numpy()[0]) == expected
+    assert calls == [10, 100]
