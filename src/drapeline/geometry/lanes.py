@@ -32,6 +32,60 @@ def lane_code(body: str, **numbers: float) -> str:
     return _CPP + body
 
 
+# Goes down a tree of boxes with the points of a patch: its faces are looked at whose boxes, with
+# others beside them, come within the margin of the box around the points.
+_NEAR = """
+const wp::BVH& boxes = *(const wp::BVH*)tree;
+const int* which = (const int*)patches.data + 8 * patch;
+const int size = sizes.data[patch];
+lanes x, y, z;
+wp::vec3 low = point(which[0]), high = low;
+for (int k = 0; k < 8; ++k) {
+    const wp::vec3 p = point(which[k]);
+    x[k] = p[0];
+    y[k] = p[1];
+    z[k] = p[2];
+    low = wp::min(low, p);
+    high = wp::max(high, p);
+}
+low -= wp::vec3(margin);
+high += wp::vec3(margin);
+auto descend = [&](auto look) {
+    int stack[BVH_QUERY_STACK_SIZE];
+    int waiting = 1;
+    stack[0] = *boxes.root;
+    while (waiting) {
+        const int node = stack[--waiting];
+        const wp::BVHPackedNodeHalf from = boxes.node_lowers[node], to = boxes.node_uppers[node];
+        if (from.x > high[0] || from.y > high[1] || from.z > high[2]
+            || to.x < low[0] || to.y < low[1] || to.z < low[2])
+            continue;
+        if (from.b) {
+            for (int item = from.i; item < (int)to.i; ++item)
+                look(boxes.primitive_indices[item]);
+            continue;
+        }
+        stack[waiting++] = from.i;
+        stack[waiting++] = to.i;
+    }
+};
+"""
+
+
+def near_code(point: str, body: str, **numbers: float) -> str:
+    """`lane_code` that looks at what is near to the points of a patch, by `descend`.
+
+    The function has a `patch` among `patches`, their `sizes`, a `tree` and a `margin`.
+
+    Args:
+        point: where a point is by its `number`, in C++.
+        body: of the function, which has `which`, `size` and the places `x`, `y` and `z`.
+        numbers: see `lane_code`.
+    """
+    found = f"auto point = [&](int number) {{ return {point}; }};"
+    return lane_code(found + _NEAR + body, **numbers)
+
+
 def fill_lanes(colours: np.ndarray, width: int) -> np.ndarray:
     """Rows (R, width) of constraints to be solved at once: their numbers, -1 for an empty lane.
 

@@ -7,16 +7,20 @@ through.
 import numpy as np
 import warp as wp
 
+from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
+from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.contact import held_slip
+from drapeline.xpbd.cover_lanes import ASIDE, FACING, SLOTS, SMALLEST_M4, find_covers_in_lanes
 from drapeline.xpbd.limbs import hand_numbers
 from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
-_SLOTS = 4  # triangles that may cover a vertex
-_MOST = wp.constant(_SLOTS)
-_FACING = wp.constant(0.3)  # least cosine between the normals of cloth and the body beneath it
+_MOST = wp.constant(SLOTS)
+_FACING = wp.constant(FACING)
+_ASIDE = wp.constant(ASIDE)
+_SMALLEST_M4 = wp.constant(SMALLEST_M4)
 _ROUNDED = wp.constant(1.001)  # so that nothing that is near is too far, whatever is rounded
 
 
@@ -32,7 +36,7 @@ def _cover(p: wp.vec3, up: wp.vec3, most: float, a: wp.vec3, ab: wp.vec3, ac: wp
     if slope <= 0.0 or rise > _ROUNDED * most * slope:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
     square = wp.length_sq(normal)
-    if slope < _FACING * wp.sqrt(square) or square < 1.0e-14:
+    if slope < _FACING * wp.sqrt(square) or square < _SMALLEST_M4:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
     height = rise / slope
     r = p + up * height - a
@@ -42,28 +46,22 @@ def _cover(p: wp.vec3, up: wp.vec3, most: float, a: wp.vec3, ab: wp.vec3, ac: wp
 
 
 @wp.kernel
-def _find_covers(
+def find_covers_in_turn(
     tree: wp.uint64,
     place: wp.array(dtype=wp.vec3),
     triangles: wp.array(dtype=wp.vec3i),
     halves: int,
     vertices: wp.array(dtype=int),
     start: wp.array(dtype=wp.vec3),
-    end: wp.array(dtype=wp.vec3),
     normals: wp.array(dtype=wp.vec3),
     margin: float,
     count: wp.array(dtype=int),
     covers: wp.array2d(dtype=int),
-    from_place: wp.array(dtype=wp.vec3),
-    to_place: wp.array(dtype=wp.vec3),
-    up: wp.array(dtype=wp.vec3),
 ):
+    """Find the triangles that are over each vertex of the body."""
     i = wp.tid()
     p = start[vertices[i]]
     n = normals[vertices[i]]
-    from_place[i] = p
-    to_place[i] = end[vertices[i]]
-    up[i] = n
     half = wp.vec3(margin, margin, margin)
     query = wp.bvh_query_aabb(tree, p - half, p + half)
     face = int(0)  # noqa: RUF046, UP018  (a plain 0 would be a constant)
@@ -74,10 +72,27 @@ def _find_covers(
             a = place[c[0]]
             hit = _cover(p, n, margin, a, place[c[1]] - a, place[c[2]] - a)
             near = hit[3] > 0.0 and wp.abs(hit[0]) < margin and found < _MOST
-            if near and hit[1] > -0.3 and hit[2] > -0.3 and hit[1] + hit[2] < 1.3:
+            if near and wp.min(hit[1], hit[2]) > -_ASIDE and hit[1] + hit[2] < 1.0 + _ASIDE:
                 covers[i, found] = halves * face + k
                 found += 1
     count[i] = found
+
+
+@wp.kernel
+def _stand(
+    vertices: wp.array(dtype=int),
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    from_place: wp.array(dtype=wp.vec3),
+    to_place: wp.array(dtype=wp.vec3),
+    up: wp.array(dtype=wp.vec3),
+):
+    """Where some vertices of the body are at both ends of a frame, and their normals."""
+    i = wp.tid()
+    from_place[i] = start[vertices[i]]
+    to_place[i] = end[vertices[i]]
+    up[i] = normals[vertices[i]]
 
 
 @wp.kernel
@@ -141,18 +156,27 @@ class CoveredVertices:
     """Which triangles of the cloth are over each vertex of the body, hands left out.
 
     Args:
-        segments: (B,) int, the joint that moves each vertex of the body most.
-        faces: (F, 3) of the body; vertices without a face are left out.
+        body: its vertices (B, 3) at first; those without a face are left out.
         cloth: whose faces cover them.
+        together: whether each vertex is looked up by itself, as on a GPU, not in patches.
     """
 
-    def __init__(self, segments: np.ndarray, faces: np.ndarray, cloth: NearTriangles) -> None:
+    def __init__(self, body: MovingBody, cloth: NearTriangles, *, together: bool = False) -> None:
+        segments, faces = body.segments, body.faces
         self._cloth = cloth
         used = np.unique(faces)
         chosen = used[hand_numbers(used[:, None], segments) == 0].astype(np.int32)
         self._vertices = wp.array(chosen, dtype=int)
+        self._kernel, self._searches, self._patches = find_covers_in_turn, len(chosen), []
+        if not together:
+            patches = make_patches(body.frame(0)[chosen], segments[chosen])
+            self._kernel, self._searches = find_covers_in_lanes, len(patches)
+            self._patches = [
+                wp.array(repeat_first(patches), dtype=INDICES),
+                wp.array((patches >= 0).sum(axis=1), dtype=int),
+            ]
         self.count = wp.zeros(len(chosen), dtype=int)
-        self.covers = wp.zeros((len(chosen), _SLOTS), dtype=int)
+        self.covers = wp.zeros((len(chosen), SLOTS), dtype=int)
         self.from_place, self.to_place, self.up = (
             wp.zeros(len(chosen), dtype=wp.vec3) for _ in range(3)
         )
@@ -171,10 +195,23 @@ class CoveredVertices:
             body: vertices (B, 3) at both ends of the frame, and their normals.
             margin_m: how far above or beneath a vertex a triangle may be.
         """
-        cloth = [self._cloth.tree.id, place, self._cloth.triangles, self._cloth.halves]
+        start, _, normals = body
+        cloth, tree = self._cloth, self._cloth.tree
+        boxes = [*self._patches, wp.uint64(tree.id)]
+        if self._patches:
+            boxes += [tree.lowers, tree.uppers]
         wp.launch(
-            _find_covers,
+            self._kernel,
+            dim=self._searches,
+            inputs=[
+                *(*boxes, place, cloth.triangles, cloth.halves),
+                *(self._vertices, start, normals, margin_m),
+            ],
+            outputs=[self.count, self.covers],
+        )
+        wp.launch(
+            _stand,
             dim=len(self.count),
-            inputs=[*cloth, self._vertices, *body, margin_m],
-            outputs=[self.count, self.covers, self.from_place, self.to_place, self.up],
+            inputs=[self._vertices, *body],
+            outputs=[self.from_place, self.to_place, self.up],
         )

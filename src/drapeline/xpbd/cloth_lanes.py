@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from drapeline.geometry.lanes import INDICES, NUMBERS, lane_code
+from drapeline.geometry.lanes import INDICES, NUMBERS, near_code
 
 wp.set_module_options({"enable_backward": False})
 
@@ -11,29 +11,11 @@ ASIDE = 0.4  # of a triangle's edges, how far past it a vertex may lie
 
 # Faces whose boxes meet the patch's are looked at in all lanes; what is near is noted lane by lane.
 _FIND = """
-const wp::BVH& boxes = *(const wp::BVH*)tree;
-const int* which = (const int*)patches.data + 8 * patch;
 const loose_lanes* at_rest = (const loose_lanes*)rest.data + 3 * patch;
 const lanes rest_x = at_rest[0], rest_y = at_rest[1], rest_z = at_rest[2];
-const int size = sizes.data[patch], layer = layers.data[which[0]];
+const int layer = layers.data[which[0]];
 const int slots = near.shape[1];
 int found[8] = {};
-lanes x, y, z;
-wp::vec3 low = place.data[which[0]], high = low;
-for (int k = 0; k < 8; ++k) {
-    const wp::vec3 p = place.data[which[k]];
-    x[k] = p[0];
-    y[k] = p[1];
-    z[k] = p[2];
-    low = wp::min(low, p);
-    high = wp::max(high, p);
-}
-low -= wp::vec3(margin);
-high += wp::vec3(margin);
-auto apart = [&](auto start, auto end) {
-    return start.x > high[0] || start.y > high[1] || start.z > high[2]
-        || end.x < low[0] || end.y < low[1] || end.z < low[2];
-};
 auto note = [&](int number, masks here) {
     const int* corners = (const int*)triangles.data + 3 * number;
     const wp::vec3 a = place.data[corners[0]];
@@ -78,28 +60,13 @@ auto look = [&](int face) {
         for (int k = 0; k < halves; ++k)
             note(halves * face + k, here);
 };
-int stack[BVH_QUERY_STACK_SIZE];
-int waiting = 1;
-stack[0] = *boxes.root;
-while (waiting) {
-    const int node = stack[--waiting];
-    const wp::BVHPackedNodeHalf start = boxes.node_lowers[node], end = boxes.node_uppers[node];
-    if (apart(start, end))
-        continue;
-    if (start.b) {
-        for (int item = start.i; item < (int)end.i; ++item)
-            look(boxes.primitive_indices[item]);
-        continue;
-    }
-    stack[waiting++] = start.i;
-    stack[waiting++] = end.i;
-}
+descend(look);
 for (int k = 0; k < size; ++k)
     count.data[which[k]] = found[k];
 """
 
 
-@wp.func_native(lane_code(_FIND, SMALLEST_M4=SMALLEST_M4, ASIDE=ASIDE))
+@wp.func_native(near_code("place.data[number]", _FIND, SMALLEST_M4=SMALLEST_M4, ASIDE=ASIDE))
 def _find(
     tree: wp.uint64,
     lower: wp.array(dtype=wp.vec3),

@@ -149,7 +149,7 @@ class MovingCloth:
         self._near = NearTriangles(
             wp.clone(self._place), triangles, layers, halves, together=self._together
         )
-        self._covered = CoveredVertices(self._body.segments, self._body.faces, self._near)
+        self._covered = CoveredVertices(self._body, self._near, together=self._together)
         pairs = wp.array(system.edges, dtype=wp.vec2i)
         sides = edges_of_triangles(system.edges, system.triangles)
         self._near_edges = NearEdges(pairs, wp.array(sides, dtype=wp.vec3i))

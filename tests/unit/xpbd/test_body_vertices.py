@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -37,7 +39,11 @@ def lift(together):
         layers = wp.zeros(3, dtype=int)
         cloth = NearTriangles(vectors(corners), triangles, layers, halves=1, together=together)
         # One vertex of the body at the origin, which faces up.
-        skin = CoveredVertices(np.array([JOINT_NAMES.index(joint)]), np.zeros((1, 3), int), cloth)
+        segments = np.array([JOINT_NAMES.index(joint)])
+        still = SimpleNamespace(
+            frame=lambda _: np.zeros((1, 3)), segments=segments, faces=[[0] * 3]
+        )
+        skin = CoveredVertices(still, cloth, together=together)
         body = vectors([0, 0, 0]), vectors([0, 0, 0]), vectors([0, 0, 1])
         skin.find(place, body, margin_m=MARGIN_M)
         mass = wp.array(np.float32([1, 2, 3]), dtype=float)
