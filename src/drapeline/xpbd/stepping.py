@@ -180,11 +180,16 @@ class MovingCloth:
             moves = record(make_all_moves, len(self._place), [self._moves], state)
             contacts = [part for contact in contacts for part in (contact, moves.launch)]
         first, last = self._record_first(), self._record_last()
-        self._finds = [self._find_body, self._find_cloth, self._find_once]
+        self._finds: list[Replay] = []
         self._solve = [Replay(first), *contacts, Replay(last)]
         if self._device.is_cuda:
-            self._finds = [Replay([find]) for find in self._finds]
+            self._finds = [Replay([find]) for find in self._searches]
             self._solve = [Replay([*first, *contacts, *last])]
+
+    @property
+    def _searches(self) -> list[Callable[[], None]]:
+        """For the body, for cloth, and what is searched for once in a frame."""
+        return [self._find_body, self._find_cloth, self._find_once]
 
     def _record_first(self) -> list[Callable[[], None]]:
         """What a small step does before contacts."""
@@ -346,7 +351,7 @@ class MovingCloth:
 
     def _step(self, body_every: int, cloth_every: int) -> None:
         """Take the small steps of a frame, and search every so many for the body and for cloth."""
-        find_body, find_cloth, find_once = self._finds
+        find_body, find_cloth, find_once = self._finds or self._searches
         for step in range(self._steps):
             if step % body_every == 0:
                 find_body()
