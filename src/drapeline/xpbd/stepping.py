@@ -180,6 +180,7 @@ class MovingCloth:
             moves = record(make_all_moves, len(self._place), [self._moves], state)
             contacts = [part for contact in contacts for part in (contact, moves.launch)]
         first, last = self._record_first(), self._record_last()
+        # Searches themselves are not kept: they hold this object, which would outlive its sample.
         self._finds: list[Replay] = []
         self._solve = [Replay(first), *contacts, Replay(last)]
         if self._device.is_cuda:

@@ -10,6 +10,7 @@ from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.body_contact import look_in_turn, search_in_turn
 from drapeline.xpbd.body_lanes import look_in_lanes, search_in_lanes
+from ray_toys import rays_clear_of_edges
 
 COUNT, REACH_M = 600, 0.05
 
@@ -103,10 +104,12 @@ def test_rays_hit_what_is_nearest_along_them(together):
     expected = away < reaches
     assert 0.1 < expected.mean() < 0.5
     clear = (np.abs(away - reaches) > 1e-5) & (away > 1e-5)
+    clear &= rays_clear_of_edges(points, ways, vertices[faces])
     assert clear.mean() > 0.9
     face, hit = found.numpy(), found.numpy() >= 0
     np.testing.assert_array_equal(hit[clear], expected[clear])
     assert (face[~hit] == -1).all()
+    hit &= clear
     places = np.einsum("pki,pk->pi", vertices[faces[face[hit]]], weights.numpy()[hit])
     along = np.einsum("pi,pi->p", places - points[hit], ways[hit])
     np.testing.assert_allclose(along, away[hit], atol=1e-5)
