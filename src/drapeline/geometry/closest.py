@@ -1,25 +1,25 @@
-"""Closest points on triangle meshes by Warp, on CPUs twice as fast as libigl and as exact."""
+"""Closest points on triangle meshes by Warp, several times as fast as libigl and as exact."""
 
 import numpy as np
 import warp as wp
 
+from drapeline.geometry.closest_lanes import find_closest_in_lanes
+from drapeline.geometry.lanes import INDICES, rows_of_neighbours
 from drapeline.geometry.warp_mesh import warp_mesh
 
-_FAR_M = 1.0e3
 _DEVICE = "cpu"
 
 
 @wp.kernel
-def _find_closest(
+def _take_places(
     mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    place: wp.array(dtype=wp.vec3),
     face: wp.array(dtype=int),
+    weights: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
 ):
     index = wp.tid()
-    hit = wp.mesh_query_point_no_sign(mesh, points[index], _FAR_M)
-    face[index] = hit.face
-    place[index] = wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)
+    at = weights[index]
+    place[index] = wp.mesh_eval_position(mesh, face[index], at[0], at[1])
 
 
 def closest_points(
@@ -39,15 +39,19 @@ def closest_points(
 
 def closest_on_mesh(points: np.ndarray, mesh: wp.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """`closest_points` on a mesh that is indexed already, see `warp_mesh`."""
-    place = wp.zeros(len(points), dtype=wp.vec3, device=_DEVICE)
-    face = wp.zeros(len(points), dtype=int, device=_DEVICE)
-    wp.launch(
-        _find_closest,
-        dim=len(points),
-        inputs=[mesh.id, wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE)],
-        outputs=[place, face],
-        device=_DEVICE,
-    )
+    count = len(points)
+    if not count:
+        return np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
+    rows = wp.array(rows_of_neighbours(points), dtype=INDICES, device=_DEVICE)
+    points = wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
+    place, weights = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2))
+    face = wp.zeros(count, dtype=int, device=_DEVICE)
+    reaches = wp.full(count, np.inf, dtype=float, device=_DEVICE)
+    for kernel, dim, inputs in (
+        (find_closest_in_lanes, len(rows), [rows, points, reaches, face, weights]),
+        (_take_places, count, [face, weights, place]),
+    ):
+        wp.launch(kernel, dim=dim, inputs=[mesh.id, *inputs], device=_DEVICE)
     return place.numpy().copy(), face.numpy().copy()
 
 

@@ -46,8 +46,6 @@ auto try_face = [&](int face) {
     const float bb = wp::dot(b, b), bc = wp::dot(b, c), cc = wp::dot(c, c);
     const float ee = bb - 2.0f * bc + cc, square = bb * cc - bc * bc;
     const float round = bb + cc + ee;
-    if (square <= 1.0e-12f * round * round)
-        return;  // as thin as a line: its edges are its neighbours' too
     const lanes p = x - a[0], q = y - a[1], r = z - a[2];
     auto to_point = [&](lanes v, lanes w) {
         const lanes i = p - v * b[0] - w * c[0];
@@ -57,13 +55,20 @@ auto try_face = [&](int face) {
     };
     const lanes pb = p * b[0] + q * b[1] + r * b[2];
     const lanes pc = p * c[0] + q * c[1] + r * c[2];
-    const float scale = 1.0f / square;
-    lanes v = (cc * pb - bc * pc) * scale, w = (bb * pc - bc * pb) * scale;
-    lanes away = to_point(v, w);
-    const masks past = (v < zero) | (w < zero) | (v + w > one);
+    lanes v = zero, w = zero, away = zero;
+    masks past = -1;
+    const bool thin = square <= 1.0e-12f * round * round;  // as a line: there are edges alone
+    if (!thin) {
+        const float scale = 1.0f / square;
+        v = (cc * pb - bc * pc) * scale;
+        w = (bb * pc - bc * pb) * scale;
+        away = to_point(v, w);
+        past = (v < zero) | (w < zero) | (v + w > one);
+    }
     if (any(past)) {
         if (!any(away < least))
             return;  // nothing of a face is closer than its plane
+        // Of an edge without length it is clamped from NaN to 0.
         const lanes s = clamped(pb / bb), t = clamped(pc / cc);
         const lanes o = clamped((pc - pb + bb - bc) / ee);
         lanes edge_v = s, edge_w = zero, to_edge = to_point(s, zero);
@@ -79,6 +84,8 @@ auto try_face = [&](int face) {
         v = past ? edge_v : v;
         w = past ? edge_w : w;
         away = past ? to_edge : away;
+        if (thin)
+            away *= 1.0001f;  // its edges are its neighbours' too, which come first
     }
     const masks closer = away < least;
     least = closer ? away : least;

@@ -10,6 +10,11 @@ LANES = 8
 NUMBERS = wp.types.vector(LANES, wp.float32)  # Warp's types of a number in each lane,
 INDICES = wp.types.vector(LANES, wp.int32)  # and of an index
 
+# Cells along an axis of Morton's curve, and how the bits of their numbers are spread, two zeros
+# between each and the next.
+_CURVE_CELLS = 1024
+_SPREAD = ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249))
+
 # The same for kernels' bodies in C++, which the compiler keeps in vector registers. Rows of Warp's
 # arrays are aligned for single numbers only.
 _CPP = f"""
@@ -133,6 +138,25 @@ def make_patches(points: np.ndarray, groups: np.ndarray) -> np.ndarray:
     for patch, part in zip(patches, parts, strict=True):
         patch[: len(part)] = part
     return patches
+
+
+def rows_of_neighbours(points: np.ndarray) -> np.ndarray:
+    """Rows (R, LANES) of points (P, 3) that lie together: their numbers, the last one repeated.
+
+    Unlike `make_patches` it takes less time than a search with them: the points are sorted along
+    Morton's curve (1966), which goes through space cell by cell.
+    """
+    low = points.min(axis=0)
+    size = max(float(np.max(points - low)), 1e-9)
+    cells = (_CURVE_CELLS * ((points - low) / size)).astype(np.int64)
+    key = np.zeros(len(points), dtype=np.int64)
+    for axis in range(3):
+        bits = np.minimum(cells[:, axis], _CURVE_CELLS - 1)
+        for shift, mask in _SPREAD:
+            bits = (bits | (bits << shift)) & mask
+        key |= bits << axis
+    order = np.argsort(key, kind="stable").astype(np.int32)
+    return np.pad(order, (0, -len(order) % LANES), mode="edge").reshape(-1, LANES)
 
 
 def _bisect(points: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:

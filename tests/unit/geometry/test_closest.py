@@ -42,6 +42,54 @@ def test_closest_points_from_within_a_ball_lie_on_its_surface():
     np.testing.assert_allclose(place, 0.5 * np.eye(3), atol=0.02)
 
 
+@pytest.mark.parametrize("spread_m", [0.02, 1.0])
+def test_closest_points_of_a_soup_are_those_of_a_loop_over_faces(spread_m):
+    rng = np.random.default_rng(1)
+    soup = rng.uniform(-1, 1, (80, 1, 3)) + rng.normal(0, 0.2, (80, 3, 3))
+    points = soup[:, 0] + rng.normal(0, spread_m, (80, 3))
+    place, face = closest_points(points[:77], soup.reshape(-1, 3), np.arange(240).reshape(80, 3))
+    nearest = np.stack([trimesh.triangles.closest_point(soup, [p] * 80) for p in points[:77]])
+    away = np.linalg.norm(nearest - points[:77, None], axis=2)
+    np.testing.assert_allclose(np.linalg.norm(place - points[:77], axis=1), away.min(1), atol=1e-6)
+    np.testing.assert_allclose(away[np.arange(77), face], away.min(axis=1), atol=1e-6)
+
+
+def test_the_order_of_points_does_not_matter():
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    points = np.random.default_rng(2).normal(size=(50, 3))
+    order = np.random.default_rng(3).permutation(50)
+    place, face = closest_points(points, ball.vertices, ball.faces)
+    again, other = closest_points(points[order], ball.vertices, ball.faces)
+    np.testing.assert_allclose(again, place[order], atol=1e-6)
+    assert other.tolist() == face[order].tolist()
+
+
+@pytest.mark.parametrize(
+    "line", [[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[2, 0, 0], *2 * [[0, 0, 0]]]]
+)
+def test_a_face_as_thin_as_a_line_has_its_edges(line):
+    points = np.array([[0.5, 1, 0], [3, 0, 0], [-1, 1, 1]])
+    place, face = closest_points(points, np.array(line), np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(place, [[0.5, 0, 0], [2, 0, 0], [0, 0, 0]], atol=1e-6)
+    assert face.tolist() == [0, 0, 0]
+
+
+def test_a_face_without_any_extent_is_a_point():
+    place, _ = closest_points(np.eye(3), np.ones((3, 3)), np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(place, np.ones((3, 3)), atol=1e-6)
+
+
+def test_points_are_close_to_what_is_kilometres_away():
+    place, _ = closest_points(np.array([[5000.0, 0, 0]]), np.eye(3), np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(place, [[1, 0, 0]], atol=1e-6)
+
+
+def test_no_points_are_close_to_nothing():
+    place, face = closest_points(np.zeros((0, 3)), np.eye(3), np.array([[0, 1, 2]]))
+    assert place.shape == (0, 3)
+    assert face.shape == (0,)
+
+
 @pytest.mark.parametrize("least_cosine", [-1.1, 0.0, 0.7])
 def test_closest_points_on_what_faces_the_same_way_are_those_of_a_loop_over_faces(least_cosine):
     rng = np.random.default_rng(3)

@@ -68,11 +68,13 @@ def test_points_of_a_row_are_searched_as_far_as_each_asks(count):
     assert (weights[~within] == 7).all()
 
 
-def test_a_face_without_area_is_passed_by():
-    """Its edges are its neighbours' too, where those are found."""
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
+def test_a_face_without_area_comes_after_its_neighbours(order):
+    """Its edges are theirs too."""
     vertices = np.concatenate([TRIANGLE, [[1.5, 0, 0], [1.5, 0, 0]]])
-    found, _ = search(np.array([[1.5, -0.1, 0.0]]), vertices, [[0, 1, 3], [3, 4, 3], [0, 1, 2]])
-    assert found.tolist() == [2]
+    faces = np.array([[0, 1, 3], [3, 4, 3], [0, 1, 2]])[order]
+    found, _ = search(np.array([[1.5, -0.1, 0.0]]), vertices, faces)
+    assert found.tolist() == [order.index(2)]
 
 
 def test_of_a_point_that_is_nowhere_nothing_is_found():

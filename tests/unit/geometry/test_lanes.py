@@ -6,6 +6,7 @@ from drapeline.geometry.lanes import (
     fill_lanes,
     lay_in_lanes,
     make_patches,
+    rows_of_neighbours,
 )
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.warp_mesh import start_warp
@@ -62,3 +63,25 @@ def test_points_of_a_patch_lie_together():
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
     for row in make_patches(points, np.zeros(128, dtype=int)):
         assert sorted(np.ptp(points[row], axis=0)) == [0, 1, 3]
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 100])
+def test_rows_of_neighbours_have_each_point_once_and_repeat_the_last(count):
+    rows = rows_of_neighbours(rng_for(2, "points").uniform(-3, 2, (count, 3)))
+    numbers = rows.ravel()
+    assert rows.shape == (-(-count // LANES), LANES)
+    assert sorted(numbers[:count]) == list(range(count))
+    assert set(numbers[count:]) <= {numbers[count - 1]}
+
+
+def test_a_row_of_neighbours_is_a_cell_of_the_cube():
+    cells = np.stack(np.meshgrid(*3 * [np.arange(4.0)], indexing="ij"), axis=-1).reshape(-1, 3)
+    cells = rng_for(3, "cells").permutation(cells)
+    for row in rows_of_neighbours(cells):
+        assert np.ptp(cells[row], axis=0).tolist() == [1, 1, 1]
+        assert (cells[row].min(axis=0) % 2 == 0).all()
+
+
+def test_points_in_one_place_are_rows_too():
+    rows = rows_of_neighbours(np.full((11, 3), 5.0))
+    assert sorted(set(rows.ravel())) == list(range(11))
