@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.rotations import nearest_rotations
 from drapeline.geometry.smoothing import averaging_matrix, blur
 
 _SMALL_M = 1e-3  # keeps a single vertex from outweighing all others
@@ -65,12 +66,11 @@ def with_cloth(body: PosedBody, rest: np.ndarray, posed: np.ndarray) -> PosedBod
         patch - patch.mean(axis=1, keepdims=True)
         for patch in (rest[near].astype(np.float64), posed[near].astype(np.float64))
     )
-    u, _, vt = np.linalg.svd(after.transpose(0, 2, 1) @ before)
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
+    turns = nearest_rotations(after.transpose(0, 2, 1) @ before)
     return PosedBody(
         np.concatenate([body.rest, rest]),
         np.concatenate([body.posed, posed]),
-        np.concatenate([body.turns, u @ vt]),
+        np.concatenate([body.turns, turns]),
         body.faces,
     )
 

@@ -6,6 +6,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import edges
+from drapeline.geometry.rotations import nearest_rotations
 from drapeline.simulation.collider import MovingBody
 
 _PATCH = 64  # body vertices that carry one vertex of a waistband
@@ -35,10 +36,7 @@ class Carrier:
     def __call__(self, body: np.ndarray) -> np.ndarray:
         """Where the points (P, 3) are when the body is at `body` (V, 3)."""
         sums = (self._sums @ body.astype(np.float64)).reshape(-1, 4, 3)
-        u, _, vt = np.linalg.svd(sums[:, :3])
-        flip = np.ones((len(u), 1, 3))
-        flip[:, 0, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-        return (self._arm @ ((u * flip) @ vt))[:, 0] + sums[:, 3]
+        return (self._arm @ nearest_rotations(sums[:, :3]))[:, 0] + sums[:, 3]
 
 
 class Pins:

@@ -73,12 +73,11 @@ class HealthMonitor:
 
     def __init__(self, garments: Sequence[HealthGarment], body_faces: np.ndarray) -> None:
         """Watch garments, from inner to outer, on a body with these faces (F, 3)."""
-        self._garments = garments
         self._faces = body_faces
         self._surface: MovingSurface | None = None
         self._sheets: list[MovingSheet] = []
         self._triangles = [triangulate(g.faces) for g in garments]
-        self._edges = [edges(g.faces) for g in garments]
+        self._edges = [_watched_edges(g) for g in garments]
         self._rows: list[dict[str, list[float]]] = []
         self._past: list[Sequence[np.ndarray]] = []
         self._carried: list[tuple[np.ndarray, Carrier]] = []
@@ -108,7 +107,7 @@ class HealthMonitor:
         for g, cloth in enumerate(cloths):
             own = slice(ends[g] - len(cloth), ends[g])
             values = contact_measures(distance[own], inside[own])
-            values |= stretch(cloth, self._edges[g], self._garments[g].rest_lengths_m)
+            values |= stretch(cloth, *self._edges[g])
             chosen, carrier = self._carried[g]
             way = np.linalg.norm(cloth[chosen] - carrier(body), axis=1)
             values["slip_m"] = float(np.median(way)) if len(way) else 0.0
@@ -180,11 +179,16 @@ def contact_measures(distance: np.ndarray, inside: np.ndarray) -> dict[str, floa
     }
 
 
+def _watched_edges(garment: HealthGarment) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (E, 2) that are watched, and their rest lengths (E,)."""
+    watched = np.isfinite(garment.rest_lengths_m)
+    return edges(garment.faces)[watched], garment.rest_lengths_m[watched]
+
+
 def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) -> dict[str, float]:
-    """1st, 50th and 99th percentile of edge lengths over rest lengths that are not NaN."""
-    watched = np.isfinite(rest_lengths_m)
-    start, end = pairs[watched].T
-    ratio = np.linalg.norm(cloth[start] - cloth[end], axis=1) / rest_lengths_m[watched]
+    """1st, 50th and 99th percentile of the lengths of edges (E, 2) over their rest lengths (E,)."""
+    start, end = pairs.T
+    ratio = np.linalg.norm(cloth[start] - cloth[end], axis=1) / rest_lengths_m
     low, middle, high = np.percentile(ratio, [1, 50, 99]) if len(ratio) else 3 * [np.nan]
     return {
         "stretch_p01": float(low),
