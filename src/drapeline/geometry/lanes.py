@@ -146,9 +146,10 @@ def rows_of_neighbours(points: np.ndarray) -> np.ndarray:
     Unlike `make_patches` it takes less time than a search with them: the points are sorted along
     Morton's curve (1966), which goes through space cell by cell.
     """
-    low = points.min(axis=0)
-    size = max(float(np.max(points - low)), 1e-9)
-    cells = (_CURVE_CELLS * ((points - low) / size)).astype(np.int64)
+    with np.errstate(invalid="ignore"):  # points that are nowhere may have any place in the order
+        away = points - points.min(axis=0)
+        size = max(float(away.max()), 1e-9)
+        cells = (_CURVE_CELLS * (away / size)).astype(np.int64)
     key = np.zeros(len(points), dtype=np.int64)
     for axis in range(3):
         bits = np.minimum(cells[:, axis], _CURVE_CELLS - 1)

@@ -84,6 +84,16 @@ def test_points_are_close_to_what_is_kilometres_away():
     np.testing.assert_allclose(place, [[1, 0, 0]], atol=1e-6)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("nowhere", [np.nan, np.inf, -np.inf])
+def test_a_point_that_is_nowhere_leaves_others_as_they_are(nowhere):
+    points = np.array([[nowhere, 0, 0], [0.2, 0.2, 0.5], [0, nowhere, 0]])
+    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    place, face = closest_points(points, triangle, np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(place[1], [0.2, 0.2, 0], atol=1e-6)
+    assert face.tolist() == [0, 0, 0]
+
+
 def test_no_points_are_close_to_nothing():
     place, face = closest_points(np.zeros((0, 3)), np.eye(3), np.array([[0, 1, 2]]))
     assert place.shape == (0, 3)
