@@ -52,7 +52,7 @@ def test_distances_are_those_of_the_rebuilt_garments_both_ways():
         for variant, distance in (("exact", 0), ("raised", 20)):
             for garment, n in ((ALL, 4), ("Skirt", 2), ("Tshirt", 2)):
                 row = find_value(rows, variant, "test", garment, metric)
-                assert row.value == pytest.approx(distance, abs=1e-4)
+                assert row.value == pytest.approx(distance, abs=1e-3)
                 assert row.n == n
 
 

@@ -77,12 +77,7 @@ def _closest(
 
     Where the closest face looks the other way, the point goes to the closest vertex that does not.
     """
-    place, face = closest_points(points, vertices, triangles)
-    corners = triangles[face].astype(np.int64)
-    a, b, c = (np.ascontiguousarray(vertices[corners[:, k]]) for k in range(3))
-    shares = np.clip(igl.barycentric_coordinates(place.astype(np.float64), a, b, c), 0, 1)
-    shares = np.nan_to_num(shares, nan=1 / 3)
-    shares /= shares.sum(axis=1, keepdims=True)
+    corners, shares, face = _closest_places(points, vertices, triangles)
     away = np.flatnonzero((face_normals(vertices, triangles[face]) * normals).sum(axis=1) <= 0)
     if len(away):
         owner = np.zeros(len(vertices), dtype=np.int64)
@@ -93,6 +88,18 @@ def _closest(
         corners[away] = triangles[owner[near]]
         shares[away] = corners[away] == near[:, None]
     return corners, shares
+
+
+def _closest_places(
+    points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners (P, 3) and shares (P, 3) of the closest places, and their faces (P,)."""
+    place, face = closest_points(points, vertices, triangles)
+    corners = triangles[face].astype(np.int64)
+    a, b, c = (np.ascontiguousarray(vertices[corners[:, k]]) for k in range(3))
+    shares = np.clip(igl.barycentric_coordinates(place.astype(np.float64), a, b, c), 0, 1)
+    shares = np.nan_to_num(shares, nan=1 / 3)
+    return corners, shares / shares.sum(axis=1, keepdims=True), face
 
 
 def _on_line(
@@ -152,9 +159,10 @@ def flipped_faces(
 ) -> np.ndarray:
     """(F,) bool, faces of a remeshed garment that are turned over.
 
-    They look away, by more than 90 degrees, from the closest face of the source and from the
-    source's mean normal at their own corners. The first alone would count faces at the crotch,
-    where the cloth closest through the air is that of the other leg.
+    They look away, by more than 90 degrees, from the source's normal at the closest place and from
+    its mean normal at their own corners. The first alone would count faces at the crotch, where the
+    cloth closest through the air is that of the other leg. Normals are interpolated between
+    vertices: at an edge, rounding would decide which face is the closest.
 
     Args:
         table: of `remesh_table`.
@@ -163,9 +171,9 @@ def flipped_faces(
     """
     places = remesh(vertices, table)
     own = face_normals(places, faces)
-    _, face = closest_points(places[faces].mean(axis=1), vertices, triangles)
-    near = face_normals(vertices, triangles[face])
-    corners = remesh(vertex_normals(vertices, triangles), table)[faces].sum(axis=1)
+    normals, middles = vertex_normals(vertices, triangles), places[faces].mean(axis=1)
+    near = remesh(normals, RemeshTable(*_closest_places(middles, vertices, triangles)[:2]))
+    corners = remesh(normals, table)[faces].sum(axis=1)
     return ((own * near).sum(axis=1) < 0) & ((own * corners).sum(axis=1) < 0)
 
 
