@@ -17,9 +17,14 @@ def _take_places(
     weights: wp.array(dtype=wp.vec3),
     place: wp.array(dtype=wp.vec3),
 ):
+    # From a corner along the sides: sides are short, and round less than places do.
     index = wp.tid()
-    at = weights[index]
-    place[index] = wp.mesh_eval_position(mesh, face[index], at[0], at[1])
+    corners = wp.mesh_get(mesh).indices
+    places = wp.mesh_get(mesh).points
+    a = places[corners[3 * face[index]]]
+    b = places[corners[3 * face[index] + 1]]
+    c = places[corners[3 * face[index] + 2]]
+    place[index] = a + weights[index][1] * (b - a) + weights[index][2] * (c - a)
 
 
 def closest_points(

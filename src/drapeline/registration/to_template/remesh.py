@@ -77,7 +77,7 @@ def _closest(
 
     Where the closest face looks the other way, the point goes to the closest vertex that does not.
     """
-    corners, shares, face = _closest_places(points, vertices, triangles)
+    (corners, shares), face = _closest_places(points, vertices, triangles)
     away = np.flatnonzero((face_normals(vertices, triangles[face]) * normals).sum(axis=1) <= 0)
     if len(away):
         owner = np.zeros(len(vertices), dtype=np.int64)
@@ -92,14 +92,14 @@ def _closest(
 
 def _closest_places(
     points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners (P, 3) and shares (P, 3) of the closest places, and their faces (P,)."""
+) -> tuple[RemeshTable, np.ndarray]:
+    """The closest places to points (P, 3), and the faces (P,) that hold them."""
     place, face = closest_points(points, vertices, triangles)
     corners = triangles[face].astype(np.int64)
     a, b, c = (np.ascontiguousarray(vertices[corners[:, k]]) for k in range(3))
     shares = np.clip(igl.barycentric_coordinates(place.astype(np.float64), a, b, c), 0, 1)
     shares = np.nan_to_num(shares, nan=1 / 3)
-    return corners, shares / shares.sum(axis=1, keepdims=True), face
+    return RemeshTable(corners, shares / shares.sum(axis=1, keepdims=True)), face
 
 
 def _on_line(
@@ -172,7 +172,7 @@ def flipped_faces(
     places = remesh(vertices, table)
     own = face_normals(places, faces)
     normals, middles = vertex_normals(vertices, triangles), places[faces].mean(axis=1)
-    near = remesh(normals, RemeshTable(*_closest_places(middles, vertices, triangles)[:2]))
+    near = remesh(normals, _closest_places(middles, vertices, triangles)[0])
     corners = remesh(normals, table)[faces].sum(axis=1)
     return ((own * near).sum(axis=1) < 0) & ((own * corners).sum(axis=1) < 0)
 
