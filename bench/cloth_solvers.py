@@ -6,7 +6,8 @@ OMP_NUM_THREADS=1 .venv/bin/python bench/cloth_solvers.py --gpu results 00002 00
 The folder is that of an experiment that has made its outfits. Each sample is simulated by both
 solvers, one after the other, each in a process of its own on one core, with the default settings of
 `simulation` and a single attempt. Times are of that process, from its start to its end: imports,
-the transition, the measures of every frame and the files included. With --gpu it is the fast solver
+the transition, the measures of every frame and the files included. In the end each solver simulates
+all samples in one process, as the jobs of the learning group do. With --gpu it is the fast solver
 on a core and on a GPU, twice each: runs of the same digest end in the same bytes.
 """
 
@@ -45,8 +46,8 @@ MEASURES = (
 WIDE = dict.fromkeys(("inside_share_mean", "inside_share_max", "depth_m", "slip_m"), 9.0)
 
 
-def simulate(solver: str, results: str, sample: str, folder: str) -> None:
-    """Simulate one sample by one solver; bounds that nothing breaks let it run to its end."""
+def simulate(solver: str, results: str, folder: str, *samples: str) -> None:
+    """Simulate samples by one solver; bounds that nothing breaks let each run to its end."""
     from drapeline.bodies.model import load_body
     from drapeline.bodies.sequence import load_body_sequence
     from drapeline.outfits.outfit import load_outfit
@@ -57,34 +58,34 @@ def simulate(solver: str, results: str, sample: str, folder: str) -> None:
     module, accelerator = SOLVERS[solver]
     cloth = import_module(module).cloth_solver(1, accelerator)
     outfits = Path(results) / "outfits"
-    outfit = load_outfit(outfits / f"{sample}.npz", outfits / f"{sample}.json")
-    body = Path(results).parent / f"resources/body/{outfit.gender}.npz"
-    motion = load_body_sequence(Path(results) / f"bodies/{sample}.npz")
-    simulate_outfit(
-        folder,
-        DressedBody(load_body(body), motion, outfit),
-        cloth,
-        settings=SimulationSettings(**SETTINGS),
-        bounds=HealthBounds(
-            **WIDE, stretch_low=0, stretch_high=99, layer_share_mean=1, self_share_mean=1
-        ),
-    )
+    for sample in samples:
+        outfit = load_outfit(outfits / f"{sample}.npz", outfits / f"{sample}.json")
+        body = Path(results).parent / f"resources/body/{outfit.gender}.npz"
+        motion = load_body_sequence(Path(results) / f"bodies/{sample}.npz")
+        simulate_outfit(
+            f"{folder}/{sample}",
+            DressedBody(load_body(body), motion, outfit),
+            cloth,
+            settings=SimulationSettings(**SETTINGS),
+            bounds=HealthBounds(
+                **WIDE, stretch_low=0, stretch_high=99, layer_share_mean=1, self_share_mean=1
+            ),
+        )
 
 
-def run(solver: str, results: str, sample: str) -> dict[str, Any]:
-    """Seconds of a process that simulates one sample and of its CPU, health, and a digest."""
-    with TemporaryDirectory() as name:
-        folder = f"{name}/{sample}"
+def run(solver: str, results: str, *samples: str) -> dict[str, Any]:
+    """Seconds of a process that simulates samples and of its CPU, the last's health, a digest."""
+    with TemporaryDirectory() as folder:
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         subprocess.run(
-            [sys.executable, __file__, "--one", solver, results, sample, folder],
+            [sys.executable, __file__, "--one", solver, results, folder, *samples],
             check=True,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
         after, ended = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        status = json.loads(Path(folder, "status.json").read_text())
-        files = sorted(Path(folder).glob("*.f32"))
+        status = json.loads(Path(folder, samples[-1], "status.json").read_text())
+        files = sorted(Path(folder).glob("*/*.f32"))
         digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
     return {
         "cpu_s": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
@@ -95,10 +96,11 @@ def run(solver: str, results: str, sample: str) -> dict[str, Any]:
 
 
 def main(solvers: Sequence[str], results: str, samples: Sequence[str], runs: int = 1) -> None:
-    """Print a row per sample, solver and run, and the ratio of all times."""
+    """Print a row per sample, solver and run, then one per solver of all, and ratios of times."""
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     print("sample\tsolver\tcpu_s\twall_s\tdigest\t" + "\t".join(MEASURES))
     totals = {solver: {"cpu_s": 0.0, "wall_s": 0.0} for solver in solvers}
+    first, last = solvers[0], solvers[-1]
     for solver in solvers:
         run(solver, results, samples[0])  # compiles the kernels, once on each machine
     for sample, solver in product(samples, solvers):
@@ -109,9 +111,12 @@ def main(solvers: Sequence[str], results: str, samples: Sequence[str], runs: int
             numbers = "\t".join(f"{done['measures'][name]:.4f}" for name in MEASURES)
             times = f"{done['cpu_s']:.1f}\t{done['wall_s']:.1f}"
             print(f"{sample}\t{solver}\t{times}\t{done['digest']}\t{numbers}", flush=True)
-    first, last = solvers[0], solvers[-1]
-    for name in ("cpu_s", "wall_s"):
-        print(f"{name}, {first} / {last}: {totals[first][name] / totals[last][name]:.1f}")
+    together = {solver: run(solver, results, *samples) for solver in solvers}
+    for solver, done in together.items():
+        print(f"all\t{solver}\t{done['cpu_s']:.1f}\t{done['wall_s']:.1f}\t{done['digest']}")
+    for what, times in (("each by itself", totals), ("all in one process", together)):
+        for name in ("cpu_s", "wall_s"):
+            print(f"{what}, {name}, {first} / {last}: {times[first][name] / times[last][name]:.1f}")
 
 
 if __name__ == "__main__":

@@ -47,21 +47,30 @@ def _find_crossing(
                     crossing[edge] = 1
 
 
-def crossing_edge_share(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    """Share of a triangle mesh's edges that pass through one of its other triangles.
+class SelfCrossings:
+    """Counts the edges of a moving triangle mesh that pass through its own triangles.
 
     Args:
-        vertices: (V, 3).
+        vertices: (V, 3), in the first shape.
         triangles: (F, 3).
     """
-    mesh = warp_mesh(vertices, triangles)
-    pairs = edges(triangles)
-    crossing = wp.zeros(len(pairs), dtype=int, device=_DEVICE)
-    wp.launch(
-        _find_crossing,
-        dim=len(pairs),
-        inputs=[mesh.id, wp.array(pairs.astype(np.int32), dtype=wp.vec2i, device=_DEVICE)],
-        outputs=[crossing],
-        device=_DEVICE,
-    )
-    return float(crossing.numpy().mean())
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
+        self._mesh = warp_mesh(vertices, triangles)
+        pairs = edges(triangles).astype(np.int32)
+        self._edges = wp.array(pairs, dtype=wp.vec2i, device=_DEVICE)
+        self._crossing = wp.zeros(len(pairs), dtype=int, device=_DEVICE)
+
+    def share(self, vertices: np.ndarray) -> float:
+        """Share of the edges that pass through one of the other triangles at `vertices` (V, 3)."""
+        self._mesh.points.assign(vertices.astype(np.float32, copy=False))
+        self._mesh.refit()
+        self._crossing.zero_()
+        wp.launch(
+            _find_crossing,
+            dim=len(self._edges),
+            inputs=[self._mesh.id, self._edges],
+            outputs=[self._crossing],
+            device=_DEVICE,
+        )
+        return float(self._crossing.numpy().mean())

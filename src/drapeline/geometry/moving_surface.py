@@ -19,14 +19,14 @@ _PAST_M = wp.constant(1.0e-6)
 def _bound(
     surface: wp.uint64,
     points: wp.array(dtype=wp.vec3),
-    faces: wp.array(dtype=int),  # closest to each point in the pose before
+    faces: wp.array(dtype=int),  # the place that was closest to each point in the pose before
+    weights: wp.array(dtype=wp.vec3),
     reaches: wp.array(dtype=float),
 ):
-    """How far each point is from the surface at most: no farther than from a face of it."""
-    index = wp.tid()
-    third = 1.0 / 3.0
-    middle = wp.mesh_eval_position(surface, faces[index], third, third)
-    reaches[index] = 1.01 * wp.length(points[index] - middle) + _PAST_M
+    """How far each point is from the surface at most: no farther than from a place on it."""
+    i = wp.tid()
+    place = wp.mesh_eval_position(surface, faces[i], weights[i][0], weights[i][1])
+    reaches[i] = 1.01 * wp.length(points[i] - place) + _PAST_M
 
 
 @wp.kernel
@@ -77,7 +77,9 @@ class MovingSurface:
         self._reaches, self._distance = (
             wp.zeros(count, dtype=float, device=_DEVICE) for _ in range(2)
         )
-        self._weights = wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
+        self._places, self._weights = (
+            wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
+        )
 
     def _with_centres(self, vertices: np.ndarray) -> np.ndarray:
         """Vertices (B, 3), and the middles of the holes."""
@@ -100,20 +102,21 @@ class MovingSurface:
         """
         if len(points) != len(self._faces):
             self._expect(len(points))
-        places = wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
-        surface, found = [self._open.id, places], [self._faces, self._weights]
+        self._places.assign(points.astype(np.float32, copy=False))
+        surface, places = self._open.id, self._places
+        found = [self._faces, self._weights]
         for kernel, count, inputs, outputs in (
-            (_bound, len(points), [*surface, self._faces], [self._reaches]),
+            (_bound, len(points), [surface, places, *found], [self._reaches]),
             (
                 find_closest_in_lanes,
                 len(self._rows),
-                [self._open.id, self._rows, places, self._reaches],
+                [surface, self._rows, places, self._reaches],
                 found,
             ),
             (
                 _locate,
                 len(self._rows),
-                [self._open.id, self._closed.id, self._rows, places, *found],
+                [surface, self._closed.id, self._rows, places, *found],
                 [self._distance, self._windings],
             ),
         ):

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
-from drapeline.geometry.crossings import crossing_edge_share
+from drapeline.geometry.crossings import SelfCrossings
 from drapeline.geometry.layers import MovingSheet
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.moving_surface import MovingSurface
@@ -76,6 +76,7 @@ class HealthMonitor:
         self._faces = body_faces
         self._surface: MovingSurface | None = None
         self._sheets: list[MovingSheet] = []
+        self._crossings: list[SelfCrossings] = []
         self._triangles = [triangulate(g.faces) for g in garments]
         self._edges = [_watched_edges(g) for g in garments]
         self._rows: list[dict[str, list[float]]] = []
@@ -99,6 +100,7 @@ class HealthMonitor:
         """
         if not self._carried:
             self._carried = [_choose_followed(cloth, body) for cloth in cloths]
+            self._crossings = list(map(SelfCrossings, cloths, self._triangles))
         index = len(self._rows)
         row: dict[str, list[float]] = {}
         sheets = self._inner_layers(cloths)
@@ -116,9 +118,7 @@ class HealthMonitor:
                 default=0.0,
             )
             values["self_share"] = (
-                crossing_edge_share(cloth, self._triangles[g])
-                if index % _SELF_EVERY == 0
-                else np.nan
+                self._crossings[g].share(cloth) if index % _SELF_EVERY == 0 else np.nan
             )
             values["acceleration_m_s2"] = np.nan
             for name, value in values.items():
@@ -188,7 +188,8 @@ def _watched_edges(garment: HealthGarment) -> tuple[np.ndarray, np.ndarray]:
 def stretch(cloth: np.ndarray, pairs: np.ndarray, rest_lengths_m: np.ndarray) -> dict[str, float]:
     """1st, 50th and 99th percentile of the lengths of edges (E, 2) over their rest lengths (E,)."""
     start, end = pairs.T
-    ratio = np.linalg.norm(cloth[start] - cloth[end], axis=1) / rest_lengths_m
+    ways = cloth[start] - cloth[end]
+    ratio = np.sqrt(np.einsum("ei,ei->e", ways, ways)) / rest_lengths_m
     low, middle, high = np.percentile(ratio, [1, 50, 99]) if len(ratio) else 3 * [np.nan]
     return {
         "stretch_p01": float(low),

@@ -12,7 +12,7 @@ import warp as wp
 from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.body_lanes import look_in_lanes, search_in_lanes
-from drapeline.xpbd.contact import SHARE_OF_ROOM, pushed_out
+from drapeline.xpbd.contact import ROUNDED, SHARE_OF_ROOM, pushed_out
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})
@@ -297,8 +297,13 @@ def touch_body(
         return
     way = to_place[i] - from_place[i]
     here = from_place[i] + way * clock[1]
-    normal = wp.normalize(from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1])
+    up = from_normal[i] + (to_normal[i] - from_normal[i]) * clock[1]
     p = place[i]
+    # Most cloth has room, and is higher above the body: `up`, a mean of unit vectors, is not longer
+    # than 1.
+    if wp.dot(p - here, up) > ROUNDED * gap and wp.min(room[i][0], room[i][1]) >= _FAR:
+        return
+    normal = wp.normalize(up)
     o = before[i]
     there = from_place[i] + way * clock[0] + carry[0]
     height = wp.dot(p - here, normal)

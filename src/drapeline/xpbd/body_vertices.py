@@ -10,7 +10,7 @@ import warp as wp
 from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.contact import held_slip
+from drapeline.xpbd.contact import ROUNDED, held_slip
 from drapeline.xpbd.cover_lanes import ASIDE, FACING, SLOTS, SMALLEST_M4, find_covers_in_lanes
 from drapeline.xpbd.limbs import hand_numbers
 from drapeline.xpbd.moves import Moves, move
@@ -21,7 +21,6 @@ _MOST = wp.constant(SLOTS)
 _FACING = wp.constant(FACING)
 _ASIDE = wp.constant(ASIDE)
 _SMALLEST_M4 = wp.constant(SMALLEST_M4)
-_ROUNDED = wp.constant(1.001)  # so that nothing that is near is too far, whatever is rounded
 
 
 @wp.func
@@ -33,7 +32,7 @@ def _cover(p: wp.vec3, up: wp.vec3, most: float, a: wp.vec3, ab: wp.vec3, ac: wp
     slope = wp.dot(up, normal)
     rise = wp.dot(a - p, normal)
     # Most cloth is higher above the body, which is found without a division.
-    if slope <= 0.0 or rise > _ROUNDED * most * slope:
+    if slope <= 0.0 or rise > ROUNDED * most * slope:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
     square = wp.length_sq(normal)
     if slope < _FACING * wp.sqrt(square) or square < _SMALLEST_M4:

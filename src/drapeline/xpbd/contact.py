@@ -7,6 +7,7 @@ wp.set_module_options({"enable_backward": False})
 # Where the body faces itself, in a crease or beneath an arm, there are two sheets of cloth. They
 # divide the room between them and the body, rather than press each other into it.
 SHARE_OF_ROOM = wp.constant(1.0 / 3.0)
+ROUNDED = wp.constant(1.001)  # so that nothing that is near is too far, whatever is rounded
 
 
 @wp.func

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.geometry.crossings import crossing_edge_share
+from drapeline.geometry.crossings import SelfCrossings
 from drapeline.geometry.mesh import edges
 
 
@@ -31,12 +31,17 @@ def test_crossings_agree_with_a_double_loop():
     triangles = np.array([rng.choice(24, 3, replace=False) for _ in range(30)])
     expected = slow_crossings(vertices, triangles)
     assert expected > 0.1
-    assert crossing_edge_share(vertices, triangles) == pytest.approx(expected)
+    assert SelfCrossings(vertices, triangles).share(vertices) == pytest.approx(expected)
 
 
 def test_a_ball_does_not_cross_itself_and_two_do():
     ball = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
     vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
-    assert crossing_edge_share(vertices, faces) == 0
+    assert SelfCrossings(vertices, faces).share(vertices) == 0
     both = np.concatenate([vertices, vertices + [0.5, 0.1, 0.03]])
-    assert crossing_edge_share(both, np.concatenate([faces, faces + len(vertices)])) > 0.01
+    apart = np.concatenate([vertices, vertices + [3, 0, 0]])
+    triangles = np.concatenate([faces, faces + len(vertices)])
+    two = SelfCrossings(apart, triangles)
+    assert two.share(apart) == 0
+    assert two.share(both) == SelfCrossings(both, triangles).share(both) > 0.01
+    assert two.share(apart) == 0
