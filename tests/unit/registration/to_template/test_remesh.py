@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from drapeline.geometry.mesh import vertex_normals
 from drapeline.registration.to_template.remesh import flipped_faces, remesh_table, residual
 from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
 from drapeline.registration.to_template.template_fit import (
@@ -49,3 +50,17 @@ def test_a_folded_fit_comes_out_without_turned_faces(template):
     crumpled[patch] = 2 * crumpled[patch].mean(axis=0) - crumpled[patch]
     table = remesh_table(fit._replace(vertices=crumpled), template)
     assert residual(vertices, triangles, template, table).flipped_faces == 0
+
+
+def test_a_vertex_that_meets_cloth_facing_away_goes_to_the_nearest_that_does_not(template):
+    vertices, faces = template.vertices.astype(float), template.faces
+    fit = fit_to_template(vertices, faces, template, FitSettings(iterations=0))
+    normals = vertex_normals(fit.vertices, fit.triangles)
+    one = int(np.flatnonzero(template.loop < 0)[0])
+    beside, corners = np.unique(faces[(faces == one).any(axis=1)], return_inverse=True)
+    sheet, lid = fit.vertices - 0.004 * normals, (fit.vertices + 0.001 * normals)[beside]
+    lid_faces = len(sheet) + corners.reshape(-1, 3)[:, ::-1]
+    cloth = np.concatenate([sheet, lid])
+    triangles = np.concatenate([fit.triangles, lid_faces])
+    table = remesh_table(fit._replace(vertices=cloth, rest=cloth, triangles=triangles), template)
+    np.testing.assert_allclose(remesh(cloth, table)[one], sheet[one], atol=1e-7)
