@@ -24,7 +24,7 @@ def nearest_rotations(matrices: np.ndarray) -> np.ndarray:
     """
     start_warp()
     given = np.ascontiguousarray(matrices, np.float64)
-    found = np.empty_like(given)
+    found = np.zeros_like(given)
     seen = [wp.array(rows, dtype=wp.mat33d, device="cpu", copy=False) for rows in (given, found)]
     wp.launch(_turn, dim=len(given), inputs=seen[:1], outputs=seen[1:], device="cpu")
     return found
