@@ -18,7 +18,7 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.geometry.warp_mesh import start_warp, warp_mesh
+from drapeline.geometry.warp_mesh import move_mesh, start_warp, warp_mesh
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, create_array, open_arrays, read_json, write_json
 
@@ -209,8 +209,7 @@ class CloudSampler:
         if self._mesh is None or self._frames % _REBUILD == 0:
             self._mesh = warp_mesh(vertices, self._corners)
         else:
-            self._mesh.points.assign(vertices)
-            self._mesh.refit()
+            move_mesh(self._mesh, vertices)
         self._frames += 1
         return self._mesh
 

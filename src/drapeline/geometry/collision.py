@@ -5,7 +5,7 @@ import scipy.sparse as sp
 import warp as wp
 
 from drapeline.geometry.smoothing import averaging_matrix, fairing, spread_pushes
-from drapeline.geometry.warp_mesh import warp_mesh
+from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
 
 _GAP_M = 0.004  # of pushed-out cloth from the body, as simulated cloth keeps
 _DEEP_M = 0.1  # cloth deeper in the body than this is left there: the way out is a guess
@@ -45,8 +45,7 @@ class Solid:
 
     def move(self, vertices: np.ndarray) -> None:
         """Take another pose: vertices (B, 3) in metres."""
-        self._mesh.points.assign(vertices)
-        self._mesh.refit()
+        move_mesh(self._mesh, vertices)
 
     def push_out(self, cloth: np.ndarray, average: sp.csr_matrix) -> np.ndarray:
         """Cloth (V, 3) pushed out of the body by a gap of 4 mm.

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.mesh import edges
-from drapeline.geometry.warp_mesh import warp_mesh
+from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
 
 _DEVICE = "cpu"
 
@@ -63,8 +63,7 @@ class SelfCrossings:
 
     def share(self, vertices: np.ndarray) -> float:
         """Share of the edges that pass through one of the other triangles at `vertices` (V, 3)."""
-        self._mesh.points.assign(vertices.astype(np.float32, copy=False))
-        self._mesh.refit()
+        move_mesh(self._mesh, vertices)
         self._crossing.zero_()
         wp.launch(
             _find_crossing,

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.warp_mesh import warp_mesh
+from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
 
 _DEVICE = "cpu"
 _STRAIGHT = wp.constant(0.5)
@@ -56,8 +56,7 @@ class MovingSheet:
 
     def move(self, vertices: np.ndarray) -> None:
         """Take another shape: vertices (V, 3) in metres."""
-        self._mesh.points.assign(vertices.astype(np.float32))
-        self._mesh.refit()
+        move_mesh(self._mesh, vertices)
 
     def beneath(self, points: np.ndarray, reach_m: float) -> np.ndarray:
         """Which points (P, 3) are beneath it (P,), and no farther from it than `reach_m`."""

@@ -9,7 +9,7 @@ from drapeline.geometry.closest_lanes import find_closest_in_lanes, rows_in_orde
 from drapeline.geometry.lanes import INDICES, LANES
 from drapeline.geometry.mesh import face_edges, half_edges
 from drapeline.geometry.ray_lanes import windings_in_lanes
-from drapeline.geometry.warp_mesh import warp_mesh
+from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
 
 _DEVICE = "cpu"
 _PAST_M = wp.constant(1.0e-6)
@@ -89,11 +89,9 @@ class MovingSurface:
 
     def move(self, vertices: np.ndarray) -> None:
         """Take another pose: vertices (B, 3) in metres."""
-        self._open.points.assign(vertices.astype(np.float32))
-        self._open.refit()
+        move_mesh(self._open, vertices)
         if self._closed is not self._open:
-            self._closed.points.assign(self._with_centres(vertices))
-            self._closed.refit()
+            move_mesh(self._closed, self._with_centres(vertices))
 
     def locate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) of points (P, 3) to the surface in metres, and whether they are inside.

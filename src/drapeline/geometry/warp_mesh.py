@@ -56,3 +56,9 @@ def warp_mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
         indices=wp.array(faces.astype(np.int32, copy=False).ravel(), dtype=int, device="cpu"),
         **fast,
     )
+
+
+def move_mesh(mesh: wp.Mesh, vertices: np.ndarray) -> None:
+    """Take a mesh to other vertices (V, 3); its index keeps its tree, and has new boxes."""
+    mesh.points.assign(vertices.astype(np.float32, copy=False))
+    mesh.refit()

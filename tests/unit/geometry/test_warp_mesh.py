@@ -5,6 +5,14 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.closest import closest_points
+from drapeline.geometry.warp_mesh import move_mesh, start_warp, warp_mesh
+
+
+@wp.kernel
+def _find(mesh: wp.uint64, points: wp.array(dtype=wp.vec3), place: int, found: wp.array(dtype=int)):
+    if wp.mesh_query_point_no_sign(mesh, points[0], 1.0).result:
+        found[place] = 1
+
 
 MESH = """
 import os
@@ -48,3 +56,16 @@ def test_a_warp_without_the_faster_index_has_the_other(monkeypatch):
     monkeypatch.setattr(wp, "is_cubql_available", lambda: False)
     plain, _ = closest_points(points, vertices, faces)
     np.testing.assert_allclose(fast, plain, atol=1e-6)
+
+
+def test_a_mesh_that_is_moved_is_found_where_it_is_now():
+    start_warp()
+    corners, faces = np.eye(3), np.array([[0, 1, 2]])
+    mesh = warp_mesh(corners, faces)
+    move_mesh(mesh, corners + 10)
+    assert mesh.points.numpy().tolist() == (corners + 10).tolist()
+    found = wp.zeros(2, dtype=int, device="cpu")
+    for place, points in enumerate((corners, corners + 10)):
+        points = wp.array(points.astype(np.float32), dtype=wp.vec3, device="cpu")
+        wp.launch(_find, 1, inputs=[mesh.id, points, place], outputs=[found], device="cpu")
+    assert found.numpy().tolist() == [0, 1]
