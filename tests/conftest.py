@@ -15,7 +15,7 @@ from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
 from portability import THREADS, portable_tests
-from toys import toy_body as build_toy_body
+from toys.bodies import toy_body as build_toy_body
 
 # Hypothesis keeps examples and constants, which would otherwise lie in the checkout.
 os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", f"{tempfile.gettempdir()}/hypothesis")

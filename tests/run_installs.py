@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from installed import PIPELINE, READ, TORCH, copy_library, write_files
+from toys.installed import PIPELINE, READ, TORCH, copy_library, write_files
 
 READER = ("3.10", "3.11", "3.12", "3.13")
 # pyenv keeps each version in a folder, where it is found even if it is not the chosen one.

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import psutil
 
 from compare_results import array_hashes, differences
-from snakemake_run import ROOT, copy_project
+from toys.snakemake_run import ROOT, copy_project
 
 SNAKEMAKE = ROOT / ".venv/bin/snakemake"
 CONFIG = ["--configfile", "tests/data/tiny.yaml"]

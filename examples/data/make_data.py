@@ -36,7 +36,7 @@ from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import garment_colour
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
-from motion_files import write_bvh
+from toys.motion_files import write_bvh
 
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parents[1]

@@ -19,8 +19,6 @@ import trimesh
 import yaml
 from PIL import Image
 
-from displacement_toys import collect_skirts, write_moving_skirts
-from displacement_trainings import toy_displacement
 from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.sequence import load_body_sequence
@@ -103,11 +101,14 @@ from drapeline.report.models.smplicit.gallery_page import read_gallery_tables
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from fuzz.runs import Loader
-from garment4d_toys import CANONICAL, POSED, open_toy_data, save_toy_data
-from gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
-from gcvae_toys import toy_template
-from metric_rows import metric_row
-from motion_files import (
+from toys.bodies import toy_body
+from toys.displacement import collect_skirts, write_moving_skirts
+from toys.displacement_trainings import toy_displacement
+from toys.garment4d import CANONICAL, POSED, open_toy_data, save_toy_data
+from toys.gcvae import toy_template
+from toys.gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
+from toys.metric_rows import metric_row
+from toys.motion_files import (
     amc_text,
     asf_text,
     deepmimic_frame,
@@ -116,12 +117,11 @@ from motion_files import (
     write_bvh,
     write_deepmimic,
 )
-from moving_toys import write_registered_sample
-from smplicit_toys import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
-from smplicit_toys import tube as sheet
-from template_toys import toy_template as toy_garment_template
-from tiny_sample import tube, write_tiny_sample
-from toys import toy_body
+from toys.moving import write_registered_sample
+from toys.smplicit import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
+from toys.smplicit import tube as sheet
+from toys.templates import toy_template as toy_garment_template
+from toys.tiny_sample import tube, write_tiny_sample
 
 ROOT = Path(__file__).parents[2]
 _CELL_M = 0.06  # a coarse body, so that files are small

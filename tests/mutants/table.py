@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from imported_modules import imported_modules
+from toys.imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "drapeline"

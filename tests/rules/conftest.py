@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from drapeline.models.smplicit.model import SmplicitModel
-from gallery_toys import TubeField, save_toy_model, training_codes
 from portability import THREADS
+from toys.gallery import TubeField, save_toy_model, training_codes
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Cloth3D
-from tiny_sample import write_stages
+from toys.tiny_sample import write_stages
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.registration.to_body.topology import save_topology
 from drapeline.storage import save_npz, write_json
-from gcvae_files import (
+from toys.gcvae_files import (
     SETTINGS,
     plain_topology,
     save_model,
@@ -27,7 +27,7 @@ from gcvae_files import (
     template_on_body,
     torso_registration,
 )
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 FRAMES = 4
 

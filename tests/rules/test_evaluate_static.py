@@ -13,8 +13,8 @@ from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import save_topology
-from gcvae_files import save_model, save_static_data, toy_topology
-from gcvae_toys import VERTICES, tube, tube_faces
+from toys.gcvae import VERTICES, tube, tube_faces
+from toys.gcvae_files import save_model, save_static_data, toy_topology
 
 SPLITS = ["val", "test"]
 

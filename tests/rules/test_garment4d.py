@@ -16,7 +16,7 @@ from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.variants import POSED_VARIANTS
 from drapeline.models.load import load
 from drapeline.models.training.settings import override_settings
-from garment4d_toys import CANONICAL, GARMENT, POSED, save_toy_data
+from toys.garment4d import CANONICAL, GARMENT, POSED, save_toy_data
 
 BODY_POINTS = 30
 SHORT = {"epochs": 1, "batch": 4, "frames": 3, "stride": 1}

@@ -119,7 +119,7 @@ def simulate(run_rule, stages, **params):
             "parameters": stages / "outfit.json",
         },
         output=[stages / "simulation"],
-        params={"solver": "cloth_toys", "accelerator": "cpu", "settings": {}, "bounds": {}}
+        params={"solver": "toys.cloth", "accelerator": "cpu", "settings": {}, "bounds": {}}
         | params,
     )
     return json.loads((stages / "simulation" / "status.json").read_text())

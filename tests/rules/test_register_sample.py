@@ -14,7 +14,7 @@ from drapeline.registration.to_body.dynamic_offsets import (
     load_sample_garment,
     points_from_offsets,
 )
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 @pytest.fixture(scope="module")

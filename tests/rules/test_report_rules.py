@@ -6,7 +6,7 @@ from PIL import Image
 from drapeline.dataset.collect import collect_dataset
 from drapeline.metrics.table import collect_metrics
 from drapeline.report.dataset.health import MEASURES
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 @pytest.fixture(params=["accepted", "rejected"])

@@ -7,7 +7,7 @@ import pytest
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
-from gcvae_files import TypedGarments, save_model
+from toys.gcvae_files import TypedGarments, save_model
 
 
 @pytest.fixture

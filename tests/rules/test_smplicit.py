@@ -10,7 +10,7 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.table import read_metrics
 from drapeline.models.smplicit.held_out import load_held_out
 from drapeline.outfits.static import save_static
-from smplicit_toys import BOXES, toy_outfits
+from toys.smplicit import BOXES, toy_outfits
 
 SETTINGS = {
     "network": {"cut": 2, "style": 3, "width": 0.1, "encoder_width": 2},

@@ -2,7 +2,6 @@
 
 import pytest
 
-from displacement_toys import CLUSTERS, write_moving_skirts
 from drapeline.bodies.model import save_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -10,6 +9,7 @@ from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.metrics.table import read_metrics
 from drapeline.models.load import load
 from drapeline.storage import save_npz
+from toys.displacement import CLUSTERS, write_moving_skirts
 
 SETTINGS = {
     "network": {"code": 3, "width": 0.1},

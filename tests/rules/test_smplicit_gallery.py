@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from displacement_toys import collect_skirts, write_moving_skirts
-from displacement_trainings import train_toy_displacement
 from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.frames import GENDERS, REST_POSE
@@ -17,7 +15,9 @@ from drapeline.models.smplicit.files import body_file
 from drapeline.models.smplicit.gallery import SHEETS
 from drapeline.models.smplicit.model import FieldGarment, SmplicitModel
 from drapeline.simulation.health import HealthBounds
-from gallery_toys import TubeField, save_toy_model, save_toy_outfits, training_codes
+from toys.displacement import collect_skirts, write_moving_skirts
+from toys.displacement_trainings import train_toy_displacement
+from toys.gallery import TubeField, save_toy_model, save_toy_outfits, training_codes
 
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
 SIMULATION = {

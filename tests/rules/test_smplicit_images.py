@@ -11,7 +11,7 @@ from PIL import Image
 from drapeline.frames import REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.metrics.fitted_pictures import load_fitted_picture
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 SIZE = 120
 TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]

@@ -12,7 +12,7 @@ from drapeline.geometry.obj import load_obj
 from drapeline.metrics.fitted_scans import BODY, TRUE, load_fitted_scans
 from drapeline.metrics.table import read_metrics
 from drapeline.storage import save_npz
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 BODY_FIT = {"steps": 2, "joint_steps": 2, "points": 200}
 FIT = {"cloth": 60, "around": 60, "starts": 2, "steps": 2, "joint_steps": 1}

@@ -17,8 +17,8 @@ from drapeline.models.gcvae.variants import DVAE_VARIANTS
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, points_from_offsets
-from gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
-from tiny_sample import write_tiny_sample
+from toys.gcvae_stages import SETTINGS, VERTICES, train_static, write_stages
+from toys.tiny_sample import write_tiny_sample
 
 SPLITS = {"00001": "train", "00002": "train", "00003": "val", "00004": "test"}
 

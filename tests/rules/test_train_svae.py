@@ -19,7 +19,7 @@ from drapeline.models.load import load
 from drapeline.models.training.batches import as_tensors
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import load_topology
-from gcvae_stages import VERTICES, train_static, write_stages
+from toys.gcvae_stages import VERTICES, train_static, write_stages
 
 
 @pytest.fixture(scope="module")

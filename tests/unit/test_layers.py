@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cloth_solvers import cloth_solvers
-from imported_modules import imported_modules
+from toys.cloth_solvers import cloth_solvers
+from toys.imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"

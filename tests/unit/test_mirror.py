@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from imported_modules import imported_modules
+from toys.imported_modules import imported_modules
 
 TESTS = Path(__file__).parents[1]
 ROOT = TESTS.parent

@@ -11,7 +11,7 @@ from drapeline.dataset.record import SAMPLE_MANIFEST
 from drapeline.errors import InputError
 from drapeline.manifest import write_manifest
 from drapeline.torch import FrameDataset, SeededOrder, SequenceDataset, collate, make_loader
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 FRAMES = {"00001": 6, "00002": 4, "00003": 9}
 

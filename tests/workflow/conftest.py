@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from snakemake_run import copy_project
+from toys.snakemake_run import copy_project
 
 
 @pytest.fixture(scope="session")

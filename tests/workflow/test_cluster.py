@@ -7,7 +7,7 @@ from statistics import median
 import pytest
 import yaml
 
-from snakemake_run import ROOT, snakemake
+from toys.snakemake_run import ROOT, snakemake
 
 TINY, SHARDS = "tests/data/tiny.yaml", "tests/data/tiny_shards.yaml"
 

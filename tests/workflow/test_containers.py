@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from drapeline.preflight import SYSTEM_LIBRARIES
-from snakemake_run import PARTS
+from toys.snakemake_run import PARTS
 
 ROOT = Path(__file__).parents[2]
 RECIPES = ["Containerfile", "drapeline.def"]

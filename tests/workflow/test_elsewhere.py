@@ -8,7 +8,7 @@ import sys
 import pytest
 import yaml
 
-from snakemake_run import ROOT, snakemake
+from toys.snakemake_run import ROOT, snakemake
 
 MODULE = """
 configfile: "config/config.yaml"

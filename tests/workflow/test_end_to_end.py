@@ -20,8 +20,8 @@ from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
 from drapeline.rendering.raytracer import ray_share
-from notebooks import run_notebook
-from snakemake_run import ROOT, copy_project, snakemake
+from toys.notebooks import run_notebook
+from toys.snakemake_run import ROOT, copy_project, snakemake
 
 TINY, ALL_CLIPS = "tests/data/tiny.yaml", "all_clips.yaml"
 SETTINGS = yaml.safe_load((ROOT / TINY).read_text())

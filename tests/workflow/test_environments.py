@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cloth_solvers import cloth_solvers
 from drapeline.experiment.source_digest import Sources
-from imported_modules import imported_modules
+from toys.cloth_solvers import cloth_solvers
+from toys.imported_modules import imported_modules
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"

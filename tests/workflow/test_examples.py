@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import fill_settings
-from snakemake_run import ROOT, snakemake
+from toys.snakemake_run import ROOT, snakemake
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.yaml"))
 SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())

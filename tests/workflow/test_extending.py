@@ -11,8 +11,6 @@ from importlib import import_module
 import pytest
 import yaml
 
-from cloth_solvers import cloth_solvers
-from cloth_toys import Follower, dress
 from drapeline.blender.fabric_units import cloth_parameters
 from drapeline.bodies.model import save_body
 from drapeline.bodies.sequence import save_body_sequence
@@ -29,8 +27,10 @@ from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit
 from drapeline.storage import read_json
-from imported_modules import imported_modules
-from snakemake_run import PARTS, ROOT, copy_project, snakemake
+from toys.cloth import Follower, dress
+from toys.cloth_solvers import cloth_solvers
+from toys.imported_modules import imported_modules
+from toys.snakemake_run import PARTS, ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
 
@@ -224,7 +224,7 @@ from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.report.colours import garment_colour
 from drapeline.seeding import rng_for
-from toys import toy_body
+from toys.bodies import toy_body
 
 with open("workflow/schemas/config.schema.yaml") as stream:
     schema = yaml.safe_load(stream)
@@ -462,7 +462,11 @@ def test_a_cloth_solvers_folder_and_two_lines_simulate_with_it(extended, toy_bod
 
 
 def test_a_cloth_solvers_room_has_its_layer(extended):
-    tests = ["tests/cloth_solvers.py", "tests/imported_modules.py", "tests/unit/test_layers.py"]
+    tests = [
+        "tests/toys/cloth_solvers.py",
+        "tests/toys/imported_modules.py",
+        "tests/unit/test_layers.py",
+    ]
     for name in [*tests, "docs/background/architecture.md", "pyproject.toml"]:
         (extended / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, extended / name)

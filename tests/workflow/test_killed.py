@@ -5,7 +5,7 @@ import socket
 import pytest
 
 from drapeline.manifest import write_manifest
-from snakemake_run import copy_project, snakemake
+from toys.snakemake_run import copy_project, snakemake
 
 CONFIG = ["--configfile", "tests/data/tiny.yaml"]
 MOTION = "results/tiny/motions/punch.npz"

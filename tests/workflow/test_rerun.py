@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from cloth_solvers import cloth_solvers
 from drapeline.experiment.source_digest import Sources
-from snakemake_run import ROOT, copy_project, snakemake
+from toys.cloth_solvers import cloth_solvers
+from toys.snakemake_run import ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
 LIBRARY = ROOT / "src" / "drapeline"

@@ -10,7 +10,7 @@ import pytest
 from snakemake.parser import parse
 from snakemake.sourcecache import LocalSourceFile
 
-from snakemake_run import ROOT
+from toys.snakemake_run import ROOT
 
 # Each model's rules files start with the name of its folder.
 MODELS = tuple(

@@ -3,7 +3,7 @@
 import re
 import runpy
 
-from snakemake_run import ROOT
+from toys.snakemake_run import ROOT
 
 MAKE = runpy.run_path(str(ROOT / "docs/make_rules.py"))
 PAGE = MAKE["PAGE"].read_text()

@@ -11,7 +11,7 @@ import yaml
 
 from drapeline.geometry.obj import load_obj
 from drapeline.outfits.user_garment import openings
-from snakemake_run import ROOT, snakemake
+from toys.snakemake_run import ROOT, snakemake
 
 TEXT = (ROOT / "docs/tutorial.md").read_text()
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)

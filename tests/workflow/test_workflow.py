@@ -5,7 +5,7 @@ import re
 import pytest
 import yaml
 
-from snakemake_run import snakemake
+from toys.snakemake_run import snakemake
 
 CONFIGS = ["tests/data/tiny.yaml", "config.yaml", "workflow/config/paper.yaml"]
 

@@ -2,7 +2,7 @@ from functools import partial
 
 import pytest
 
-from blender_toys import drop
+from toys.blender import drop
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.outfits.fabrics import FABRICS
-from sheet_toys import GAP_M, assert_floor_holds, beneath_share, sheet
+from toys.sheets import GAP_M, assert_floor_holds, beneath_share, sheet
 
 EDGE_M = 0.03
 

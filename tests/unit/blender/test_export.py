@@ -16,7 +16,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 FRAMES = 5
 COLOUR = [0.1, 0.5, 0.9]

@@ -6,7 +6,7 @@ import pytest
 from drapeline.blender.fabric_units import UNIT_EDGE_M, cloth_parameters
 from drapeline.frames import FPS
 from drapeline.outfits.fabrics import FABRICS
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 COLUMNS = 5
 

@@ -11,7 +11,7 @@ from drapeline.blender.render import render_modalities
 from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.rendering.camera import Camera
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,12 @@
 import bpy
 import numpy as np
 
-from cloth_toys import FRAMES, dress, skirt
 from drapeline.blender.solver import cloth_solver
 from drapeline.geometry.point_cache import PointCache
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit
+from toys.cloth import FRAMES, dress, skirt
 
 
 def test_blender_is_named_with_its_numbers_and_version():

@@ -10,7 +10,7 @@ from drapeline.blender.usd import Usd, UsdGeom, UsdShade, write_usd
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.geometry.mesh import vertex_normals
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 FRAMES = 6
 

@@ -13,7 +13,7 @@ from drapeline.bodies.follow import (
 )
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 TRANS = np.array([0.2, -0.1, 1.0])
 CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)

@@ -1,6 +1,6 @@
 import pytest
 
-from tiny_sample import TinySample, write_tiny_sample
+from toys.tiny_sample import TinySample, write_tiny_sample
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ import pytest
 from drapeline.dataset.card import dataset_card, markdown_table
 from drapeline.dataset.collect import collect_dataset
 from drapeline.dataset.record import read_record
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 NO_TABLES = {"statistics_overview": [], "statistics_actions": [], "statistics_garments": []}
 

@@ -9,7 +9,7 @@ from drapeline.dataset.record import meta_path, read_meta
 from drapeline.errors import DamagedFile, InputError
 from drapeline.manifest import MANIFEST, read_manifest, sum_file
 from drapeline.storage import write_json
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def rows_of(path):

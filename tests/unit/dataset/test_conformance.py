@@ -19,7 +19,7 @@ from drapeline.dataset.info_mat import SampleInfo
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.frames import REST_POSE
-from tiny_sample import GARMENTS, tube, write_tiny_sample
+from toys.tiny_sample import GARMENTS, tube, write_tiny_sample
 
 
 def plain_dict(struct_value):

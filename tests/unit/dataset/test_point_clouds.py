@@ -21,7 +21,7 @@ from drapeline.dataset.point_clouds import (
 from drapeline.errors import InputError
 from drapeline.seeding import rng_for
 from drapeline.storage import read_json
-from tiny_sample import tube, write_tiny_sample
+from toys.tiny_sample import tube, write_tiny_sample
 
 
 class LabelledMesh(NamedTuple):

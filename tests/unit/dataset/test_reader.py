@@ -11,7 +11,7 @@ from drapeline.errors import DamagedFile, InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import load_obj, save_obj
 from drapeline.storage import atomic_folder
-from tiny_sample import GARMENTS, body_truth, write_tiny_sample
+from toys.tiny_sample import GARMENTS, body_truth, write_tiny_sample
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from drapeline.dataset.record import (
 )
 from drapeline.errors import InputError
 from drapeline.storage import write_json
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def test_a_record_tells_the_files_of_cloth3d_from_the_others(tiny):

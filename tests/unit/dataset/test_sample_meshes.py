@@ -3,7 +3,7 @@ import numpy as np
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR
-from tiny_sample import body_truth
+from toys.tiny_sample import body_truth
 
 
 def test_the_body_and_the_garments_move_in_the_world(tiny, toy_body):

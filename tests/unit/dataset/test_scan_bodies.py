@@ -3,7 +3,7 @@
 from drapeline.bodies.scan_fit import BodyFit
 from drapeline.dataset.scan_bodies import scan_samples
 from drapeline.dataset.segmented_scans import ScanSettings, load_scans
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def test_accepted_samples_are_scanned_and_rejected_ones_are_not(tmp_path, toy_body):

@@ -20,7 +20,7 @@ from drapeline.dataset.segmented_scans import (
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.storage import save_npz
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 SETTINGS = ScanSettings(frames=2, points=600, noise_m=0.0)
 TRANS = np.array([0.4, -0.3, 0.9])

@@ -3,7 +3,7 @@ import pytest
 from drapeline.dataset.verify import verify_results
 from drapeline.errors import InputError
 from drapeline.manifest import write_manifest
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from drapeline.geometry.obj import load_obj
 from drapeline.geometry.point_cache import PointCache, PointCacheWriter, point_cache_writer
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
-from tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample
+from toys.tiny_sample import GARMENTS, body_truth, tube, write_stages, write_tiny_sample
 
 
 def write(tiny, body, sample="00001"):

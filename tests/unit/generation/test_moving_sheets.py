@@ -15,7 +15,7 @@ from drapeline.geometry.mesh import Mesh, edge_lengths, edges, mean_edge_length
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.xpbd.solver import cloth_solver
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 SETTINGS = SimulationSettings(
     steps_min=6, steps_max=6, shape_frames=1, pose_frames=2, collider_share=1.0, attempts=1

@@ -12,7 +12,7 @@ from drapeline.geometry.mesh import edges
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.colouring import colour_constraints
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 
 @pytest.mark.parametrize("width", [1, LANES])

@@ -9,7 +9,7 @@ from drapeline.geometry.lanes import INDICES
 from drapeline.geometry.ray_lanes import windings_in_lanes
 from drapeline.geometry.warp_mesh import start_warp, warp_mesh
 from drapeline.seeding import rng_for
-from ray_toys import rays_clear_of_edges
+from toys.rays import rays_clear_of_edges
 
 _MANY = 60  # patches
 

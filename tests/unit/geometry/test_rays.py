@@ -1,7 +1,7 @@
 import numpy as np
 
 from drapeline.geometry.rays import rays_hit
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 SHELL = tube(1.0, -1.0, 1.0)
 

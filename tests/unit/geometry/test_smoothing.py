@@ -14,7 +14,7 @@ from drapeline.geometry.smoothing import (
     uniform_laplacian,
 )
 from drapeline.seeding import rng_for
-from tiny_sample import tube
+from toys.tiny_sample import tube
 
 AROUND, ROWS = 16, 41
 

@@ -10,7 +10,7 @@ from drapeline.learning_data.dynamic import DynamicData, collect_dynamic
 from drapeline.learning_data.static import static_cvar
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, points_from_offsets
-from moving_toys import write_registered_sample
+from toys.moving import write_registered_sample
 
 FRAMES, STEP = 6, 2
 

@@ -15,7 +15,8 @@ from drapeline.learning_data.garment_fields import (
 from drapeline.learning_data.occlusion import texture_pixels
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
-from smplicit_toys import (
+from toys.bodies import toy_body as make_toy_body
+from toys.smplicit import (
     BOXES,
     CLUSTERS,
     POINTS,
@@ -27,7 +28,6 @@ from smplicit_toys import (
     toy_shard,
     tube,
 )
-from toys import toy_body as make_toy_body
 
 BOX = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 SHELL = tube(0.5, -0.4, 0.4, around=12, rings=3)

@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.learning_data.moving import load_moving, moving_files_test_first, moving_folders
-from moving_toys import moving_garment, write_registered_sample
+from toys.moving import moving_garment, write_registered_sample
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from drapeline.learning_data.occlusion import (
     covered_vertices,
     texture_pixels,
 )
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 
 def test_skin_behind_cloth_is_covered_and_skin_below_a_hem_is_not():

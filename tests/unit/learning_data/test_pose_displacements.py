@@ -5,13 +5,6 @@ import shutil
 import numpy as np
 import pytest
 
-from displacement_toys import (
-    FRAMES,
-    collect_skirts,
-    known_displacement,
-    write_moving_skirt,
-    write_moving_skirts,
-)
 from drapeline.bodies.kinematics import axis_angle_to_matrix
 from drapeline.bodies.skinning import skin_points
 from drapeline.errors import InputError
@@ -27,7 +20,14 @@ from drapeline.learning_data.pose_displacements import (
     simulated_files,
 )
 from drapeline.seeding import rng_for
-from smplicit_toys import toy_bodies
+from toys.displacement import (
+    FRAMES,
+    collect_skirts,
+    known_displacement,
+    write_moving_skirt,
+    write_moving_skirts,
+)
+from toys.smplicit import toy_bodies
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_every_so_many_th_frame_is_taken(tmp_path, samples, data, toy_body):
 
 
 def test_rejected_samples_are_left_out(tmp_path, toy_body):
-    from tiny_sample import write_tiny_sample
+    from toys.tiny_sample import write_tiny_sample
 
     rejected = write_tiny_sample(tmp_path, toy_body, "00009", status="rejected")
     kept = write_moving_skirt(tmp_path, toy_body, "00001", "train")

@@ -12,7 +12,7 @@ from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.registration.to_template.remesh import RemeshTable
-from tiny_sample import tube, write_tiny_sample
+from toys.tiny_sample import tube, write_tiny_sample
 
 CLOUDS = CloudSettings(points=50)
 

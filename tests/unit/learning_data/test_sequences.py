@@ -9,7 +9,7 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
 from drapeline.learning_data.sequences import SequenceData, collect_sequences
-from garment4d_toys import GARMENT, save_toy_data, skirt_faces, toy_sequences
+from toys.garment4d import GARMENT, save_toy_data, skirt_faces, toy_sequences
 
 
 @pytest.fixture(scope="module")

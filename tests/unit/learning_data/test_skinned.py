@@ -25,7 +25,7 @@ from drapeline.learning_data.skinned import (
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.storage import read_json
-from tiny_sample import tube, write_tiny_sample
+from toys.tiny_sample import tube, write_tiny_sample
 
 SHAPE = np.zeros(10)
 SETTINGS = SkinnedSettings(frames=3, clouds=CloudSettings(points=100))

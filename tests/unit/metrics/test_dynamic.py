@@ -9,7 +9,7 @@ from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.skinning import skin_points
 from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
 from drapeline.metrics.table import HIGH, LOW, find_value
-from moving_toys import moving_garment
+from toys.moving import moving_garment
 
 
 @pytest.fixture(scope="module")

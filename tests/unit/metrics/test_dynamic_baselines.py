@@ -11,7 +11,7 @@ from drapeline.frames import GENDERS
 from drapeline.metrics.dynamic_baselines import MEAN, STILL, mean_wrinkles, moving_baseline_summary
 from drapeline.metrics.table import find_value
 from drapeline.outfits.garment_types import GARMENTS
-from moving_toys import moving_garment
+from toys.moving import moving_garment
 
 WRINKLE_M = 0.01
 

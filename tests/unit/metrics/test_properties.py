@@ -7,7 +7,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.properties import measure_properties
-from gallery_toys import tube_mesh, tube_size
+from toys.gallery import tube_mesh, tube_size
 
 MEAN = np.zeros(10)
 

@@ -16,7 +16,7 @@ from drapeline.metrics.static import (
 )
 from drapeline.metrics.table import ALL, HIGH, LOW, find_value
 from drapeline.seeding import rng_for
-from gcvae_files import torso_registration
+from toys.gcvae_files import torso_registration
 
 ROWS = 12
 

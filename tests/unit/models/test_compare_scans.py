@@ -18,7 +18,7 @@ from drapeline.models.compare_scans import (
     skin_of,
     truth_shown,
 )
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 @pytest.fixture(scope="module")

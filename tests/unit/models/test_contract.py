@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from drapeline.models import compare, contract
-from imported_modules import imported_modules
-from snakemake_run import ROOT
+from toys.imported_modules import imported_modules
+from toys.snakemake_run import ROOT
 
 MODELS_FOLDER = ROOT / "src/drapeline/models"
 SHARED = {"layers", "training"}

@@ -7,8 +7,8 @@ from drapeline.errors import InputError
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.models.load import load
-from gcvae_files import SETTINGS, TypedGarments, save_model, shaken
-from gcvae_toys import toy_template
+from toys.gcvae import toy_template
+from toys.gcvae_files import SETTINGS, TypedGarments, save_model, shaken
 
 
 class Opened:

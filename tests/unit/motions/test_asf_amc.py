@@ -8,7 +8,7 @@ from drapeline.motions.asf_amc import amc_frames, find_asf, read_asf_amc
 from drapeline.motions.joint_map import built_in_map
 from drapeline.motions.retarget import retarget
 from drapeline.motions.skeleton import reference_joints
-from motion_files import amc_text, asf_text
+from toys.motion_files import amc_text, asf_text
 
 
 @pytest.fixture

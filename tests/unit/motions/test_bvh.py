@@ -6,7 +6,7 @@ from drapeline.frames import PARENTS
 from drapeline.motions.bvh import bvh_frames, read_bvh
 from drapeline.motions.joint_map import built_in_map
 from drapeline.motions.skeleton import REFERENCE_OFFSETS, chain, globals_from_locals
-from motion_files import smooth_turns, write_bvh
+from toys.motion_files import smooth_turns, write_bvh
 
 
 @pytest.fixture

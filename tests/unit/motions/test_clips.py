@@ -12,7 +12,7 @@ from drapeline.motions.clips import CLIPS, INSIDE_WHEEL, write_clips
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.motion import load_motion
-from motion_files import deepmimic_frame, write_deepmimic
+from toys.motion_files import deepmimic_frame, write_deepmimic
 
 SHIPPED = Path(__file__).parents[3] / "workflow" / "resources" / "motions"
 

@@ -9,7 +9,7 @@ from drapeline.motions.deepmimic import read_deepmimic
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.retarget import retarget
 from drapeline.motions.skeleton import reference_joints
-from motion_files import deepmimic_frame, write_deepmimic
+from toys.motion_files import deepmimic_frame, write_deepmimic
 
 
 def joints_of(path):

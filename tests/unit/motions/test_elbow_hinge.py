@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from drapeline.motions.elbow_hinge import measured_twists
-from motion_files import random_turns
+from toys.motion_files import random_turns
 
 SIGNS = {"left": 1.0, "right": -1.0}
 

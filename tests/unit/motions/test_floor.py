@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.motions.floor import floor_report
 from drapeline.motions.grounding import set_on_floor
-from motion_files import standing_motion
+from toys.motion_files import standing_motion
 
 UPRIGHT = np.concatenate([[np.pi / 2], np.zeros(71)])
 

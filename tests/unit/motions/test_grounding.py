@@ -10,7 +10,7 @@ from drapeline.motions.floor import floor_report, touch_points
 from drapeline.motions.grounding import set_on_floor
 from drapeline.motions.looping import loop_to
 from drapeline.motions.motion import Cycle
-from motion_files import standing_motion
+from toys.motion_files import standing_motion
 
 
 @pytest.mark.parametrize("height", [-3.0, 0.9, 5.0])

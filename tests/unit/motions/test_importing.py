@@ -12,7 +12,7 @@ from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.joint_map import built_in_map
 from drapeline.motions.motion import Cycle, Motion, save_motion
 from drapeline.motions.retarget import retarget
-from motion_files import SMPL_TO_CMU_BVH, smooth_turns, write_bvh
+from toys.motion_files import SMPL_TO_CMU_BVH, smooth_turns, write_bvh
 
 LEG = ("hip", "knee", "ankle")
 

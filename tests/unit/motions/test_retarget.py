@@ -19,7 +19,7 @@ from drapeline.motions.skeleton import (
     globals_from_poses,
     reference_joints,
 )
-from motion_files import SMPL_TO_CMU_BVH, random_turns, smooth_turns, write_bvh
+from toys.motion_files import SMPL_TO_CMU_BVH, random_turns, smooth_turns, write_bvh
 
 INDEX = {name: index for index, name in enumerate(JOINT_NAMES)}
 SAME_NAMES = JointMap("test", {name: name for name in JOINT_NAMES if "hand" not in name})

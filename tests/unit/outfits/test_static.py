@@ -6,7 +6,7 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static, save_static
-from tiny_sample import tube
+from toys.tiny_sample import tube
 
 
 def garment(name, radius):

@@ -3,7 +3,7 @@ import numpy as np
 from drapeline.bodies.follow import PosedBody
 from drapeline.geometry.mesh import Mesh
 from drapeline.outfits.worn import Wearing, wear, wear_in_layers
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
 SHIFT = np.array([1.0, 2.0, 3.0])

@@ -15,7 +15,7 @@ from drapeline.registration.to_points import (
 )
 from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.seeding import rng_for
-from gcvae_toys import VERTICES, tube, tube_faces
+from toys.gcvae import VERTICES, tube, tube_faces
 
 FACES = tube_faces(False)
 SETTINGS = RefineSettings()

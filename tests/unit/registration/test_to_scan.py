@@ -9,7 +9,7 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh
 from drapeline.registration.to_scan import move_to_scan
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
 STATE = BodyState.of(REST_POSE, np.zeros(3), np.zeros(10))

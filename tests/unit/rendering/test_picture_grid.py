@@ -13,7 +13,7 @@ from drapeline.rendering.picture_grid import (
     save_grid,
     text_card,
 )
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 SPAN_MM = 50.0
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)

@@ -4,7 +4,7 @@ import pytest
 
 from drapeline.dataset.collect import collect_dataset
 from drapeline.report.dataset.records import accepted_records
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def made(stages, body, *plan):

@@ -9,7 +9,7 @@ from PIL import Image
 from drapeline.errors import InputError
 from drapeline.metrics.table import write_metrics
 from drapeline.report.overview import write_overview
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 REGISTRATION = """metric\tgarments\ttotal
 garment_to_rebuilt_mean_mm\t3\t0.9

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from cloth_toys import FRAMES, Follower, dress, skirt
 from drapeline.bodies.sequence import body_sequence_vertices, collision_faces, first_frames
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import mean_edge_length
@@ -16,6 +15,7 @@ from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit
 from drapeline.simulation.solver import ClothSolver
+from toys.cloth import FRAMES, Follower, dress, skirt
 
 LOOSE = HealthBounds(stretch_low=0, stretch_high=9, depth_m=1)
 SHORT = SimulationSettings(steps_min=6, steps_max=6, shape_frames=2, pose_frames=3, attempts=2)

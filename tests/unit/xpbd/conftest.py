@@ -7,7 +7,7 @@ import warp as wp
 
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.solver import cloth_solver
-from sheet_toys import drop
+from toys.sheets import drop
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

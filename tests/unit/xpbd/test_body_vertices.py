@@ -15,7 +15,7 @@ from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.moves import make_all_moves, make_moves
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import Numbers
-from sheet_toys import drop, sheet
+from toys.sheets import drop, sheet
 
 GAP_M, MARGIN_M = 0.003, 0.012
 RELEASE_M, STICK_M = 3e-4, 2e-5  # in a step

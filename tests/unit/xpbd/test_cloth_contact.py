@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from contact_toys import FAR, GAPS, MASS, OWN_GAP, RELEASE_M, after_contact
 from drapeline.xpbd.cloth_contact import touch_cloth
+from toys.contacts import FAR, GAPS, MASS, OWN_GAP, RELEASE_M, after_contact
 
 # The last vertex is over the middle of a triangle whose corners are the others.
 CORNERS = np.array([[0.0, 0, 0], [0.03, 0, 0], [0, 0.03, 0]])

@@ -8,7 +8,7 @@ from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.cloth_contact import NearTriangles
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 MARGIN_M, FREE_M = 0.012, 0.028
 SLACK = 1e-5  # far more than the search's numbers are rounded by

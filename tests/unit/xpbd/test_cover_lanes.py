@@ -13,7 +13,7 @@ from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.body_vertices import CoveredVertices
 from drapeline.xpbd.cloth_contact import NearTriangles
 from drapeline.xpbd.cover_lanes import ASIDE, FACING, SLOTS
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 MARGIN_M, SLACK = 0.012, 1e-5
 

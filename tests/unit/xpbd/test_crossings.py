@@ -9,7 +9,7 @@ from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
 from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles
 from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.moves import make_all_moves, make_moves
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 
 def vectors(values, dtype=wp.vec3):

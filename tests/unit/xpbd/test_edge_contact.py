@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from contact_toys import FAR, GAPS, MASS, RELEASE_M, after_contact
 from drapeline.xpbd.edge_contact import touch_edges
+from toys.contacts import FAR, GAPS, MASS, RELEASE_M, after_contact
 
 
 def touch(height, *, before=None, side=1, layer=0, room=FAR, shift=0.0):

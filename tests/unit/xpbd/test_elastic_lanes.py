@@ -14,7 +14,7 @@ from drapeline.seeding import rng_for
 from drapeline.xpbd.elastic_lanes import pull_springs_in_lanes, turn_hinges_in_lanes
 from drapeline.xpbd.elasticity import hinge_numbers, pull_springs, spring_numbers, turn_hinges
 from drapeline.xpbd.system import join_garments
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 STEP_S = 1 / 30 / 42
 

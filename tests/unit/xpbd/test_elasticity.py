@@ -7,7 +7,7 @@ import warp as wp
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd.elasticity import face_areas, make_hinges, make_springs, turn_hinges
-from sheet_toys import Held, far_away, sheet, still
+from toys.sheets import Held, far_away, sheet, still
 
 COTTON = FABRICS["cotton"]
 COLUMNS = 5

@@ -5,13 +5,13 @@ import pytest
 import warp as wp
 from threadpoolctl import threadpool_limits
 
-from cloth_toys import FRAMES, dress, skirt
 from drapeline.errors import InputError
 from drapeline.geometry.point_cache import PointCache
 from drapeline.simulation.attempts import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit
 from drapeline.xpbd.solver import cloth_solver
+from toys.cloth import FRAMES, dress, skirt
 
 
 def test_it_is_named_with_its_numbers_and_version():

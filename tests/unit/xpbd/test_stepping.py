@@ -10,7 +10,7 @@ from drapeline.xpbd import system
 from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.solver import XpbdCloth
 from drapeline.xpbd.stepping import Numbers
-from sheet_toys import GAP_M, assert_floor_holds, beneath_share, drop, far_away, sheet
+from toys.sheets import GAP_M, assert_floor_holds, beneath_share, drop, far_away, sheet
 
 EDGE_M = 0.03
 

@@ -7,7 +7,7 @@ import pytest
 from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.system import join_garments
-from sheet_toys import sheet
+from toys.sheets import sheet
 
 
 @pytest.fixture(scope="module")

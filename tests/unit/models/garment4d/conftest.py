@@ -11,8 +11,8 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.windows import BodySequences
-from garment4d_stages import build_canonical, train_toys
-from garment4d_toys import CANONICAL, PLAIN, POSED, open_toy_data, save_toy_data
+from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data, save_toy_data
+from toys.garment4d_stages import build_canonical, train_toys
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.garment4d.body_input import BodySet, BodySurface
 from drapeline.seeding import rng_for
-from garment4d_toys import toy_bodies
+from toys.garment4d import toy_bodies
 
 
 def test_body_points_and_normals_are_those_of_the_whole_body(toy_body):

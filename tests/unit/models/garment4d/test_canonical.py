@@ -22,7 +22,7 @@ from drapeline.models.garment4d.canonical import (
 from drapeline.models.garment4d.losses import CotangentLaplacian
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.registration.to_template.garment_space import fit_space
-from garment4d_toys import fill_regression
+from toys.garment4d import fill_regression
 
 LABEL = LABELS.index("Skirt")
 SETTINGS = CanonicalSettings(

@@ -8,8 +8,8 @@ from drapeline.models.garment4d.canonical import balance_labels
 from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.training.batches import as_tensors
-from garment4d_stages import batch_of, build_canonical, column, stage_windows, train_toys
-from garment4d_toys import CANONICAL, PLAIN
+from toys.garment4d import CANONICAL, PLAIN
+from toys.garment4d_stages import batch_of, build_canonical, column, stage_windows, train_toys
 
 
 def test_the_error_that_is_logged_is_that_of_canonical_garments(trained_canonical, sequences):

@@ -9,7 +9,7 @@ from drapeline.frames import REST_POSE
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.dressed import DressedSequences, propose_garment, skinning_weights
 from drapeline.models.garment4d.settings import SkinningSettings
-from garment4d_toys import skirt_faces
+from toys.garment4d import skirt_faces
 
 SKINNING = SkinningSettings(neighbours=16, passes=5)
 

@@ -15,8 +15,8 @@ from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, 
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
 from drapeline.models.garment4d.worn_statistics import training_worn_statistics
 from drapeline.registration.to_points import RefineSettings
-from garment4d_stages import build_canonical
-from garment4d_toys import CANONICAL, fill_regression, open_toy_data, save_toy_data
+from toys.garment4d import CANONICAL, fill_regression, open_toy_data, save_toy_data
+from toys.garment4d_stages import build_canonical
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetS
 from drapeline.models.garment4d.dressed import DressedSequences
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.training.batches import as_tensors
-from garment4d_stages import build_canonical, stage_windows
-from garment4d_toys import CANONICAL, PLAIN, POSED
-from learning import (
+from toys.garment4d import CANONICAL, PLAIN, POSED
+from toys.garment4d_stages import build_canonical, stage_windows
+from toys.learning import (
     assert_a_step_lowers,
     assert_learned_by_heart,
     assert_mixed_precision_agrees,

@@ -7,7 +7,7 @@ from drapeline.errors import DamagedFile, InputError
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from garment4d_stages import batch_of, column
+from toys.garment4d_stages import batch_of, column
 
 
 def test_a_loaded_stage_says_what_was_validated_last(trained_posed, trained_canonical, sequences):

@@ -11,7 +11,7 @@ from drapeline.models.garment4d.losses import (
     roughness,
     temporal_difference,
 )
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 
 def sphere(count=400):

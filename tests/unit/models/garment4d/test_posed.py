@@ -18,7 +18,7 @@ from drapeline.models.garment4d.posed import (
 )
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.layers.sparse_matrix import SparseMatrix
-from gcvae_toys import VERTICES, tube, tube_faces
+from toys.gcvae import VERTICES, tube, tube_faces
 
 FACES = tube_faces(False)
 CHANNELS = (4, 6)

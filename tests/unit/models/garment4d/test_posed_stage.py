@@ -13,8 +13,8 @@ from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.checkpoints import read_checkpoint
-from garment4d_stages import batch_of, column
-from garment4d_toys import POSED
+from toys.garment4d import POSED
+from toys.garment4d_stages import batch_of, column
 
 
 def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, sequences):

@@ -19,7 +19,7 @@ from drapeline.models.garment4d.reconstruct import (
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.registration.to_points import RefineSettings
 from drapeline.seeding import rng_for
-from garment4d_toys import (
+from toys.garment4d import (
     toy_bodies,
 )
 

@@ -13,7 +13,7 @@ from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import reconstruct, refine
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel, check_labels
 from drapeline.registration.to_points import RefineSettings
-from garment4d_toys import GARMENT
+from toys.garment4d import GARMENT
 
 
 def taken(*shares):

@@ -25,8 +25,8 @@ from drapeline.models.garment4d.scan_fitter import (
     fit_template,
 )
 from drapeline.registration.to_template.garment_space import fit_space
-from garment4d_toys import GARMENT, skirt_faces
-from tiny_sample import tube
+from toys.garment4d import GARMENT, skirt_faces
+from toys.tiny_sample import tube
 
 STATE = BodyState.of(REST_POSE, np.array([0.1, -0.2, 1.0]), np.zeros(10))
 

@@ -8,7 +8,7 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.training.checkpoints import read_checkpoint
-from garment4d_toys import PLAIN
+from toys.garment4d import PLAIN
 
 
 def test_settings_come_from_plain_values_and_go_back(trained_canonical):

@@ -12,8 +12,8 @@ from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.stage import Stage
 from drapeline.models.training.checkpoints import read_checkpoint
-from garment4d_stages import build_canonical, train_toys
-from garment4d_toys import CANONICAL, PLAIN, POSED, open_toy_data
+from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data
+from toys.garment4d_stages import build_canonical, train_toys
 
 
 def shortened(values, epochs):

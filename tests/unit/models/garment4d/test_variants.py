@@ -3,7 +3,7 @@ import pytest
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.variants import POSED_VARIANTS, posed_variants
 from drapeline.models.training.settings import override_settings
-from garment4d_toys import POSED
+from toys.garment4d import POSED
 
 
 @pytest.mark.parametrize("name", POSED_VARIANTS)

@@ -6,7 +6,7 @@ import pytest
 from drapeline.learning_data.sequences import collect_sequences
 from drapeline.models.garment4d.windows import Windows
 from drapeline.models.training.batches import TrainingBatches
-from garment4d_toys import GARMENT, open_toy_data, skirt_faces, toy_sequences
+from toys.garment4d import GARMENT, open_toy_data, skirt_faces, toy_sequences
 
 
 def test_a_batch_holds_the_window_s_frames(toy_skirts, sequences):

@@ -6,7 +6,7 @@ from drapeline.models.garment4d.worn_statistics import (
     training_worn_statistics,
 )
 from drapeline.registration.springs import springs
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 FACES = tube_faces(False)
 

@@ -12,9 +12,9 @@ from drapeline.models.gcvae.static_files import TrainingCodes, mask_rates
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.seeding import rng_for
-from gcvae_files import SETTINGS, TypedGarments, shaken
-from gcvae_toys import DRESS, TROUSERS, ToyGarments, half, toy_template
-from gcvae_trainings import train_condition
+from toys.gcvae import DRESS, TROUSERS, ToyGarments, half, toy_template
+from toys.gcvae_files import SETTINGS, TypedGarments, shaken
+from toys.gcvae_trainings import train_condition
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_basis
 from drapeline.frames import REST_POSE
 from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies, wearer_mesh
-from gcvae_toys import toy_template
+from toys.gcvae import toy_template
 
 
 def test_a_wearer_between_the_genders_is_between_their_bodies(toy_body):

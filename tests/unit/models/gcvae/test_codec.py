@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from drapeline.models.gcvae.codec import planes
-from gcvae_toys import VERTICES
-from learning import doubles
+from toys.gcvae import VERTICES
+from toys.learning import doubles
 
 
 def rows_of(batch, rows):

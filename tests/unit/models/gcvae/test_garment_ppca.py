@@ -14,7 +14,7 @@ from drapeline.models.gcvae.garment_ppca import (
 )
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.training.batches import as_tensors
-from gcvae_toys import ToyGarments, toy_template
+from toys.gcvae import ToyGarments, toy_template
 
 
 def test_a_mirrored_garment_is_what_a_mirror_shows():

@@ -4,7 +4,7 @@ from drapeline.geometry.mesh import faces_within
 from drapeline.models.gcvae.codes import encode_garments
 from drapeline.models.gcvae.interpolate import interpolate, interpolate_as_figure_9
 from drapeline.outfits.garment_types import GARMENTS
-from gcvae_toys import DRESS, TROUSERS, half
+from toys.gcvae import DRESS, TROUSERS, half
 
 
 def test_a_walk_begins_and_ends_at_its_garments(model, types, garments):

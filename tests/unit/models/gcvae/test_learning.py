@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import gcvae_files
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.models.gcvae.loss import GcvaeLoss
 from drapeline.models.gcvae.settings import GcvaeTraining
@@ -13,8 +12,9 @@ from drapeline.models.gcvae.train_conditioning import ConditioningSettings, Cond
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
-from gcvae_toys import ToyGarments, toy_template
-from learning import (
+from toys import gcvae_files
+from toys.gcvae import ToyGarments, toy_template
+from toys.learning import (
     assert_a_step_lowers,
     assert_learned_by_heart,
     assert_mixed_precision_agrees,

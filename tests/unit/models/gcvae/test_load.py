@@ -9,8 +9,8 @@ from drapeline.errors import DamagedFile, InputError
 from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings, StaticPpca
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
-from gcvae_files import SETTINGS, save_model, shaken
-from gcvae_toys import toy_template
+from toys.gcvae import toy_template
+from toys.gcvae_files import SETTINGS, save_model, shaken
 
 MOVING = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, version="unposed"))
 

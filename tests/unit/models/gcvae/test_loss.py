@@ -22,7 +22,7 @@ from drapeline.models.gcvae.vae import StaticVae, conditions_of
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
-from gcvae_toys import ToyGarments, toy_template
+from toys.gcvae import ToyGarments, toy_template
 
 ROWS = np.arange(6)
 

@@ -8,8 +8,8 @@ import torch
 
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
-from gcvae_files import SETTINGS
-from gcvae_toys import VERTICES, ToyGarments, toy_template
+from toys.gcvae import VERTICES, ToyGarments, toy_template
+from toys.gcvae_files import SETTINGS
 
 
 @pytest.fixture

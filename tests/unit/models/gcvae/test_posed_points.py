@@ -21,7 +21,7 @@ from drapeline.models.gcvae.posed_points import (
 )
 from drapeline.registration.to_body.dynamic_offsets import dynamic_offsets
 from drapeline.seeding import rng_for
-from moving_toys import moving_garment
+from toys.moving import moving_garment
 
 HISTORY, CODE = 2, 3  # poses in the conditions, numbers of a static code
 ROWS = np.array([1, 2, 5])

@@ -6,7 +6,7 @@ import torch
 
 from drapeline.models.gcvae.networks import mesh_graphs
 from drapeline.models.gcvae.ppca import Ppca, PpcaFit, blur_mask, fit_ppca
-from gcvae_toys import AROUND, RINGS, toy_template, tube
+from toys.gcvae import AROUND, RINGS, toy_template, tube
 
 
 def doubles(*shape, seed=0):

@@ -7,7 +7,7 @@ from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.codes import decode_codes, encode_garments
 from drapeline.models.gcvae.representation import OffsetPca, RegisteredOffsets, VaeCode
 from drapeline.outfits.garment_types import GARMENTS
-from gcvae_toys import toy_template
+from toys.gcvae import toy_template
 
 
 def as_registered(garments, row):

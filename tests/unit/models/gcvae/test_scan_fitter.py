@@ -15,7 +15,7 @@ from drapeline.models.gcvae.scan_fitter import (
     fit_code,
     register_points,
 )
-from gcvae_toys import VERTICES, ToyGarments, toy_template, tube
+from toys.gcvae import VERTICES, ToyGarments, toy_template, tube
 
 STATE = BodyState.of(REST_POSE, np.zeros(3), np.zeros(10))
 

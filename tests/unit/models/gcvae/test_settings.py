@@ -6,7 +6,7 @@ import pytest
 
 from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
 from drapeline.models.training.module import plain
-from gcvae_files import SETTINGS
+from toys.gcvae_files import SETTINGS
 
 
 def test_settings_survive_a_checkpoint_whose_values_are_plain():

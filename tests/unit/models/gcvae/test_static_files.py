@@ -13,8 +13,8 @@ from drapeline.models.gcvae.static_files import (
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import load_topology
-from gcvae_files import SETTINGS, save_model, toy_topology
-from gcvae_toys import VERTICES, toy_template, tube_faces
+from toys.gcvae import VERTICES, toy_template, tube_faces
+from toys.gcvae_files import SETTINGS, save_model, toy_topology
 
 
 def test_the_codes_are_those_of_training_garments_by_the_best_weights(tmp_path, model, garments):

@@ -16,8 +16,9 @@ from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint
-from gcvae_toys import ToyGarments, toy_template
-from gcvae_trainings import (
+from portability import THREADS
+from toys.gcvae import ToyGarments, toy_template
+from toys.gcvae_trainings import (
     CONDITIONING,
     Killed,
     assert_same,
@@ -25,7 +26,6 @@ from gcvae_trainings import (
     train_condition,
     weights,
 )
-from portability import THREADS
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),

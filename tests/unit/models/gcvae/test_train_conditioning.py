@@ -5,8 +5,8 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.models.gcvae.train_conditioning import ConditioningSettings
-from gcvae_toys import ToyGarments
-from gcvae_trainings import Killed, assert_same, checkpoint_under_way, train_condition, weights
+from toys.gcvae import ToyGarments
+from toys.gcvae_trainings import Killed, assert_same, checkpoint_under_way, train_condition, weights
 
 
 def test_settings_that_are_not_named_have_their_defaults():

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from drapeline.models.gcvae.vae import StaticVae
-from gcvae_files import SETTINGS
-from gcvae_toys import VERTICES, toy_template
+from toys.gcvae import VERTICES, toy_template
+from toys.gcvae_files import SETTINGS
 
 
 @pytest.fixture

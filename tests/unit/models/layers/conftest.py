@@ -5,7 +5,7 @@ import torch
 
 from drapeline.geometry.mesh import edges
 from drapeline.models.layers.mesh_graph import scaled_laplacian
-from gcvae_toys import VERTICES, tube_faces
+from toys.gcvae import VERTICES, tube_faces
 
 
 @pytest.fixture

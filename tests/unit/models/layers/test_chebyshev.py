@@ -9,7 +9,7 @@ from drapeline.geometry.mesh import edges
 from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv, polynomials
 from drapeline.models.layers.mesh_graph import copy_matrix, scaled_laplacian, unpool_matrix
 from drapeline.models.layers.sparse_matrix import SparseMatrix
-from gcvae_toys import VERTICES, tube_faces
+from toys.gcvae import VERTICES, tube_faces
 
 pytestmark = pytest.mark.usefixtures("double")
 

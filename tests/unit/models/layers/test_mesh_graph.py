@@ -6,7 +6,7 @@ import torch
 
 from drapeline.geometry.mesh import edges
 from drapeline.models.layers.mesh_graph import ClusterMax, MeshGraph, scaled_laplacian
-from gcvae_toys import COUNTS, VERTICES, hierarchy, tube_faces
+from toys.gcvae import COUNTS, VERTICES, hierarchy, tube_faces
 
 
 def test_the_scaled_laplacian_has_its_spectrum_in_one_to_minus_one():

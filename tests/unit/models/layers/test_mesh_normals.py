@@ -3,7 +3,7 @@ import torch
 
 from drapeline.geometry.mesh import face_normals
 from drapeline.models.layers.mesh_normals import FaceNormals
-from gcvae_toys import VERTICES, tube, tube_faces
+from toys.gcvae import VERTICES, tube, tube_faces
 
 
 def test_normals_are_those_of_the_mesh():

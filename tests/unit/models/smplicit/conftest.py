@@ -1,10 +1,10 @@
 import pytest
 
-from displacement_toys import collect_skirts, write_moving_skirts
 from drapeline.models.smplicit.fitting import FittingModel
-from smplicit_toys import skirt_pixels, toy_fields
-from smplicit_trainings import train_toy
-from toys import toy_body as make_toy_body
+from toys.bodies import toy_body as make_toy_body
+from toys.displacement import collect_skirts, write_moving_skirts
+from toys.smplicit import skirt_pixels, toy_fields
+from toys.smplicit_trainings import train_toy
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from displacement_trainings import train_toy_displacement
 from drapeline.bodies.rest_skinning import tpose_motions
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
@@ -9,7 +8,8 @@ from drapeline.models.load import load
 from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.repose import garment_weights
 from drapeline.seeding import rng_for
-from smplicit_toys import tube
+from toys.displacement_trainings import train_toy_displacement
+from toys.smplicit import tube
 
 SHAPE = 0.5 * rng_for(0, "shape").normal(size=10)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from displacement_toys import ALWAYS_M, CLUSTERS, SLOPE_M
 from drapeline.frames import REST_POSE
 from drapeline.learning_data.pose_displacements import DisplacementData, encode_poses
 from drapeline.models.smplicit.displacement_baselines import PENALTIES, ClusterDisplacement
-from smplicit_toys import toy_bodies
+from toys.displacement import ALWAYS_M, CLUSTERS, SLOPE_M
+from toys.smplicit import toy_bodies
 
 
 @pytest.fixture(scope="module")

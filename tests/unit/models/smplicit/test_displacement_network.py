@@ -7,7 +7,6 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from displacement_trainings import toy_displacement
 from drapeline.bodies.rest_skinning import tpose_motions
 from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
@@ -21,7 +20,8 @@ from drapeline.models.smplicit.displacement_network import (
 )
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import RATE_SHARE, Position
-from learning import (
+from toys.displacement_trainings import toy_displacement
+from toys.learning import (
     assert_a_step_lowers,
     assert_learned_by_heart,
     assert_true_gradients,

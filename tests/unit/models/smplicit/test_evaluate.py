@@ -18,8 +18,8 @@ from drapeline.models.smplicit.evaluate import (
 )
 from drapeline.models.smplicit.load import new_field
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
-from smplicit_toys import toy_bodies, toy_outfits, toy_settings, tube
-from smplicit_trainings import train_toy
+from toys.smplicit import toy_bodies, toy_outfits, toy_settings, tube
+from toys.smplicit_trainings import train_toy
 
 BODY = tube(0.2, -1.0, 0.5)
 

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from displacement_toys import CLUSTERS, known_displacement
-from displacement_trainings import toy_displacement
 from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
@@ -17,7 +15,9 @@ from drapeline.models.smplicit.evaluate_displacement import (
     surface_area,
 )
 from drapeline.models.smplicit.worn_displacement import WornDisplacement
-from smplicit_toys import toy_bodies, tube
+from toys.displacement import CLUSTERS, known_displacement
+from toys.displacement_trainings import toy_displacement
+from toys.smplicit import toy_bodies, tube
 
 VARIANTS = ("nearest", "smoothed", "mean", "ridge", "network", "other_pose", "at_rest", "untrained")
 

@@ -19,8 +19,8 @@ from drapeline.models.smplicit.fit_pictures import FittedGarment
 from drapeline.models.smplicit.model import Meshing, SmplicitModel
 from drapeline.models.smplicit.pictures import CLASSES
 from drapeline.outfits.worn import HungSheet
-from gallery_toys import TubeField, save_toy_model, training_codes
-from tiny_sample import write_tiny_sample
+from toys.gallery import TubeField, save_toy_model, training_codes
+from toys.tiny_sample import write_tiny_sample
 
 QUICK = FitImage(points=20000, rays=20, starts=3, rounds=1, steps=2)
 SETTINGS = {"count": 2, "size_px": 64}

@@ -5,7 +5,7 @@ import torch
 from drapeline.models.smplicit.files import load_training_codes
 from drapeline.models.smplicit.load import load_field
 from drapeline.models.smplicit.model import SmplicitModel
-from smplicit_trainings import train_toy
+from toys.smplicit_trainings import train_toy
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from drapeline.models.smplicit.fit_images import (
     spread_codes,
 )
 from drapeline.models.smplicit.load import new_field
-from smplicit_toys import toy_bodies, toy_settings
+from toys.smplicit import toy_bodies, toy_settings
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,8 @@ from drapeline.models.smplicit.fit_pictures import (
 )
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.outfits.garment_types import GARMENTS
-from gallery_toys import TubeField
-from smplicit_toys import MESHING, PICTURE_PX, QUICK, street, toy_camera
+from toys.gallery import TubeField
+from toys.smplicit import MESHING, PICTURE_PX, QUICK, street, toy_camera
 
 # Upright, across the camera's way.
 SQUARE = Mesh(

@@ -7,8 +7,8 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.outfits.worn import HungSheet
-from gallery_toys import TubeField
-from smplicit_toys import PICTURE_PX, toy_camera
+from toys.gallery import TubeField
+from toys.smplicit import PICTURE_PX, toy_camera
 
 WEARER = {"gender": "female", "shape": [0.0] * 10, "pose": REST_POSE.tolist()}
 

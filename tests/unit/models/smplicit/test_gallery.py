@@ -18,7 +18,7 @@ from drapeline.models.smplicit.gallery import (
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
-from gallery_toys import LATENT, save_toy_model, toy_outfits, training_codes
+from toys.gallery import LATENT, save_toy_model, toy_outfits, training_codes
 
 CUT = 6
 CODES = training_codes()

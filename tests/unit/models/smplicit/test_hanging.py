@@ -13,8 +13,8 @@ from drapeline.models.smplicit.fit_pictures import (
 from drapeline.models.smplicit.hanging import hang_picture, hang_ways, most_like, same_kinds
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.outfits.worn import HungSheet
-from gallery_toys import TubeField
-from smplicit_toys import MESHING, QUICK, street, toy_camera
+from toys.gallery import TubeField
+from toys.smplicit import MESHING, QUICK, street, toy_camera
 
 UP = np.array([0, 0, 0.1], np.float32)
 

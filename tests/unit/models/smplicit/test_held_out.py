@@ -5,7 +5,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
 from drapeline.outfits.garment_types import GARMENTS
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 NONE = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
 

@@ -4,7 +4,7 @@ import pytest
 from drapeline.bodies.follow import PosedBody
 from drapeline.models.smplicit.image_points import hidden_by_body, seen_points, space_points
 from drapeline.rendering.camera import Camera
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 BODY = tube(0.15, -0.5, 0.5, around=64, rings=41)
 

@@ -4,8 +4,8 @@ import torch
 from drapeline.errors import InputError
 from drapeline.models.smplicit.load import load_field, new_field
 from drapeline.models.training.checkpoints import read_checkpoint
-from smplicit_toys import toy_bodies, toy_settings
-from smplicit_trainings import train_toy
+from toys.smplicit import toy_bodies, toy_settings
+from toys.smplicit_trainings import train_toy
 
 
 @pytest.fixture(scope="module")

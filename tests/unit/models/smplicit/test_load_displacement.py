@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 import torch
 
-from displacement_toys import CLUSTERS
-from displacement_trainings import toy_displacement, train_toy_displacement
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.models.smplicit.load_displacement import load_displacement
 from drapeline.models.training.checkpoints import read_checkpoint
-from smplicit_trainings import train_toy
+from toys.displacement import CLUSTERS
+from toys.displacement_trainings import toy_displacement, train_toy_displacement
+from toys.smplicit_trainings import train_toy
 
 
 def test_the_best_weights_are_loaded(tmp_path, displacements, toy_body):

@@ -13,8 +13,8 @@ from drapeline.models.smplicit.model import (
     away_from_body,
     garment_of_field,
 )
-from smplicit_toys import tube
-from smplicit_trainings import train_toy
+from toys.smplicit import tube
+from toys.smplicit_trainings import train_toy
 
 BOX = ((-0.6, -0.6, -0.8), (0.6, 0.6, 0.2))
 BODY, SKIRT = tube(0.15, -0.9, 0.3), tube(0.3, -0.5, 0.0)

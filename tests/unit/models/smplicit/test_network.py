@@ -11,14 +11,14 @@ from drapeline.models.smplicit.load import new_field
 from drapeline.models.smplicit.network import Points
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import RATE_SHARE, Position
-from learning import (
+from toys.learning import (
     assert_a_step_lowers,
     assert_learned_by_heart,
     assert_true_gradients,
     doubles,
     shake_weights,
 )
-from smplicit_toys import toy_bodies, toy_settings
+from toys.smplicit import toy_bodies, toy_settings
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import torch
 
 from drapeline.models.smplicit.load import new_field
 from drapeline.models.smplicit.network_field import NetworkField
-from smplicit_toys import toy_bodies, toy_settings
+from toys.smplicit import toy_bodies, toy_settings
 
 Z, SHAPE = np.linspace(-0.3, 0.4, 5), np.linspace(-1, 1, 10)
 

@@ -15,7 +15,7 @@ from drapeline.models.smplicit.pictures import (
     weak_perspective,
 )
 from drapeline.outfits.garment_types import GARMENT_TYPES
-from smplicit_toys import toy_bodies
+from toys.smplicit import toy_bodies
 
 SIZE = (80, 60)  # width and height
 TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]

@@ -5,7 +5,7 @@ from drapeline.models.contract import HeldOutGarment
 from drapeline.models.smplicit.held_out import HeldOut, save_held_out
 from drapeline.models.smplicit.representation import FieldCode
 from drapeline.outfits.garment_types import GARMENTS
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 NONE = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
 

@@ -6,7 +6,7 @@ from drapeline.metrics.garment import piece_indices
 from drapeline.models.smplicit.sheet import SMALLEST_OPENING_M, extract_sheet
 from drapeline.models.smplicit.walls import Grid, extract_walls
 from drapeline.seeding import rng_for
-from open_surfaces import AnalyticField, four_openings, half_sphere, open_tube
+from toys.open_surfaces import AnalyticField, four_openings, half_sphere, open_tube
 
 CELL_M, THRESHOLD_M = 0.008, 0.0055
 SURFACES = pytest.mark.parametrize(

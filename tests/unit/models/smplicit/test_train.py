@@ -11,7 +11,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.training.checkpoints import read_checkpoint
-from smplicit_trainings import train_toy
+from toys.smplicit_trainings import train_toy
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +68,9 @@ import os
 import sys
 from pathlib import Path
 
-from smplicit_toys import toy_fields
-from smplicit_trainings import train_toy
-from toys import toy_body
+from toys.smplicit import toy_fields
+from toys.smplicit_trainings import train_toy
+from toys.bodies import toy_body
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])

@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from displacement_trainings import train_toy_displacement
 from drapeline.models.training.checkpoints import read_checkpoint
+from toys.displacement_trainings import train_toy_displacement
 
 
 @pytest.fixture(scope="module")

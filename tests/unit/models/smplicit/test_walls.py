@@ -6,7 +6,7 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import boundary_edges, edge_counts
 from drapeline.models.smplicit.walls import Grid, extract_walls
 from drapeline.seeding import rng_for
-from open_surfaces import AnalyticField, four_openings, half_sphere, open_tube
+from toys.open_surfaces import AnalyticField, four_openings, half_sphere, open_tube
 
 
 def far_point(points):

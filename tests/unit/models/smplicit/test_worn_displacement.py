@@ -1,7 +1,6 @@
 import numpy as np
 import torch
 
-from displacement_trainings import toy_displacement
 from drapeline.bodies.rest_skinning import tpose_motions
 from drapeline.frames import REST_POSE
 from drapeline.learning_data.pose_displacements import encode_poses
@@ -9,7 +8,8 @@ from drapeline.models.smplicit.displacement_network import blend_motions, encode
 from drapeline.models.smplicit.repose import garment_weights
 from drapeline.models.smplicit.worn_displacement import WornDisplacement
 from drapeline.seeding import rng_for
-from smplicit_toys import tube
+from toys.displacement_trainings import toy_displacement
+from toys.smplicit import tube
 
 SHAPE = 0.5 * rng_for(0, "shape").normal(size=10)
 POSES = REST_POSE + 0.3 * rng_for(0, "poses").normal(size=(3, 72))

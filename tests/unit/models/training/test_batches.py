@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.models.training.batches import TrainingBatches, _BatchSampler, refuse_unfinite
-from gcvae_toys import ToyGarments
+from toys.gcvae import ToyGarments
 
 
 @pytest.mark.parametrize("split", ["train", "val"])

@@ -226,7 +226,7 @@ from drapeline.models.training.lightning import fit
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.rule_log import rule_log
-from gcvae_toys import ToyGarments
+from toys.gcvae import ToyGarments
 
 if __name__ == "__main__":
     folder, garments = Path(sys.argv[1]), ToyGarments(47)

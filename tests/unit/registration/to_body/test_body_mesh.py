@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.geometry.mesh import boundary_edges, faces_within
 from drapeline.registration.to_body.body_mesh import BodyMesh
-from topology_toys import flat_sheet
+from toys.topology import flat_sheet
 
 
 @pytest.fixture(scope="module")

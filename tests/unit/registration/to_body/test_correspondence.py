@@ -7,7 +7,7 @@ from drapeline.geometry.mesh import faces_within
 from drapeline.registration.to_body.body_mesh import BodyMesh
 from drapeline.registration.to_body.correspondence import correspond
 from drapeline.registration.to_body.round_trip import round_trip
-from topology_toys import flat_sheet
+from toys.topology import flat_sheet
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from drapeline.registration.to_body.inner_legs import Smoother, skirt_topology
 from drapeline.registration.to_body.topology import (
     skirt_body,
 )
-from topology_toys import flat_sheet, piece_count, section
+from toys.topology import flat_sheet, piece_count, section
 
 
 def test_legs_become_one_tube(made):

@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.geometry.mesh import triangulate, vertex_normals
 from drapeline.registration.to_body.nicp import NicpSettings, Surface, lay_on
-from tiny_sample import tube
+from toys.tiny_sample import tube
 
 SETTINGS = NicpSettings(nodes=60, samples=400)
 

@@ -14,7 +14,7 @@ from drapeline.registration.to_body.super_body import build_super_body
 from drapeline.registration.to_body.topology import (
     build_topology,
 )
-from topology_toys import piece_count
+from toys.topology import piece_count
 
 
 def test_twenty_one_segments_each_in_one_piece_in_both_topologies(made):

@@ -17,7 +17,7 @@ from drapeline.registration.to_body.topology import (
     skirt_body,
     topology_codes,
 )
-from topology_toys import section
+from toys.topology import section
 
 
 def test_garments_choose_their_topology(made):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from template_toys import as_template, round_skirt
+from toys.templates import as_template, round_skirt
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.geometry.mesh import boundary_loops, half_edges
 from drapeline.registration.to_template.front_opening import front_strip
-from template_toys import round_skirt
+from toys.templates import round_skirt
 
 
 def slit(vertices, triangles, chosen, gap=0.012):

@@ -9,7 +9,7 @@ from drapeline.registration.to_template.garment_template import (
     load_template,
     named_loops,
 )
-from template_toys import toy_template
+from toys.templates import toy_template
 
 
 def test_a_template_survives_its_file(tmp_path):

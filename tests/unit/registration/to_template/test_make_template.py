@@ -16,7 +16,7 @@ from drapeline.registration.to_template.make_template import make_template, temp
 from drapeline.registration.to_template.remesh import remesh_table, residual
 from drapeline.registration.to_template.template_fit import FitTarget, fit_to_template
 from drapeline.seeding import rng_for
-from tiny_sample import tube
+from toys.tiny_sample import tube
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from drapeline.registration.to_template.template_fit import (
     FitSettings,
     fit_to_template,
 )
-from template_toys import round_skirt
+from toys.templates import round_skirt
 
 
 def test_rows_of_a_table_are_shares(template):

@@ -14,7 +14,7 @@ from drapeline.registration.to_template.template_fit import (
     FitTarget,
     fit_to_template,
 )
-from template_toys import round_skirt
+from toys.templates import round_skirt
 
 
 def test_a_template_fits_onto_itself(template):

@@ -10,7 +10,7 @@ from drapeline.registration.error_table import FILE_NAME
 from drapeline.registration.to_template.remesh_table import load_tables, remesh
 from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
-from template_toys import toy_skirt, toy_template
+from toys.templates import toy_skirt, toy_template
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from drapeline.report.dataset.gallery import render_gallery
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def render(tiny, folder):

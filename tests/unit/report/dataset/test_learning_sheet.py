@@ -6,7 +6,7 @@ from PIL import Image
 
 from drapeline.errors import InputError
 from drapeline.report.dataset.learning_sheet import plot_learning
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def test_accepted_samples_are_shown_and_no_more_than_asked_for(toy_body, tmp_path):

@@ -6,7 +6,7 @@ from PIL import Image
 
 from drapeline.errors import InputError
 from drapeline.report.dataset.people import best_loop, render_people
-from tiny_sample import write_tiny_sample
+from toys.tiny_sample import write_tiny_sample
 
 
 def circling(period, count, points=40):

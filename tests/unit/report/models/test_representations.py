@@ -5,7 +5,7 @@ import re
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.report.models.representations import write_representations
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 
 def row(variant, garment, value, metric="surface_to_true_mm", split="test"):

@@ -11,8 +11,8 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.fitted_scans import BODY, TRUE, save_fitted_scans
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.report.models.scans import OWN, plot_own_scans, plot_scans, write_scans_page
-from metric_rows import metric_row
-from smplicit_toys import tube
+from toys.metric_rows import metric_row
+from toys.smplicit import tube
 
 STATE = BodyState.of(REST_POSE, np.zeros(3), np.zeros(10))
 MAN, CLOTH = tube(0.15, -0.9, 0.7), tube(0.2, -0.4, 0.1)

@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.rendering.picture_grid import heat_parts
 from drapeline.report.models.scene import Scene, fit_scene, share_scale
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
 SPAN_MM = 80.0

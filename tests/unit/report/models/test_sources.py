@@ -1,5 +1,5 @@
 from drapeline.report.models.sources import tables_by_source
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 
 def table(rows):

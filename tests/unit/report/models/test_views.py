@@ -11,7 +11,7 @@ from drapeline.report.models.views import (
     plot_views,
     wearer_view,
 )
-from view_toys import TUBE, coloured, shown
+from toys.views import TUBE, coloured, shown
 
 BACKDROP = 255
 

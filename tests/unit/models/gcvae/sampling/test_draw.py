@@ -11,8 +11,8 @@ from drapeline.models.gcvae.sampling import draw
 from drapeline.models.gcvae.sampling.draw import sample_garments
 from drapeline.models.gcvae.sampling.files import sample_table
 from drapeline.models.gcvae.vae import StaticVae
-from gcvae_files import SETTINGS, requests
-from gcvae_toys import AROUND, VERTICES, half, toy_template
+from toys.gcvae import AROUND, VERTICES, half, toy_template
+from toys.gcvae_files import SETTINGS, requests
 
 
 def test_a_model_without_a_mask_cannot_be_sampled(types):

@@ -8,7 +8,7 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
 from drapeline.models.gcvae.sampling.draw import sample_garments
 from drapeline.models.gcvae.sampling.files import load_samples, save_samples
-from gcvae_files import requests
+from toys.gcvae_files import requests
 
 
 def test_saved_samples_can_be_opened(model, types, toy_body, tmp_path):

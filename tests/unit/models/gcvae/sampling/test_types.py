@@ -7,8 +7,8 @@ from drapeline.models.gcvae.sampling.types import fit_types, load_types
 from drapeline.models.gcvae.static_files import TrainingCodes, load_training_codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
-from gcvae_files import save_model
-from gcvae_toys import DRESS, TROUSERS, VERTICES, half
+from toys.gcvae import DRESS, TROUSERS, VERTICES, half
+from toys.gcvae_files import save_model
 
 
 def test_codes_are_drawn_where_their_type_is(types):

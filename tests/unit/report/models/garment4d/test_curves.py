@@ -11,7 +11,7 @@ from drapeline.report.models.garment4d.curves import (
     plot_missing_curve,
     plot_neighbour_curve,
 )
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 
 def row(variant, metric, value, garment="Skirt", **others):

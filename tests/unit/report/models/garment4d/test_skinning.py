@@ -5,7 +5,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from drapeline.report.models.garment4d.skinning import SkinnedTwice, plot_neighbours, worst_place
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
 

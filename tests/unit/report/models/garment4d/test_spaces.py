@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from drapeline.report.models.garment4d.spaces import plot_explained, plot_modes
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
 

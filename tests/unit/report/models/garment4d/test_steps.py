@@ -19,7 +19,7 @@ from drapeline.report.models.garment4d.steps import (
 )
 from drapeline.report.models.scene import Scene
 from drapeline.seeding import rng_for
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
 

@@ -17,8 +17,8 @@ from drapeline.report.models.garment4d.tables import (
     write_beside_paper,
     write_garment4d_page,
 )
-from metric_rows import metric_row
-from template_toys import toy_skirt, toy_template
+from toys.metric_rows import metric_row
+from toys.templates import toy_skirt, toy_template
 
 
 @pytest.fixture

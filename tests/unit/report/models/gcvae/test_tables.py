@@ -7,7 +7,7 @@ import pytest
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.report.models.gcvae.tables import OURS, THEIRS, write_beside_paper, write_gcvae_page
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 
 def row(variant, *values, **others):

@@ -12,7 +12,7 @@ from drapeline.metrics.predictions import GarmentCase
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.report.models.gcvae.views import error_views, walk_view
 from drapeline.report.models.views import HEAT_SPAN_MM
-from view_toys import TUBE, shown
+from toys.views import TUBE, shown
 
 
 def test_types_have_colours_of_their_own():

@@ -5,7 +5,7 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.metrics.table import write_metrics
 from drapeline.report.models.smplicit.displacement_tables import write_displacement_page
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 
 def row(variant, metric, value, **changes):

@@ -16,7 +16,7 @@ from drapeline.report.models.smplicit.fitted_pictures import (
     plot_known_pictures,
     plot_own_picture,
 )
-from view_toys import TUBE, coloured
+from toys.views import TUBE, coloured
 
 WIDTH, HEIGHT = 120, 160
 INTRINSICS = np.array([[150.0, 0, WIDTH / 2], [0, 150, HEIGHT / 2], [0, 0, 1]])

@@ -9,7 +9,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import GalleryGarment, WornGarment
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.smplicit.gallery import animate_clip, plot_clip, plot_gallery
-from view_toys import TUBE, coloured
+from toys.views import TUBE, coloured
 
 NOTHING = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
 

@@ -4,7 +4,7 @@ from PIL import Image
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import RebuiltGarment
 from drapeline.report.models.smplicit.rebuilt import COLUMNS, _views, plot_rebuilt
-from smplicit_toys import tube
+from toys.smplicit import tube
 
 BODY = tube(0.15, -0.9, 0.6)
 GARMENT = RebuiltGarment(

@@ -2,7 +2,7 @@ import re
 
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.report.models.smplicit.tables import write_smplicit_page
-from metric_rows import metric_row
+from toys.metric_rows import metric_row
 
 
 def row(variant, metric, value, **changes):

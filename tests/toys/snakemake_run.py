@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PROFILE = ROOT / "workflow/profiles/ci"
 PARTS = (
     *("Snakefile", "config.yaml", "profiles", "workflow", "scripts", "src", "envs", "examples"),
@@ -42,7 +42,7 @@ def copy_project(folder: Path) -> Path:
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
     [
-        *("snakemake_started", "smart_open", "jsonschema", "nbformat"),
+        *("toys.snakemake_started", "smart_open", "jsonschema", "nbformat"),
         *("pandas", "scipy.spatial", "scipy.ndimage"),
     ]
 )
@@ -99,7 +99,7 @@ def _start(project: Path, arguments: tuple[str, ...], many_jobs: bool) -> Run:
         given = (project, arguments, many_jobs, dict(os.environ), out, err)
         # The server, which starts with the first process, looks here for what it imports.
         with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+            patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]), prepend=os.pathsep)
             process = SERVER.Process(target=_run, args=given)
             process.start()
         process.join(timeout=3600)

@@ -1,7 +1,7 @@
 """Sheets of cloth over a ball, simulated by Blender."""
 
-import sheet_toys
 from drapeline.blender.cloth import BlenderCloth
+from toys import sheets as sheet_toys
 
 
 def drop(

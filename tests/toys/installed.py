@@ -4,11 +4,11 @@ import shutil
 from pathlib import Path
 
 from drapeline.bodies.model import save_body
-from gcvae_files import TypedGarments, save_model
-from tiny_sample import write_tiny_sample
-from toys import toy_body
+from toys.bodies import toy_body
+from toys.gcvae_files import TypedGarments, save_model
+from toys.tiny_sample import write_tiny_sample
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 # Arguments: a folder of samples, a body.
 READ = """
 import sys, warnings

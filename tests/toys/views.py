@@ -4,7 +4,7 @@ import numpy as np
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.report.models.views import view_picture
-from gcvae_toys import tube, tube_faces
+from toys.gcvae import tube, tube_faces
 
 TUBE = Mesh((2 * tube() - [0, 0, 0.6]).astype(np.float32), tube_faces(False))
 

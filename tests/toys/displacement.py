@@ -20,8 +20,8 @@ from drapeline.learning_data.pose_displacements import (
 )
 from drapeline.models.smplicit.displacement_settings import DisplacementSettings
 from drapeline.seeding import rng_for
-from smplicit_toys import toy_bodies
-from tiny_sample import TinySample, write_stages
+from toys.smplicit import toy_bodies
+from toys.tiny_sample import TinySample, write_stages
 
 FRAMES, CLUSTERS = 6, np.arange(0, 600, 20)
 SPLITS = ("train", "train", "val", "test")

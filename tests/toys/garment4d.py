@@ -17,7 +17,7 @@ from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.body_maps import MapRegression
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.seeding import rng_for
-from tiny_sample import tube
+from toys.tiny_sample import tube
 
 GARMENT = "Skirt"
 POINTS = 160

@@ -19,7 +19,7 @@ from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topology_codes
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
-from gcvae_toys import ToyGarments, toy_template, tube, tube_faces
+from toys.gcvae import ToyGarments, toy_template, tube, tube_faces
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4),

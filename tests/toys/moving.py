@@ -13,8 +13,8 @@ from drapeline.frames import REST_POSE
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.seeding import rng_for
 from drapeline.storage import write_json
-from gcvae_files import torso_registration
-from tiny_sample import TinySample, write_tiny_sample
+from toys.gcvae_files import torso_registration
+from toys.tiny_sample import TinySample, write_tiny_sample
 
 
 def moving_garment(body, split, name, *, wrinkle=0.0, seed=0):

@@ -4,7 +4,7 @@ import numpy as np
 
 from drapeline.geometry.mesh import boundary_loops, triangulate
 from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
-from tiny_sample import tube
+from toys.tiny_sample import tube
 
 NAMES = ("waist", "hem")
 
