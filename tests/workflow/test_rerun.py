@@ -1,11 +1,13 @@
-"""Which rules run again when a file of the library changes: no more than need to.
+"""Which rules run again when code changes: those that run the code, and no others.
 
-An import too many makes hours of simulation or training run again for nothing. When a test here
-fails, ask what the module needs of the new import; most often that fits a module of its own.
+`tests/unit/experiment/test_source_digest.py` says so of small packages, this of the real one.
 """
 
+import ast
+import inspect
 import re
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -15,187 +17,81 @@ from toys.cloth_solvers import cloth_solvers
 from toys.snakemake_run import ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
-LIBRARY = ROOT / "src" / "drapeline"
-SOURCES = Sources(ROOT / "src")
-
-
-def scripts() -> dict[str, str]:
-    """Rule -> its script."""
-    text = "\n".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
-    rules = re.split(r"^rule (\w+):$", text, flags=re.MULTILINE)[1:]
-    found = {
-        rule: re.search(r'"../../scripts/(\w+)\.py"', body)
-        for rule, body in zip(rules[::2], rules[1::2], strict=True)
-    }
-    return {rule: match[1] for rule, match in found.items() if match}
-
-
-SCRIPTS = scripts()
+PACKAGE = ROOT / "src" / "drapeline"
 PROFILES = [
     ROOT / "profiles/default/config.yaml",
     *sorted((ROOT / "workflow/profiles").glob("*/config.yaml")),
 ]
-NAMED = {
-    "simulate_outfit": [cloth_solvers()["blender"][0]],
-    "simulate_learning": [cloth_solvers()["xpbd"][0]],
-}
-# What a trained garment VAE of either kind decodes garments for, and what Garment4D trains.
-USE_SVAE = {
-    *("compare_gcvae", "evaluate_static", "plot_gcvae_errors", "plot_gcvae_walks"),
-    *("plot_gcvae_wrinkles", "sample_garments", "evaluate_scans_gcvae"),
-}
-TRAIN_DVAE = {"train_dvae_conditioning", "train_dvae"}
-TRAIN_GARMENT4D = {"train_garment4d_canonical", "train_garment4d_posed"}
-GALLERY = {"make_smplicit_gallery", "plot_smplicit_gallery", "pose_smplicit_garment"}
-FIT_IMAGES = {"fit_picture", "evaluate_images"}
-TRAIN_DISPLACEMENT = {"train_displacement", "evaluate_displacement"}
-USE_DISPLACEMENT = {"evaluate_displacement", "pose_smplicit_garment"}
-USE_GARMENT4D = {"evaluate_garment4d", "reconstruct_garment", "evaluate_scans_garment4d"}
-FIT_SCANS = {"evaluate_scans_smplicit", "fit_own_scans"}
-USE_SMPLICIT = {"evaluate_smplicit", "plot_smplicit"} | GALLERY | FIT_IMAGES | FIT_SCANS
+SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
+# Told of the solver that the config names.
 SIMULATE = {"simulate_outfit", "simulate_learning"}
-MAKE_GARMENTS = {
-    *("make_garment_template", "make_outfit", "make_static_outfits", "simulate_learning"),
+SOLVER = cloth_solvers()["xpbd"][0]
+# What garments are simulated in, beside samples.
+HANG = {
+    *("evaluate_images", "evaluate_scans_smplicit", "fit_own_scans", "fit_picture"),
+    "pose_smplicit_garment",
 }
-REGISTER_SAMPLES = {"register_sample", "register_learning"}
-REGISTER_TO_BODY = REGISTER_SAMPLES | {"register_static", "plot_registration"}
-FIT_TEMPLATES = {"fit_sample_templates", "fit_static_templates", "fit_learning_templates"}
-IMPORT_MOTIONS = {"import_motion", "import_learning_motions"}
-ANIMATE = {"animate_body", "simulate_learning"}
-HANG = FIT_IMAGES | FIT_SCANS | {"pose_smplicit_garment"}
-# File -> the rules whose code it is part of. Rules that read their results follow.
-RERUN = {
-    "motions/retarget.py": IMPORT_MOTIONS,
-    "motions/motion.py": IMPORT_MOTIONS | ANIMATE,
-    "motions/variation.py": ANIMATE,
-    "generation/sample.py": {"simulate_learning"},
-    "bodies/bake.py": {"bake_body"},
-    "bodies/self_collision.py": ANIMATE | HANG,
-    "generation/moving_sheets.py": HANG,
-    "bodies/sampling.py": ANIMATE | {"make_static_outfits"},
-    "bodies/weight_transfer.py": {
-        *("collect_garment4d", "evaluate_garment4d", "plot_skinning", "reconstruct_garment"),
-        *(
-            "register_learning",
-            "register_sample",
-            "skin_static",
-            "train_garment4d_posed",
-            "evaluate_scans_garment4d",
-        ),
+# Function, method or constant -> the scripts that run it.
+CASES = {
+    "drapeline.bodies.bake:bake_bodies": {"bake_body"},
+    "drapeline.motions.retarget:retarget": {"import_motion", "import_learning_motions"},
+    "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | {"make_outfit", "make_static_outfits"},
+    "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG,
+    "drapeline.dataset.card:dataset_card": {"collect_dataset"},
+    "drapeline.registration.to_body.nicp:lay_on": {
+        *("plot_registration", "register_learning", "register_sample", "register_static")
+    },
+    # How networks are trained is nothing to those who use them.
+    "drapeline.models.garment4d.posed:posed_loss": {"train_garment4d_posed"},
+    "drapeline.models.gcvae.vae:prepare": {"train_svae", "train_dvae"},
+    "drapeline.report.dataset.viewer:write_viewer": {"view_sample", "view_example"},
+    # Much imports this module, and a few call this.
+    "drapeline.metrics.garment:normal_error_deg": {"evaluate_static"},
+}
+
+
+def changed_text(where: str) -> tuple[Path, str]:
+    """A file of the package, and its text with a statement more in a function."""
+    module, name = where.split(":")
+    path = Path(inspect.getfile(import_module(module)))
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        if getattr(node, "name", None) == name:
+            node.body.append(ast.parse("ADDED = 1").body[0])
+        if isinstance(node, ast.Assign | ast.AnnAssign) and name in ast.unparse(node):
+            node.value = ast.parse(f"({ast.unparse(node.value)}) or 1", mode="eval").body
+    return path.relative_to(PACKAGE), ast.unparse(tree)
+
+
+def digests(source: Path, memory: Path) -> dict[str, str]:
+    """Digest of each script."""
+    sources = Sources(source, memory)
+    found = {
+        script.stem: sources.digest(script, *([SOLVER] if script.stem in SIMULATE else []))
+        for script in SCRIPTS
     }
-    | {"pose_smplicit_garment", "collect_displacements"}
-    | TRAIN_DISPLACEMENT,
-    "outfits/patterns/upper.py": {"build_templates"} | MAKE_GARMENTS,
-    "outfits/generate.py": MAKE_GARMENTS,
-    "outfits/fabrics.py": MAKE_GARMENTS | SIMULATE | HANG,
-    "outfits/generate_static.py": {"make_static_outfits"},
-    "simulation/simulate.py": SIMULATE | HANG,
-    "blender/cloth.py": {"simulate_outfit"},
-    "xpbd/stepping.py": {"simulate_learning"} | HANG,
-    "dataset/writer.py": {"write_sample", "simulate_learning", "reconstruct_garment"},
-    "dataset/card.py": {"collect_dataset"},
-    "dataset/gltf.py": {
-        *("export_sample", "export_reconstructed", "sample_garments", "plot_gcvae_samples"),
-        *GALLERY,
-    },
-    "registration/to_body/nicp.py": REGISTER_TO_BODY,
-    "registration/to_body/samples.py": REGISTER_SAMPLES,
-    "registration/to_template/make_template.py": {"make_garment_template"},
-    "registration/to_template/template_fit.py": FIT_TEMPLATES,
-    "learning_data/skinned.py": {"skin_static", "collect_garment4d"},
-    "learning_data/sequences.py": TRAIN_GARMENT4D
-    | USE_GARMENT4D
-    | {"collect_garment4d", "plot_skinning"},
-    "learning_data/dynamic.py": TRAIN_DVAE
-    | {"collect_dynamic", "evaluate_dynamic", "fit_dynamic_ppca"}
-    | {"plot_gcvae_errors", "plot_gcvae_wrinkles"},
-    "metrics/baselines.py": {"evaluate_baselines", "compare_gcvae"},
-    "metrics/dynamic.py": {"evaluate_dynamic", "evaluate_dynamic_baselines"},
-    "models/contract.py": {
-        *("compare_gcvae", "compare_garment4d", "compare_smplicit", "evaluate_scans_gcvae"),
-        *("evaluate_scans_garment4d", "evaluate_scans_smplicit"),
-    },
-    "models/gcvae/train.py": {"train_svae", "train_dvae"},
-    "models/gcvae/static_model.py": set(),
-    "models/load.py": set(),
-    # A new variant is trained, and nothing else: the rules hand its settings on.
-    "models/gcvae/variants.py": set(),
-    "models/garment4d/variants.py": set(),
-    "models/gcvae/train_conditioning.py": {"train_svae_conditioning", "train_dvae_conditioning"},
-    # A dynamic model takes codes of a static one, which may be of either kind.
-    "models/gcvae/garment_ppca.py": {"fit_static_ppca", "fit_dynamic_ppca", "evaluate_dynamic"}
-    | TRAIN_DVAE
-    | USE_SVAE,
-    "models/gcvae/evaluate_dynamic.py": {"evaluate_dynamic"},
-    "models/garment4d/canonical_stage.py": TRAIN_GARMENT4D | USE_GARMENT4D,
-    "models/garment4d/posed_stage.py": {"train_garment4d_posed"} | USE_GARMENT4D,
-    "models/garment4d/evaluate.py": {"evaluate_garment4d"},
-    "registration/to_points.py": USE_GARMENT4D | FIT_SCANS | {"evaluate_scans_gcvae"},
-    "models/smplicit/train.py": {"train_smplicit"},
-    "models/smplicit/decoder.py": {"train_smplicit", "train_displacement", "evaluate_displacement"}
-    | USE_SMPLICIT,
-    "models/smplicit/train_displacement.py": {"train_displacement"},
-    "models/smplicit/displacement_network.py": {"train_displacement"} | USE_DISPLACEMENT,
-    "models/smplicit/displacement_baselines.py": {"evaluate_displacement"},
-    "models/smplicit/evaluate_displacement.py": {"evaluate_displacement"},
-    "learning_data/pose_displacements.py": {"collect_displacements", "train_displacement"}
-    | USE_DISPLACEMENT,
-    "models/smplicit/sheet.py": USE_SMPLICIT,
-    "models/smplicit/fit_images.py": FIT_IMAGES | FIT_SCANS,
-    "models/smplicit/hanging.py": FIT_IMAGES | FIT_SCANS,
-    "models/smplicit/fit_scans.py": FIT_SCANS,
-    "bodies/scan_fit.py": FIT_SCANS | {"scan_sample", "scan_learning"},
-    "models/compare_scans.py": {
-        *("evaluate_scans_gcvae", "evaluate_scans_garment4d", "evaluate_scans_smplicit"),
-    },
-    "models/smplicit/fitting.py": set(),
-    "models/smplicit/evaluate_images.py": {"evaluate_images"},
-    "learning_data/occlusion.py": {"sample_fields", "collect_fields"}
-    | {"train_smplicit"}
-    | TRAIN_DISPLACEMENT
-    | USE_SMPLICIT,
-    "models/training/lightning.py": {"train_svae", "train_svae_conditioning", "train_smplicit"}
-    | {"train_displacement"}
-    | TRAIN_DVAE
-    | TRAIN_GARMENT4D,
-    "rendering/modalities.py": FIT_IMAGES
-    | FIT_SCANS
-    | {"render_modalities", "plot_fit_images", "plot_fitted_picture"},
-    "report/dataset/gallery.py": {"render_gallery", "plot_learning"},
-    "report/dataset/viewer.py": {"view_sample", "view_example"},
-    "report/registration/registration_sheet.py": {"plot_registration"},
-    "report/models/gcvae/codes.py": {"plot_gcvae_codes"},
-    "report/models/garment4d/curves.py": {"plot_garment4d_curves"},
-    "report/models/representations.py": {"tabulate_representations"},
-    "report/times.py": {"plot_time"},
-}
+    sources.remember()
+    return found
 
 
 @pytest.fixture(scope="module")
-def files():
-    """Rule -> files of the library that its job's code consists of."""
-    return {
-        rule: {
-            str(path.relative_to(LIBRARY))
-            for path in SOURCES.imported_files(
-                ROOT / "scripts" / f"{script}.py", *NAMED.get(script, [])
-            )
-        }
-        for rule, script in SCRIPTS.items()
-    }
+def copy(tmp_path_factory):
+    """A copy of the source, the digests of all scripts, and where they are remembered."""
+    folder = tmp_path_factory.mktemp("copy")
+    shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder / "src", digests(folder / "src", folder / "memory.json"), folder / "memory.json"
 
 
-@pytest.mark.parametrize("file", RERUN)
-def test_a_change_reaches_exactly_these_rules(files, file):
-    assert (LIBRARY / file).is_file()
-    assert {rule for rule, own in files.items() if file in own} == RERUN[file]
-
-
-def test_packages_hold_nothing_but_a_docstring():
-    """The digest does not follow them, because importing a module does not name its package."""
-    for path in LIBRARY.rglob("__init__.py"):
-        if path != LIBRARY / "__init__.py":
-            assert re.fullmatch(r'("""[^"]*"""\n)?', path.read_text()), path
+@pytest.mark.parametrize("where", CASES)
+def test_a_change_reaches_exactly_the_scripts_that_run_it(copy, where):
+    source, before, memory = copy
+    name, text = changed_text(where)
+    path = source / "drapeline" / name
+    original = path.read_text()
+    path.write_text(text)
+    after = digests(source, memory)
+    path.write_text(original)
+    assert {script for script in after if after[script] != before[script]} == CASES[where]
 
 
 @pytest.fixture(scope="module")
@@ -225,13 +121,14 @@ def planned_jobs(project: Path, *configs: str) -> dict[str, str]:
 
 @pytest.fixture
 def planned(finished):
-    """planned(file): the rules that run after a change of it, each with Snakemake's reason."""
+    """planned(where): the rules that run after a change there, each with Snakemake's reason."""
     changed = []
 
-    def plan(file: str) -> dict[str, str]:
-        path = finished / "src/drapeline" / file
+    def plan(where: str) -> dict[str, str]:
+        name, text = changed_text(where)
+        path = finished / "src/drapeline" / name
         changed.append((path, path.read_text()))
-        path.write_text(path.read_text() + "\nADDED = 1\n")
+        path.write_text(text)
         return planned_jobs(finished, CONFIG)
 
     yield plan
@@ -281,42 +178,18 @@ def test_every_rule_that_makes_something_has_a_digest_of_its_code():
             assert re.search(rf'code=source_hash\(\s*"{script[1]}"', block), block.split(":")[0]
 
 
-def rules_of(file: Path) -> set[str]:
-    return set(re.findall(r"^rule (\w+):", file.read_text(), re.MULTILINE))
-
-
-GARMENT4D = rules_of(ROOT / "workflow/rules/garment4d.smk")
-
-
-@pytest.mark.parametrize(
-    ("file", "never"),
-    [
-        (
-            "models/gcvae/garment_ppca.py",
-            GARMENT4D | {"train_svae", "train_svae_conditioning", "register_static"},
-        ),
-        (
-            "registration/to_body/nicp.py",
-            # All models are compared on garments that could be registered to the body.
-            GARMENT4D - {"compare_garment4d"}
-            | {"simulate_outfit", "build_super_body", "sample_clouds"},
-        ),
-    ],
-)
-def test_what_follows_a_change_leaves_other_work_alone(planned, file, never):
-    jobs = planned(file)
+def test_what_follows_a_change_leaves_other_work_alone(planned):
+    jobs = planned("drapeline.models.gcvae.garment_ppca:StaticPpca")
     # Of a job that runs in any case since its input is new, Snakemake gives that reason alone.
     changed = {rule for rule, reason in jobs.items() if "Params have changed" in reason}
     assert changed
-    assert changed <= RERUN[file]
     assert all("Input files updated" in jobs[rule] for rule in jobs.keys() - changed)
-    assert RERUN[file] <= jobs.keys()
-    assert not jobs.keys() & never
+    assert jobs.keys().isdisjoint({"train_svae", "train_garment4d_posed", "simulate_outfit"})
 
 
 def test_a_module_of_the_report_makes_its_page_and_the_overview_alone(planned):
     pages = {"plot_health", "write_overview", "plot_time"}
-    assert planned("report/dataset/health.py").keys() == {*pages, "all"}
+    assert planned("drapeline.report.dataset.health:write_health_page").keys() == {*pages, "all"}
 
 
 def test_outfits_that_are_to_settle_are_made_anew(finished, tmp_path):

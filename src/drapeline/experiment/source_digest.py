@@ -1,13 +1,20 @@
-"""Which code a rule's script runs: a digest that changes when its results may change."""
+"""Which code a rule's script runs: a digest that changes when its results may change.
+
+What counts are the definitions that a script reaches by name: functions, classes, their methods,
+constants, and what modules do when they are imported. Where a file ends does not matter, nor do
+comments, docstrings and the annotations of plain functions.
+"""
 
 import ast
 import hashlib
 import json
 import re
 import sys
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,8 +23,21 @@ from drapeline.storage import read_json, write_json
 
 PACKAGE = "drapeline"
 DATA_SUFFIXES = {".html", ".yaml"}
-FILE_NAME = re.compile(r"[\w.-]+")
-DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+# Bases of other packages that call but these methods by their names.
+_CALLED_BY_BASE = {
+    **dict.fromkeys(("ABC", "Enum", "Generic", "IntEnum", "NamedTuple", "Protocol"), ()),
+    "Module": ("forward", "train", "_apply", "_load_from_state_dict", "_save_to_state_dict"),
+}
+# Decorators that neither keep what they decorate nor read its annotations.
+_PLAIN_DECORATORS = {
+    *("abstractmethod", "cached_property", "classmethod", "contextmanager", "inference_mode"),
+    *("no_grad", "property", "staticmethod"),
+}
+# Calls that look names up in a way that cannot be followed.
+_UNTRACEABLE = {"__import__", "eval", "exec", "globals", "import_module"}
+_FILE_NAME = re.compile(r"[\w.-]+")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 class Sources:
@@ -25,33 +45,42 @@ class Sources:
 
     Args:
         folder: holds the package's folder.
-        memory: JSON file that keeps the parsed files from one run to the next, because parsing
-            takes seconds; None keeps nothing. A file that cannot be read or written is ignored.
+        memory: JSON file that keeps digests and parsed files from one run to the next, because
+            parsing takes seconds; None keeps nothing. A file that cannot be read or written is
+            ignored.
     """
 
     def __init__(self, folder: str | Path, memory: str | Path | None = None) -> None:
         self._folder = Path(folder)
         self._memory = None if memory is None else Path(memory)
-        self._known = _load_memory(self._memory)
-        self._used: dict[str, _Code] = {}
-        self._data_files = [
-            path
+        self._texts = {
+            path: path.read_text()
             for path in sorted((self._folder / PACKAGE).rglob("*"))
-            if path.suffix in DATA_SUFFIXES
-        ]
-        self._code = cache(self._read_code)
-        self._imports = cache(self._find_imports)
-        self._data = cache(self._find_data)
-        self._module_file = cache(self._find_module)
+            if path.suffix in {".py", *DATA_SUFFIXES}
+        }
+        files = [[str(path.relative_to(self._folder)), text] for path, text in self._texts.items()]
+        self._tree = _sum([_reader(), files])
+        known = _load_memory(self._memory)
+        self._parsed = known["modules"]
+        self._digests = known["digests"] if known["tree"] == self._tree else {}
+        self._remembered = self._tree == known["tree"]
+        self.module = cache(self._read_module)
+        self.file = cache(self._find_file)
+        self.files_of_import = cache(self._find_files_of_import)
+        self.links = cache(self._find_links)
+        self.called_by_bases = cache(self._find_called_by_bases)
+        self._entry = cache(self._make_entry)
+        self._data_below = cache(self._find_data_below)
 
     def digest(self, script: str | Path, *named: str) -> str:
-        """Digest of a script and of every file of the package that it uses.
+        """Digest of a script and of all of the package that it reaches.
 
-        Comments, layout and docstrings do not count.
+        Code that moves to another file and stays as it is leaves the digest as it was.
 
         Args:
             script: a Python file that imports from the package.
-            named: dotted names of modules that it imports without naming them in its text.
+            named: dotted names of modules that it imports without naming them in its text, all of
+                which count.
 
         Returns:
             Twelve hexadecimal digits.
@@ -59,156 +88,572 @@ class Sources:
         Raises:
             FileNotFoundError: an import of the package names no module.
         """
-        digest = hashlib.sha256(self._code(Path(script)).digest.encode())
-        for path in sorted(self.imported_files(script, *named)):
-            digest.update(path.name.encode())
-            text = path.suffix == ".py"
-            digest.update(self._code(path).digest.encode() if text else path.read_bytes())
-        return digest.hexdigest()[:12]
+        key = _sum([Path(script).read_text(), named])
+        if key not in self._digests:
+            reached = _Reached(self, Path(script), named)
+            data = (self._texts[path] for path in reached.data_files())
+            self._digests[key] = _sum(sorted({*map(self._entry, reached.nodes), *data}))
+            self._remembered = False
+        return self._digests[key]
 
     def imported_files(self, script: str | Path, *named: str) -> set[Path]:
         """Files of the package that a script uses.
 
-        They are the modules it imports, directly or through others, and the data files (YAML, HTML)
-        beside or below such a module that the module names: by their own name or by that of a
-        folder that holds them.
+        They are the modules that it imports, directly or through others, and the data files (YAML,
+        HTML) beside or below such a module that code which is reached there names: by their own
+        name or by that of a folder that holds them.
 
         Args:
             script: a Python file that imports from the package.
             named: dotted names of modules that it imports without naming them in its text.
         """
-        modules = {self._existing_file(module) for module in named}
-        waiting = [Path(script), *modules]
-        while waiting:
-            for module in self._imports(waiting.pop()):
-                if module not in modules:
-                    modules.add(module)
-                    waiting.append(module)
-        return modules.union(*map(self._data, modules))
+        reached = _Reached(self, Path(script), named)
+        return {path for path in reached.loaded if path in self._texts} | reached.data_files()
 
     def remember(self) -> None:
-        """Keep what was parsed for the next run."""
-        if self._memory is None or self._used.keys() <= self._known.keys():
+        """Keep what was found out for the next run."""
+        if self._memory is None or self._remembered:
             return
+        texts = (text for path, text in self._texts.items() if path.suffix == ".py")
+        keys = {_module_key(text) for text in texts}
+        modules = {key: module for key, module in self._parsed.items() if key in keys}
+        kept = {"tree": self._tree, "digests": self._digests, "modules": modules}
         with suppress(OSError):
             self._memory.parent.mkdir(parents=True, exist_ok=True)
-            write_json(self._memory, {"sum": _sum(self._used), "files": self._used})
+            write_json(self._memory, {"sum": _sum(kept), **kept})
 
-    def _read_code(self, path: Path) -> "_Code":
-        text = path.read_text()
-        # Different interpreters print the same code differently.
-        key = hashlib.sha256(f"{sys.version_info} {text}".encode()).hexdigest()
-        self._used[key] = self._known.get(key) or _parse(text)
-        return self._used[key]
+    def data_files(self, module: Path, names: Iterable[str]) -> set[Path]:
+        """Data files beside or below a module that have one of these names, or whose folder has."""
+        below = self._data_below(module.parent)
+        return {path for path, parts in below.items() if not parts.isdisjoint(names)}
 
-    def _find_imports(self, path: Path) -> list[Path]:
-        found = []
-        for module, inner in self._code(path).imports:
-            # `from drapeline.outfits import static` may name a module rather than a function.
-            names = [f"{module}.{name}" for name in inner]
-            for name in [n for n in names if self._module_file(n)] or [module]:
-                found.append(self._existing_file(name))
-        return found
+    def all_nodes(self, path: Path) -> "Iterator[_Node]":
+        """Everything in a module."""
+        for index, definition in enumerate(self.module(path).definitions):
+            yield _Node(path, index, "")
+            yield from (_Node(path, index, method) for method in definition.methods)
 
-    def _find_data(self, module: Path) -> list[Path]:
-        names = self._code(module).names
-        return [
-            path
-            for path in self._data_files
-            if path.is_relative_to(module.parent)
-            and not set(names).isdisjoint(path.relative_to(module.parent).parts)
-        ]
+    def piece(self, node: "_Node") -> "_Piece":
+        """The code of a node."""
+        definition = self.module(node.path).definitions[node.index]
+        return definition.methods[node.method] if node.method else definition.piece
 
-    def _existing_file(self, module: str) -> Path:
-        file = self._module_file(module)
-        if file is None:
-            raise FileNotFoundError(f"{module}: no such module under {self._folder}")
-        return file
+    def _read_module(self, path: Path) -> "_Module":
+        text = self._texts[path] if path in self._texts else path.read_text()
+        key = _module_key(text)
+        if key not in self._parsed:
+            self._parsed[key] = _parse(text)
+            self._remembered = False
+        return _Module.of(self._parsed[key])
 
-    def _find_module(self, name: str) -> Path | None:
+    def _find_file(self, name: str) -> Path | None:
         base = self._folder.joinpath(*name.split("."))
-        for path in (base.with_suffix(".py"), base / "__init__.py"):
-            if path.is_file():
-                return path
-        return None
+        candidates = (base.with_suffix(".py"), base / "__init__.py")
+        return next((path for path in candidates if path in self._texts), None)
+
+    def _find_files_of_import(self, module: str, name: str) -> list[Path]:
+        """Files that are executed by an import, those of the packages around the module first.
+
+        Raises:
+            FileNotFoundError: there is no such module of the package.
+        """
+        if not _is_ours(module):
+            return []
+        if name and self.file(f"{module}.{name}"):
+            module = f"{module}.{name}"
+        if self.file(module) is None:
+            raise FileNotFoundError(f"{module}: no such module under {self._folder}")
+        parts = module.split(".")
+        around = (self.file(".".join(parts[: count + 1])) for count in range(len(parts)))
+        return [path for path in around if path]
+
+    def _find_data_below(self, folder: Path) -> dict[Path, set[str]]:
+        return {
+            path: set(path.relative_to(folder).parts)
+            for path in self._texts
+            if path.suffix in DATA_SUFFIXES and path.is_relative_to(folder)
+        }
+
+    def _find_links(self, node: "_Node") -> "dict[str, _Target]":
+        """What names mean that are used in a node, but for those of builtins and locals."""
+        piece = self.piece(node)
+        local = {name: origin for name, *origin in piece.imports}
+        return {
+            name: target
+            for name in piece.names
+            if (target := self._resolve(node.path, name, local)) is not None
+        }
+
+    def _resolve(
+        self, path: Path, name: str, local: Mapping[str, list[str]] | None = None
+    ) -> "_Target | None":
+        module = self.module(path)
+        first, *rest = name.split(".")
+        nodes = [_Node(path, index, "") for index in module.places(first)]
+        origin = (local or {}).get(first) or module.bound.get(first)
+        if origin is None:
+            found = [self._walk(star, [first, *rest]) for star in module.stars]
+        elif origin[0].split(".")[0] != PACKAGE:
+            return _Target(":".join(origin), tuple(nodes))
+        else:
+            found = [self._walk(origin[0], [*filter(None, origin[1:]), *rest])]
+        nodes += chain.from_iterable(target.nodes for target in found)
+        outside = " ".join(target.outside for target in found)
+        return _Target(outside, tuple(nodes)) if nodes or outside else None
+
+    def _walk(self, module: str, parts: list[str]) -> "_Target":
+        """What `module.part.part` means: a definition, or all of a module."""
+        while parts and self.file(f"{module}.{parts[0]}"):
+            module, parts = f"{module}.{parts[0]}", parts[1:]
+        path = self.file(module)
+        if path is None:
+            raise FileNotFoundError(f"{module}: no such module under {self._folder}")
+        target = self._resolve(path, parts[0]) if parts else None
+        return target or _Target("", tuple(self.all_nodes(path)))
+
+    def _find_called_by_bases(self, node: "_Node") -> set[str]:
+        """Methods of a class that other packages call by their names; "*" for perhaps all."""
+        definition, called = self.module(node.path).definitions[node.index], set[str]()
+        for base in definition.bases:
+            target = self._resolve(node.path, base) if base else _Target("?", ())
+            if target is None:  # a builtin
+                continue
+            if target.outside:
+                called.update(_CALLED_BY_BASE.get(base.split(".")[-1], "*"))
+            for one in target.nodes:
+                if not one.method:
+                    called |= self.called_by_bases(one)
+        return called
+
+    def _make_entry(self, node: "_Node") -> str:
+        """What a node adds to a digest: its code and what the names in it mean, not where it is."""
+        owner = self.piece(node._replace(method="")).code if node.method else ""
+        meanings = [
+            [name, target.outside, sorted(self.piece(one).code for one in target.nodes)]
+            for name, target in sorted(self.links(node).items())
+        ]
+        return json.dumps([owner, self.piece(node).code, meanings])
 
 
-class _Import(NamedTuple):
-    """A module of the package, and the names that are imported from it."""
+class _Node(NamedTuple):
+    """A definition of a module, or a method of a class.
 
-    module: str
-    names: tuple[str, ...]
+    Attributes:
+        path: of the module.
+        index: of its definition.
+        method: name, or "".
+    """
+
+    path: Path
+    index: int
+    method: str
 
 
-class _Code(NamedTuple):
+class _Target(NamedTuple):
+    """What a name means.
+
+    Attributes:
+        outside: where it comes from if it is of another package, else "".
+        nodes: of the package.
+    """
+
+    outside: str
+    nodes: tuple[_Node, ...]
+
+
+class _Reached:
+    """What is reached from a script.
+
+    Attributes:
+        nodes: definitions and methods, each once.
+        loaded: modules that are imported, and the script.
+    """
+
+    def __init__(self, sources: Sources, script: Path, named: Iterable[str]) -> None:
+        self._sources = sources
+        self.loaded: set[Path] = set()
+        self.nodes: dict[_Node, None] = {}
+        self._waiting: list[_Node] = []
+        # Methods are reached by their names, whatever object they are looked up in.
+        self._words: set[str] = set()
+        self._patterns: set[str] = set()
+        self._unused: defaultdict[str, list[_Node]] = defaultdict(list)
+        self._load(script)
+        self._add(sources.all_nodes(script))
+        for module in named:
+            *_, path = sources.files_of_import(module, "")
+            self._load(path)
+            self._add(sources.all_nodes(path))
+        while self._waiting:
+            self._follow(self._waiting.pop())
+
+    def data_files(self) -> set[Path]:
+        """Data files that reached code names."""
+        names = defaultdict(set)
+        for node in self.nodes:
+            names[node.path].update(self._sources.piece(node).strings)
+        return set().union(*(self._sources.data_files(*item) for item in names.items()))
+
+    def _add(self, nodes: Iterable[_Node]) -> None:
+        for node in nodes:
+            if node not in self.nodes:
+                self.nodes[node] = None
+                self._waiting.append(node)
+
+    def _follow(self, node: _Node) -> None:
+        piece = self._sources.piece(node)
+        self._load(node.path)
+        for _, *origin in piece.imports:
+            self._load(*self._sources.files_of_import(*origin))
+        for target in self._sources.links(node).values():
+            self._add(target.nodes)
+        if piece.untraceable:
+            self._add(self._sources.all_nodes(node.path))
+        self._look_up({*piece.attributes, *piece.strings} - self._words, piece.patterns)
+        if not node.method:
+            self._offer_methods(node)
+
+    def _look_up(self, words: set[str], patterns: Iterable[str]) -> None:
+        self._words |= words
+        self._patterns.update(patterns)
+        for word in words & self._unused.keys():
+            self._add(self._unused.pop(word))
+        for word in [w for w in self._unused if any(re.fullmatch(p, w) for p in patterns)]:
+            self._add(self._unused.pop(word))
+
+    def _offer_methods(self, node: _Node) -> None:
+        definition = self._sources.module(node.path).definitions[node.index]
+        called = self._sources.called_by_bases(node).union(definition.called)
+        for name in definition.methods:
+            method = node._replace(method=name)
+            if (
+                name in self._words
+                or not called.isdisjoint((name, "*"))
+                or any(re.fullmatch(pattern, name) for pattern in self._patterns)
+            ):
+                self._add([method])
+            else:
+                self._unused[name].append(method)
+
+    def _load(self, *paths: Path) -> None:
+        """What modules do when they are imported counts, whether or not their names are used."""
+        for path in paths:
+            if path in self.loaded:
+                continue
+            self.loaded.add(path)
+            module = self._sources.module(path)
+            for origin in module.loads:
+                self._load(*self._sources.files_of_import(*origin))
+            acting = (i for i, definition in enumerate(module.definitions) if definition.acts)
+            self._add(_Node(path, index, "") for index in acting)
+
+
+class _Piece(NamedTuple):
+    """Code that counts as a whole.
+
+    Attributes:
+        code: hash of its text.
+        names: dotted names that it uses, such as "np.array".
+        attributes: names that follow a dot.
+        strings: constants that may name a file, a folder or an attribute.
+        patterns: regular expressions of attributes whose names are put together.
+        imports: of its own: the name here, the module, the name there.
+        untraceable: whether it looks names up in a way that cannot be followed.
+    """
+
+    code: str
+    names: list[str]
+    attributes: list[str]
+    strings: list[str]
+    patterns: list[str]
+    imports: list[list[str]]
+    untraceable: bool
+
+
+class _Definition(NamedTuple):
+    """A statement of a module.
+
+    Attributes:
+        binds: names that it gives a meaning.
+        piece: its code, without methods.
+        methods: of a class.
+        called: names of methods that may be called without being named.
+        bases: of a class, dotted names; "" for what is none.
+        acts: whether it does more than giving names a meaning.
+    """
+
+    binds: list[str]
+    piece: _Piece
+    methods: dict[str, _Piece]
+    called: list[str]
+    bases: list[str]
+    acts: bool
+
+
+class _Module(NamedTuple):
     """What counts of a Python file.
 
     Attributes:
-        digest: of the code without docstrings.
-        imports: from the package.
-        names: string constants that may name a file or a folder.
+        bound: name -> module and name that it is imported from; the latter is "" for modules.
+        stars: modules of which all names are imported.
+        loads: the imports of the package, as module and name.
+        definitions: all other statements.
+        names: name -> indices of its definitions.
     """
 
-    digest: str
-    imports: tuple[_Import, ...]
-    names: tuple[str, ...]
+    bound: dict[str, list[str]]
+    stars: list[str]
+    loads: list[list[str]]
+    definitions: list[_Definition]
+    names: dict[str, list[int]]
+
+    def places(self, name: str) -> list[int]:
+        """Indices of the definitions of a name."""
+        return self.names.get(name, [])
+
+    @classmethod
+    def of(cls, kept: Mapping[str, Any]) -> "_Module":
+        """From what `_parse` returned, perhaps by way of JSON."""
+        definitions = [
+            _Definition(binds, _Piece(*piece), {k: _Piece(*v) for k, v in methods.items()}, *rest)
+            for binds, piece, methods, *rest in kept["definitions"]
+        ]
+        names: dict[str, list[int]] = {}
+        for index, definition in enumerate(definitions):
+            for name in definition.binds:
+                names.setdefault(name, []).append(index)
+        return cls(kept["bound"], kept["stars"], kept["loads"], definitions, names)
 
 
-def _parse(text: str) -> _Code:
-    tree = ast.parse(text)
-    nodes = list(ast.walk(tree))
-    imports: list[_Import] = []
-    names = set()
-    unseen = _type_checking_nodes(nodes)
-    for node in nodes:
-        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-            unseen.update(id(inner) for inner in ast.walk(node.body[0]))
-            node.body[0] = ast.Pass()
-    for node in nodes:
-        if id(node) in unseen:
-            continue
-        if isinstance(node, ast.Import):
-            imports += [_Import(alias.name, ()) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            imports.append(_Import(node.module, tuple(alias.name for alias in node.names)))
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            names.add(node.value)
-    return _Code(
-        hashlib.sha256(ast.unparse(tree).encode()).hexdigest(),
-        tuple(i for i in imports if i.module.split(".")[0] == PACKAGE),
-        tuple(sorted(filter(FILE_NAME.fullmatch, names))),
+def _parse(text: str) -> dict[str, Any]:
+    """A module as plain lists and mappings, see `_Module`."""
+    statements = _without_type_checking(_without_docstring(ast.parse(text).body))
+    own = {name for statement in statements for name in _binds(statement)}
+    origins = [origin for one in statements if _is_import(one) for origin in _origins(one)]
+    definitions = [_definition(one, own, origins) for one in statements if not _is_import(one)]
+    for definition in definitions:
+        if definition.acts:  # perhaps imports only if it can
+            origins += definition.piece.imports
+    return {
+        "bound": {local: origin for local, *origin in origins if local},
+        "stars": [module for _, module, name in origins if name == "*"],
+        "loads": [origin for _, *origin in origins if _is_ours(origin[0])],
+        "definitions": definitions,
+    }
+
+
+def _definition(statement: ast.stmt, own: set[str], origins: list[list[str]]) -> _Definition:
+    binds, methods, called, bases = _binds(statement), {}, [], []
+    decorators = {_dotted(d) for d in getattr(statement, "decorator_list", [])}
+    ours = own.union(local for local, module, _ in origins if _is_ours(module))
+    listed = any(decorator.split(".")[0] in ours for decorator in decorators)
+    plain = isinstance(statement, (*_FUNCTIONS, ast.ClassDef, ast.Assign, ast.AnnAssign)) and binds
+    if isinstance(statement, ast.ClassDef):
+        named = [b.value if isinstance(b, ast.Subscript) else b for b in statement.bases]
+        bases = [*map(_dotted, named)]
+        bases += ["" for _ in statement.keywords]
+        grouped: dict[str, list[ast.stmt]] = {}
+        patterns = _own_patterns(statement)
+        for part in (part for part in statement.body if isinstance(part, _FUNCTIONS)):
+            grouped.setdefault(part.name, []).append(part)
+            looked_up = any(re.fullmatch(pattern, part.name) for pattern in patterns)
+            if part.name.startswith("__") or looked_up or not _is_plain(part):
+                called.append(part.name)
+        methods = {name: _piece(parts, own) for name, parts in grouped.items()}
+        statement.body = [part for part in statement.body if not isinstance(part, _FUNCTIONS)]
+    piece = _piece([statement], own)
+    return _Definition(binds, piece, methods, called, bases, listed or not plain)
+
+
+def _piece(statements: list[ast.stmt], own: set[str]) -> _Piece:
+    imports: list[list[str]] = []
+    statements = _strip(statements, imports)
+    names, attributes, strings, patterns = (set[str]() for _ in range(4))
+    within: set[int] = set()  # parts of longer dotted names
+    untraceable = any(name == "*" for _, _, name in imports)
+    for node in chain.from_iterable(map(ast.walk, statements)):
+        match node:
+            case ast.Attribute(value=value, attr=name):
+                attributes.add(name)
+                within.add(id(value))
+                if id(node) not in within or not _dotted(node):
+                    names.add(_dotted(node))
+            case ast.Name(id=name) if id(node) not in within:
+                names.add(name)
+            case ast.Constant(value=str(value)) if "\n" in value:  # perhaps code that calls ours
+                names.update(own.intersection(_WORD.findall(value)))
+            case ast.Constant(value=str(value)) if _FILE_NAME.fullmatch(value):
+                strings.add(value)
+            case ast.Call(func=ast.Name("getattr"), args=[ast.Name("self"), ast.JoinedStr(), *_]):
+                pass  # see `_own_patterns`
+            case ast.Call(func=ast.Name("getattr"), args=[_, ast.JoinedStr(values=parts), *_]):
+                patterns.add(_pattern(parts))
+            case ast.Call(args=[ast.Constant(value=str(module)), *_]) if _looks_up(node):
+                imports.append([module.split(".")[0], module.split(".")[0], ""])
+                names.add(module)
+            case ast.Call() if _looks_up(node):
+                untraceable = True
+    text = "\n".join(map(ast.unparse, statements))
+    used = (sorted(found - {""}) for found in (names, attributes, strings, patterns))
+    return _Piece(_sum(text), *used, imports, untraceable)
+
+
+def _looks_up(call: ast.Call) -> bool:
+    """Whether a call looks a name up; `model.eval()` does not."""
+    name = _dotted(call.func)
+    return name in _UNTRACEABLE or name == "importlib.import_module"
+
+
+def _own_patterns(statement: ast.ClassDef) -> list[str]:
+    """Regular expressions of names that a class puts together to look them up in itself."""
+    found = []
+    for node in ast.walk(statement):
+        match node:
+            case ast.Call(
+                func=ast.Name("getattr"),
+                args=[ast.Name("self"), ast.JoinedStr(values=parts), *_],
+            ):
+                found.append(_pattern(parts))
+    return found
+
+
+def _pattern(parts: list[ast.expr]) -> str:
+    return "".join(
+        re.escape(str(part.value)) if isinstance(part, ast.Constant) else ".*" for part in parts
     )
 
 
-def _type_checking_nodes(nodes: Iterable[ast.AST]) -> set[int]:
-    """Identities of the nodes that only type checkers see."""
-    return {
-        id(inner)
-        for node in nodes
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-        for statement in node.body
-        for inner in ast.walk(statement)
-    }
+def _dotted(node: ast.AST) -> str:
+    """A chain of names and dots as text, of a call that of what is called; "" for what is none."""
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=ast.Name() | ast.Attribute() as value, attr=name):
+            start = _dotted(value)
+            return start and f"{start}.{name}"
+        case ast.Call(func=called):
+            return _dotted(called)
+    return ""
 
 
-def _load_memory(memory: Path | None) -> dict[str, _Code]:
+def _is_ours(module: str) -> bool:
+    return module.split(".")[0] == PACKAGE
+
+
+def _is_import(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.Import | ast.ImportFrom)
+
+
+def _origins(statement: ast.stmt) -> list[list[str]]:
+    """What an import binds: the name here, the module, and the name there, "" for a module."""
+    found = []
+    for alias in statement.names:
+        if isinstance(statement, ast.ImportFrom):
+            found.append([alias.asname or alias.name, statement.module or "", alias.name])
+        elif alias.asname:
+            found.append([alias.asname, alias.name, ""])
+        else:
+            first = alias.name.split(".")[0]
+            found += [[first, first, ""], ["", alias.name, ""]]
+    return found
+
+
+def _binds(statement: ast.stmt) -> list[str]:
+    """Names that a statement of a module gives a meaning, but for those that it imports."""
+    if isinstance(statement, (*_FUNCTIONS, ast.ClassDef)):
+        return [statement.name]
+    if isinstance(statement, ast.Assign | ast.AnnAssign):
+        targets = getattr(statement, "targets", None) or [statement.target]
+        parts = [part for target in targets for part in getattr(target, "elts", [target])]
+        whole = all(isinstance(part, ast.Name | ast.Starred) for part in parts)
+        return [_dotted(getattr(part, "value", part)) for part in parts] if whole else []
+    return [
+        getattr(node, "name", None) or node.id
+        for node in ast.walk(statement)
+        if isinstance(node, (*_FUNCTIONS, ast.ClassDef))
+        or (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
+    ]
+
+
+def _strip(body: list[ast.stmt], imports: list[list[str]]) -> list[ast.stmt]:
+    """Statements without what has no effect: docstrings, imports of the package, annotations.
+
+    Args:
+        body: is changed.
+        imports: the imports within are added to it.
+    """
+    kept = []
+    for statement in _without_type_checking(body):
+        if _is_import(statement):
+            origins = _origins(statement)
+            imports += origins
+            if not _is_ours(origins[0][1]):
+                kept.append(statement)
+            continue
+        if isinstance(statement, (*_FUNCTIONS, ast.ClassDef)):
+            statement.body = _without_docstring(statement.body)
+        if isinstance(statement, _FUNCTIONS) and _is_plain(statement):
+            _remove_annotations(statement)
+        for part in (statement, *getattr(statement, "handlers", getattr(statement, "cases", []))):
+            for field in ("body", "orelse", "finalbody"):
+                if inner := getattr(part, field, None):
+                    setattr(part, field, _strip(inner, imports) or [ast.Pass()])
+        kept.append(statement)
+    return kept
+
+
+def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
+    match body:
+        case [ast.Expr(ast.Constant(value=str())), *rest]:
+            return rest or [ast.Pass()]
+    return body
+
+
+def _without_type_checking(body: list[ast.stmt]) -> list[ast.stmt]:
+    found = []
+    for statement in body:
+        only = isinstance(statement, ast.If) and "TYPE_CHECKING" in ast.unparse(statement.test)
+        found += statement.orelse if only else [statement]
+    return found
+
+
+def _is_plain(function: Any) -> bool:
+    """Whether no decorator reads annotations, as those of kernels do, or lists what it is given."""
+    return {_dotted(d).split(".")[-1] for d in function.decorator_list} <= _PLAIN_DECORATORS
+
+
+def _remove_annotations(function: Any) -> None:
+    arguments = function.args
+    function.returns = None
+    for one in (
+        *(*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs),
+        *filter(None, (arguments.vararg, arguments.kwarg)),
+    ):
+        one.annotation = None
+
+
+def _sum(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()[:16]
+
+
+@cache
+def _reader() -> str:
+    """Names this code and this interpreter: others print the same code differently."""
+    return _sum([sys.version, Path(__file__).read_text()])
+
+
+def _module_key(text: str) -> str:
+    return _sum([_reader(), text])
+
+
+def _load_memory(memory: Path | None) -> dict[str, Any]:
+    nothing: dict[str, Any] = {"tree": "", "digests": {}, "modules": {}}
     if memory is None:
-        return {}
+        return nothing
     try:
-        kept = read_json(memory, {"sum": str, "files": dict})
+        kept = read_json(memory, {"sum": str, "tree": str, "digests": dict, "modules": dict})
     except InputError:
-        return {}
-    if kept["sum"] != _sum(kept["files"]):  # damaged: the files are parsed anew
-        return {}
-    return {
-        key: _Code(
-            digest, tuple(_Import(module, tuple(inner)) for module, inner in imports), tuple(names)
-        )
-        for key, (digest, imports, names) in kept["files"].items()
-    }
-
-
-def _sum(files: dict[str, Any]) -> str:
-    # With the names of the fields, so that what an older version kept is not taken for ours.
-    text = json.dumps([_Import._fields, _Code._fields, files])
-    return hashlib.sha256(text.encode()).hexdigest()
+        return nothing
+    # Of a damaged file, or one that another version kept, all is found out anew.
+    whole = kept.pop("sum") == _sum(kept)
+    return kept if whole else nothing
