@@ -43,7 +43,7 @@ MEASURES = (
     *("inside_share_mean", "stretch_low", "stretch_high", "slip_m", "layer_share_mean"),
     *("self_share_mean", "acceleration_m_s2"),
 )
-WIDE = dict.fromkeys(("inside_share_mean", "inside_share_max", "depth_m", "slip_m"), 9.0)
+WIDE = {"inside_share_mean": 1, "inside_share_max": 1, "depth_m": 1, "slip_m": 2}
 
 
 def simulate(solver: str, results: str, folder: str, *samples: str) -> None:
@@ -68,7 +68,7 @@ def simulate(solver: str, results: str, folder: str, *samples: str) -> None:
             cloth,
             settings=SimulationSettings(**SETTINGS),
             bounds=HealthBounds(
-                **WIDE, stretch_low=0, stretch_high=99, layer_share_mean=1, self_share_mean=1
+                **WIDE, stretch_low=0, stretch_high=10, layer_share_mean=1, self_share_mean=1
             ),
         )
 

@@ -29,9 +29,9 @@ from drapeline.rendering.camera import frame_points, look_at, view_direction
 from drapeline.rendering.picture_grid import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.simulation.attachments import Pins
-from drapeline.simulation.attempts import Attempt, SimulationSettings
+from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.solver import ClothGarment, ClothSolver
 
 _FRAMES, _SKIRT_FRAMES = 10 * FPS, 3 * FPS
@@ -46,7 +46,15 @@ _COLOURS = {
     "leather": (0.55, 0.40, 0.30),
 }
 _PICTURE = (230, 230)
-_NO_BOUNDS = HealthBounds(*[9.0] * 3, stretch_low=0, stretch_high=9, slip_m=9, layer_share_mean=1)
+_NO_BOUNDS = HealthBounds(
+    inside_share_mean=1,
+    inside_share_max=1,
+    depth_m=1,
+    stretch_low=0,
+    stretch_high=9,
+    slip_m=2,
+    layer_share_mean=1,
+)
 
 
 class Cloth(NamedTuple):
@@ -138,7 +146,9 @@ def worn(solver: ClothSolver, body: BodyModel, outfit: Outfit, fabric: str) -> G
     """The skirt, made of a fabric, after it has hung on its wearer for a while."""
     (skirt,) = outfit.garments
     made = replace(skirt, about={**skirt.about, "fabric": fabric})
-    settings = SimulationSettings(_STEPS, _STEPS, shape_frames=4, pose_frames=1, attempts=1)
+    settings = SimulationSettings(
+        steps_min=_STEPS, steps_max=_STEPS, shape_frames=4, pose_frames=1, attempts=1
+    )
     settled, reason = settle(
         replace(outfit, garments=(made,)), body, solver, _SKIRT_FRAMES, settings, _NO_BOUNDS
     )

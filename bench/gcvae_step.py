@@ -15,7 +15,8 @@ from torch_geometric.nn import ChebConv
 from torch_geometric.utils import scatter
 
 from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.networks import Gcvae, GcvaeNetwork, Residual
+from drapeline.models.gcvae.networks import Gcvae, Residual
+from drapeline.models.gcvae.settings import GcvaeNetwork
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 
@@ -154,7 +155,7 @@ def rows(results: Path) -> Iterator[Comparison]:
     body = template(results)
     for name, widths in SIZES.items():
         rng = torch.Generator().manual_seed(0)
-        ours = Gcvae(body, GcvaeNetwork(widths), inputs=6, mask=True, rng=rng)
+        ours = Gcvae(body, GcvaeNetwork(widths=widths), inputs=6, mask=True, rng=rng)
         theirs = GeometricGcvae(ours, body.edges["body"], body.parents["body"])
         vertices = len(body.offset_mean)
         x = torch.randn(vertices, BATCH, 6, generator=rng)

@@ -1,4 +1,6 @@
-"""Write docs/reference/settings.md, the list of all keys of the config, from the schema.
+"""Write the config's schema, and docs/reference/settings.md, the list of all its keys.
+
+Both come from the classes of settings that `drapeline.experiment.settings` puts together.
 
 PYTHONPATH=src .venv/bin/python docs/make_settings.py
 """
@@ -10,7 +12,9 @@ from typing import Any
 
 import yaml
 
-from drapeline.experiment.config import allowed_values, fill_settings
+from drapeline.experiment.config import fill_settings
+from drapeline.experiment.settings import MODELS, experiment_with
+from drapeline.setting_schema import allowed_values
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
@@ -20,8 +24,9 @@ PAGE = ROOT / "docs/reference/settings.md"
 INTRODUCTION = """\
 # Settings
 
-All {count} keys that a config may name, by stage. `docs/make_settings.py` writes this page from
-[the schema](../../workflow/schemas/config.schema.yaml).
+All {count} keys that a config may name, by stage. `make docs` writes this page, and
+[the schema](../../workflow/schemas/config.schema.yaml) that configs are checked against, from the
+classes that `drapeline.experiment.settings` puts together.
 
 A key that a config omits takes the default given here. Defaults suit a computer with two cores;
 *paper* is the value in `workflow/config/paper.yaml`, the size of CLOTH3D, where it is another.
@@ -29,6 +34,34 @@ Units are part of the names, and frames are at 30 per second. A misspelt key or 
 range stops the run before the first job. Paths are relative to the folder in which Snakemake works.
 [Make your own experiment](../how-to/own-experiment.md) says how to use a config.
 """
+
+
+def schema_text() -> str:
+    """The schema as YAML."""
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    schema = {
+        "$schema": draft,
+        **experiment_with(MODELS).schema_of_config(),
+        "title": "drapeline's experiment",
+    }
+    text = yaml.dump(
+        schema,
+        Dumper=_Dumper,
+        sort_keys=False,
+        width=100,
+        allow_unicode=True,
+    )
+    return f"# Written by `make docs` from the classes of settings in src/.\n{text}"
+
+
+class _Dumper(yaml.SafeDumper):
+    """Without anchors, and with lists in one line."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
+        return super().represent_sequence(tag, sequence, flow_style=True)
 
 
 def settings_page(schema: Mapping[str, Any], paper: Mapping[str, Any]) -> str:
@@ -56,7 +89,7 @@ def settings_page(schema: Mapping[str, Any], paper: Mapping[str, Any]) -> str:
     for stage, part in parts.items():
         if _is_group(part):
             own = {k: one for k, one in part["properties"].items() if not _is_group(one)}
-            add_table(f"## {part.get('title', stage)}: `{stage}`", own, stage)
+            add_table(f"## {part.get('title', stage.capitalize())}: `{stage}`", own, stage)
             for name, group in part["properties"].items():
                 if _is_group(group):
                     path = f"{stage}.{name}"
@@ -107,5 +140,6 @@ def _value(value: Any) -> str:
 
 
 if __name__ == "__main__":
+    SCHEMA.write_text(schema_text())
     schema, paper = (yaml.safe_load(path.read_text()) for path in (SCHEMA, PAPER))
     PAGE.write_text(settings_page(schema, paper))

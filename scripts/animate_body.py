@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.generation.body import BodySettings, animate
+from drapeline.generation.body import animate
+from drapeline.generation.settings import BodySettings
 from drapeline.motions.motion import load_motion
 from drapeline.rule_log import rule_log
 

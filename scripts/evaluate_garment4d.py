@@ -10,14 +10,14 @@ from drapeline.learning_data.sequences import SequenceData
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.body_input import BodySet
 from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
-from drapeline.models.garment4d.evaluate import EvaluationSettings, evaluate
+from drapeline.models.garment4d.evaluate import evaluate
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_files import load_posed_files
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from drapeline.models.garment4d.settings import parse_settings
+from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.training.module import fastest_device
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ with rule_log(snakemake.log[0]):
         },
         {**stages, "mgn": load_stage(given.mgn, MgnStage).to(device)},
         params.splits,
-        parse_settings(EvaluationSettings, params.settings),
-        parse_settings(RefineSettings, params.refine),
+        EvaluationSettings(**params.settings),
+        RefineSettings(**params.refine),
         load_posed_files(posed["posed"]).worn_statistics,
         pictures=snakemake.output.pictures,
         vertex_sampled=BodySequences(SequenceData(released), bodies) if released else None,

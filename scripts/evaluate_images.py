@@ -11,8 +11,8 @@ from drapeline.errors import InputError
 from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.table import write_metrics
 from drapeline.models.smplicit.evaluate_images import PictureEvaluation, take_pictures
-from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.storage import atomic_folder
 from drapeline.xpbd.solver import cloth_solver

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.fitted_scans import BODY, save_fitted_scans
@@ -16,9 +16,9 @@ from drapeline.models.compare_scans import (
     skin_of,
     truth_shown,
 )
-from drapeline.models.smplicit.fit_scans import FitScan
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.scan_fitter import ON_JOINT_BODY, SmplicitScanFitter
+from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.xpbd.solver import cloth_solver
 

@@ -8,12 +8,12 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.table import write_metrics
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
-    FitSettings,
     true_meshes,
 )
 from drapeline.models.smplicit.held_out import save_held_out
 from drapeline.models.smplicit.load import new_field
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
 from drapeline.outfits.static import load_static
 from drapeline.rule_log import rule_log
 
@@ -30,7 +30,7 @@ with rule_log(snakemake.log[0]):
         data,
         true_meshes(data, outfits),
         meshing=Meshing(**params.meshing),
-        fit=FitSettings(**params.fit),
+        fit=FieldFitSettings(**params.fit),
         seed=params.seed,
     )
     untrained = new_field(model.name, data, model.bodies, model.network.settings).eval()

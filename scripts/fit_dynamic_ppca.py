@@ -9,6 +9,7 @@ from drapeline.frames import GENDERS
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.dynamic_template import dynamic_body_template
 from drapeline.models.gcvae.garment_ppca import DynamicPpca, save_fit
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log
@@ -26,6 +27,6 @@ with rule_log(snakemake.log[0]):
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    model = DynamicPpca(DynamicPpca.parse(params.settings), template)
+    model = DynamicPpca(PpcaSettings(**params.settings), template)
     model.fit(garments)
     save_fit(snakemake.output[0], model)

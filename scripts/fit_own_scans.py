@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.segmented_scans import save_scans, segment_scans
 from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.fitted_scans import save_fitted_scans
-from drapeline.models.smplicit.fit_scans import FitScan
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.own_scans import find_in_scans, shown_scan, write_found
+from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.report.models.scans import OWN
 from drapeline.rule_log import rule_log
 from drapeline.xpbd.solver import cloth_solver

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 import torch
 
 from drapeline.generation.moving_sheets import make_hang
-from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import fit_picture, shown_picture, write_fitted
 from drapeline.models.smplicit.hanging import hang_picture
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures import read_picture
+from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.xpbd.solver import cloth_solver
 

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import load_template
-from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import garments_of_sample, write_tables
 from drapeline.rule_log import rule_log
 
@@ -15,6 +15,6 @@ with rule_log(snakemake.log[0]) as log:
         snakemake.output[0],
         garments_of_sample(snakemake.input.sample),
         {garment: load_template(snakemake.input[garment]) for garment in snakemake.params.garments},
-        FitSettings(**snakemake.params.settings),
+        TemplateFitSettings(**snakemake.params.settings),
     )
     log.info("%d garments", count)

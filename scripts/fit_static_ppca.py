@@ -8,6 +8,7 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.garment_ppca import StaticPpca, save_fit
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.registration.to_body.hierarchy import load_hierarchy
@@ -27,7 +28,7 @@ with rule_log(snakemake.log[0]):
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    model = StaticPpca(StaticPpca.parse(snakemake.params.settings), template)
+    model = StaticPpca(PpcaSettings(**snakemake.params.settings), template)
     model.fit(garments)
     save_fit(
         snakemake.output[0],

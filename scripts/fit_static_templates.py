@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from drapeline.outfits.static import load_static
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import load_template
-from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
 from drapeline.rule_log import rule_log
 
@@ -20,6 +20,6 @@ with rule_log(snakemake.log[0]) as log:
             for garment in outfit.garments
         ],
         {garment: load_template(snakemake.input[garment]) for garment in snakemake.params.garments},
-        FitSettings(**snakemake.params.settings),
+        TemplateFitSettings(**snakemake.params.settings),
     )
     log.info("%d garments", count)

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.generation.outfit import OutfitSettings, Wearer, dress
-from drapeline.outfits.own_garments import OwnGarment
+from drapeline.generation.outfit import Wearer, dress
+from drapeline.generation.settings import OutfitSettings
+from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import load_templates
 from drapeline.rule_log import rule_log
 

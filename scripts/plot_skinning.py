@@ -1,6 +1,5 @@
 """Rule `plot_skinning`: figure 7, what interpolated skinning weights do for a skirt."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +36,7 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
         body, worn = sequences.body(sequence), data.canonical[sequence]
         posed = [
             propose_garment(body, poses[frame][None], worn, data.space.faces, how)[0]
-            for how in (replace(many, neighbours=1, passes=0), many)
+            for how in (many.replace(neighbours=1, passes=0), many)
         ]
         vertices = posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
         cases.append(

@@ -6,7 +6,8 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.evaluate import true_meshes
 from drapeline.models.smplicit.figure_cases import rebuilt_garments
 from drapeline.models.smplicit.held_out import load_held_out
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import Meshing
 from drapeline.outfits.static import load_static
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.smplicit.rebuilt import plot_rebuilt

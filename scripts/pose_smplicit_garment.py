@@ -11,13 +11,13 @@ from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
 from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.gallery import nearest_type
 from drapeline.models.smplicit.gallery_files import worn_prototype
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.repose import SKINNINGS
+from drapeline.models.smplicit.settings import Meshing
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.smplicit.gallery import animate_clip, plot_clip
 from drapeline.rule_log import rule_log
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
 from drapeline.models.garment4d.scans import reconstruct_scans
-from drapeline.models.garment4d.settings import parse_settings
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ with rule_log(snakemake.log[0]) as log:
     bodies = model.bodies.models
     scans = read_scans(given.points, given.body, bodies, up=params.up, fps=params.fps)
     body = scans.body
-    refining = parse_settings(RefineSettings, params.refine)
+    refining = RefineSettings(**params.refine)
     found = reconstruct_scans(scans, model, refining, name=given.points, seed=params.seed)
     write_metrics(made.metrics, found.rows)
     found.shown.save(made.shown)

@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.dataset.point_clouds import CloudSettings, write_clouds
+from drapeline.dataset.point_clouds import write_clouds
+from drapeline.dataset.settings import CloudSettings
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

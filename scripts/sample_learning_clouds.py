@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.dataset.point_clouds import CloudSettings, write_clouds
+from drapeline.dataset.point_clouds import write_clouds
 from drapeline.dataset.record import read_meta
+from drapeline.dataset.settings import CloudSettings
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.rule_log import rule_log
 from drapeline.storage import atomic_folder

@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import scan_samples
-from drapeline.dataset.segmented_scans import ScanSettings
+from drapeline.dataset.settings import ScanSettings
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.frames import GENDERS
 from drapeline.rule_log import rule_log

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
-from drapeline.generation.body import BodySettings
-from drapeline.generation.outfit import OutfitSettings, Wearer
+from drapeline.generation.outfit import Wearer
 from drapeline.generation.sample import make_sample
+from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.motions.motion import load_motion
-from drapeline.outfits.own_garments import OwnGarment
+from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import load_templates
 from drapeline.rule_log import rule_log
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.storage import atomic_folder
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from drapeline.bodies.model import load_body
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.outfits.outfit import load_outfit
 from drapeline.rule_log import rule_log
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
 
 if TYPE_CHECKING:

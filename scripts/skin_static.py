@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.dataset.point_clouds import CloudSettings
 from drapeline.frames import GENDERS
-from drapeline.learning_data.skinned import SkinnedSettings, write_skinned
+from drapeline.learning_data.settings import SkinnedSettings
+from drapeline.learning_data.skinned import write_skinned
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ with rule_log(snakemake.log[0]) as log:
         given.outfits,
         given.samples,
         {gender: load_body(given[gender]) for gender in GENDERS},
-        SkinnedSettings(params.frames, params.step, CloudSettings(**params.clouds)),
+        SkinnedSettings(frames=params.frames, step=params.step, clouds=params.clouds),
         garments=params.garments,
     )
     log.info("%d outfits", count)

@@ -24,7 +24,7 @@ with rule_log(snakemake.log[0]):
             data,
             {gender: load_body(given[gender]) for gender in GENDERS},
             load_clusters(given.fields),
-            DisplacementSettings.of(params.settings),
+            DisplacementSettings(**params.settings),
         ),
         data,
         code=params.code,

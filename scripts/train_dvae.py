@@ -6,7 +6,7 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.dynamic_template import dynamic_body_template
-from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.gcvae.settings import DvaeSettings
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.registration.to_body.hierarchy import load_hierarchy
@@ -25,7 +25,7 @@ with rule_log(snakemake.log[0]):
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    settings = VaeSettings.of(params.settings)
+    settings = DvaeSettings(**params.settings)
     train_vae(
         snakemake.output[0],
         DynamicVae(settings, template),

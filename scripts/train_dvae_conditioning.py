@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings, train_conditioning
+from drapeline.models.gcvae.settings import ConditioningSettings
+from drapeline.models.gcvae.train_conditioning import train_conditioning
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ with rule_log(snakemake.log[0]):
     train_conditioning(
         snakemake.output[0],
         load_dynamic_garments(given.data, given.static, int(snakemake.wildcards.frames)),
-        ConditioningSettings.of(snakemake.params.settings),
+        ConditioningSettings(**snakemake.params.settings),
         code=snakemake.params.code,
         progress=snakemake.params.progress,
         threads=snakemake.threads,

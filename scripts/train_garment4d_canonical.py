@@ -21,7 +21,7 @@ with rule_log(snakemake.log[0]):
     stage = PointNetStage if snakemake.wildcards.canonical == "pointnet" else CanonicalStage
     train_stage(
         snakemake.output[0],
-        stage(stage.parse(params.settings), data.space, data.label),
+        stage(stage.SETTINGS(**params.settings), data.space, data.label),
         BodySequences(data, BodySet(bodies, params.body_points)),
         code=params.code,
         progress=params.progress,

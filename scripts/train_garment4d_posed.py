@@ -24,7 +24,7 @@ with rule_log(snakemake.log[0]):
     stage = MgnStage if snakemake.wildcards.posed == "mgn" else PosedStage
     device = fastest_device(params.trainer["accelerator"])
     canonical = load_stage(given.canonical, CanonicalStage).to(device)
-    settings = stage.parse(params.settings)
+    settings = stage.SETTINGS(**params.settings)
     sequences = BodySequences(SequenceData(given.data), BodySet(bodies, params.body_points))
 
     def complete(folder):

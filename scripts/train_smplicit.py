@@ -18,7 +18,7 @@ with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     data = FieldData(given.data)
-    model = new_field(snakemake.wildcards.field, data, bodies, FieldSettings.of(params.settings))
+    model = new_field(snakemake.wildcards.field, data, bodies, FieldSettings(**params.settings))
     train_field(
         snakemake.output[0],
         model,

@@ -26,7 +26,7 @@ with rule_log(snakemake.log[0]):
         load_hierarchy(given.hierarchy),
         {gender: load_body(given[gender]) for gender in GENDERS},
     )
-    model = StaticVae(VaeSettings.of(params.settings), template)
+    model = StaticVae(VaeSettings(**params.settings), template)
     train_vae(
         snakemake.output[0],
         model,

@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings, train_conditioning
+from drapeline.models.gcvae.settings import ConditioningSettings
+from drapeline.models.gcvae.train_conditioning import train_conditioning
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ with rule_log(snakemake.log[0]):
     train_conditioning(
         snakemake.output[0],
         StaticData(snakemake.input.data),
-        ConditioningSettings.of(snakemake.params.settings),
+        ConditioningSettings(**snakemake.params.settings),
         code=snakemake.params.code,
         progress=snakemake.params.progress,
         threads=snakemake.threads,

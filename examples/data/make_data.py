@@ -17,10 +17,11 @@ from scipy.spatial.transform import Rotation
 from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.labels import LABELS
-from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
+from drapeline.dataset.point_clouds import load_clouds, write_clouds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.scene_part import BODY_COLOUR
-from drapeline.dataset.segmented_scans import ScanSettings, scan_sample
+from drapeline.dataset.segmented_scans import scan_sample
+from drapeline.dataset.settings import CloudSettings, ScanSettings
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.geometry.obj import save_obj
 from drapeline.models.smplicit.evaluate_images import class_of_garment

@@ -24,11 +24,12 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.sequence import load_body_sequence
 from drapeline.bodies.smpl_files import convert_to_pickle, read_body_arrays
 from drapeline.dataset.info_mat import read_info, read_placement
-from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
+from drapeline.dataset.point_clouds import load_clouds, write_clouds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import outfit_text, read_record
 from drapeline.dataset.scans import read_body_parameters, read_frames
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans, save_scans
+from drapeline.dataset.settings import CloudSettings
 from drapeline.dataset.tables import read_table, write_table
 from drapeline.dataset.writer import write_sample
 from drapeline.experiment.checks import refuse_contradictions
@@ -44,7 +45,8 @@ from drapeline.learning_data.moving import load_moving
 from drapeline.learning_data.occlusion import texture_pixels
 from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.learning_data.sequences import SequenceData
-from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write_skinned
+from drapeline.learning_data.settings import SkinnedSettings
+from drapeline.learning_data.skinned import load_skinned, write_skinned
 from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.manifest import damages, write_manifest
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_fitted_picture
@@ -57,9 +59,10 @@ from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.conditioning import load_conditioning
-from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
+from drapeline.models.gcvae.garment_ppca import StaticPpca
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.sampling.files import load_samples
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.static_files import load_training_codes
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.load import load
@@ -547,9 +550,9 @@ def _make_stages(folder: Path) -> None:
     save_toy_data(folder / "data", body())
     sequences = open_toy_data(folder / "data", body(), 30)
     canonical = CanonicalStage(
-        CanonicalStage.parse(CANONICAL), sequences.data.space, sequences.data.label
+        CanonicalStage.SETTINGS(**CANONICAL), sequences.data.space, sequences.data.label
     )
-    posed = PosedStage(PosedStage.parse(POSED), canonical)
+    posed = PosedStage(PosedStage.SETTINGS(**POSED), canonical)
     for name, stage in (("canonical", canonical), ("posed", posed)):
         out = folder / name
         out.mkdir()

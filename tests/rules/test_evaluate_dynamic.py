@@ -12,7 +12,8 @@ from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.gcvae.body_template import STATIC_CVAR
 from drapeline.models.gcvae.codes import Codes, save_codes
-from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings
+from drapeline.models.gcvae.garment_ppca import DynamicPpca
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
@@ -60,12 +61,10 @@ def stages(toy_body, tmp_path_factory):
     save_model(
         made / "static", shaken(StaticVae(SETTINGS, template_on_body(toy_body, STATIC_CVAR)))
     )
-    training = replace(SETTINGS.training, mask=False, version="unposed")
+    training = SETTINGS.training.replace(mask=False, version="unposed")
     latent = SETTINGS.network.latent
     body_template = template_on_body(toy_body, STATIC_CVAR + 72 * FRAMES + latent)
-    save_model(
-        made / "dvae", DynamicVae(replace(SETTINGS, training=training), body_template).eval()
-    )
+    save_model(made / "dvae", DynamicVae(SETTINGS.replace(training=training), body_template).eval())
     return {
         **given,
         "samples": samples,
@@ -99,7 +98,7 @@ def test_evaluate_dynamic_measures_held_out_frames(run_rule, stages, tmp_path):
 def stages_of_ppca(stages, toy_body, tmp_path_factory):
     """The same with a PCA that was not fitted: all of its garments are the mean."""
     body_template = template_on_body(toy_body, STATIC_CVAR + 72 * FRAMES + SETTINGS.network.latent)
-    model = DynamicPpca(PpcaSettings(SETTINGS.network.latent), body_template).eval()
+    model = DynamicPpca(PpcaSettings(latent=SETTINGS.network.latent), body_template).eval()
     folder = tmp_path_factory.mktemp("stages") / "ppca"
     save_model(folder, model)
     return {**stages, "dvae": folder, "model": folder}

@@ -1,6 +1,6 @@
 """The rules of the learning group: clips, samples, and what is made of them, shard by shard."""
 
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +12,14 @@ from drapeline.dataset.record import read_meta, solver_name
 from drapeline.dataset.segmented_scans import load_scans
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.outfits.templates import build_templates
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import SimulationSettings
+from toys.bounds import NO_BOUNDS
 
 CLIPS = Path(__file__).parents[2] / "workflow/resources/motions"
 PLANS = [
     SamplePlan("L00001", "walk", 0, 7, 16, "female", "Tshirt+Skirt", "train", 1.1),
     SamplePlan("L00002", "walk", 1, 3, 10, "male", "Top+Trousers", "test", 0.9, True),
 ]
-_LOOSE = {"stretch_low": 0.0, "stretch_high": 10.0}
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +57,9 @@ def shard(tmp_path_factory, run_rule, baked_bodies):
                 "elastic_probability": 0.5,
             },
             "own_garments": {"female": {}, "male": {}},
-            "settings": asdict(SimulationSettings(steps_min=6, steps_max=6, attempts=1)),
+            "settings": SimulationSettings(steps_min=6, steps_max=6, attempts=1).plain(),
             # Whatever a processor makes of so short a motion is taken.
-            "bounds": {field.name: _LOOSE.get(field.name, 1.0) for field in fields(HealthBounds)},
+            "bounds": NO_BOUNDS.plain(),
         },
         threads=1,
     )

@@ -12,7 +12,7 @@ from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.outfits.static import load_static
 from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates
-from drapeline.simulation.attempts import SimulationSettings
+from drapeline.simulation.settings import SimulationSettings
 from drapeline.xpbd.solver import cloth_solver
 
 OUTFIT_TYPES = ["Tshirt+Trousers", "Top+Skirt", "Dress", "Jumpsuit"]
@@ -78,7 +78,9 @@ def settling(**bounds):
         "modules": [settle_static.__module__, cloth_solver.__module__],
         "accelerator": "cpu",
         "frames": 12,
-        "settings": asdict(SimulationSettings(8, 8, shape_frames=2, pose_frames=1)),
+        "settings": SimulationSettings(
+            steps_min=8, steps_max=8, shape_frames=2, pose_frames=1
+        ).plain(),
         "bounds": {**wide, **shares, "stretch_low": 0.0, "stretch_high": 9.0, **bounds},
     }
 

@@ -1,7 +1,6 @@
 """The rules of SMPLicit's gallery, on a model whose fields are exact tubes."""
 
 import csv
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -14,7 +13,8 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.files import body_file
 from drapeline.models.smplicit.gallery import SHEETS
 from drapeline.models.smplicit.model import FieldGarment, SmplicitModel
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds
+from toys.bounds import NO_BOUNDS
 from toys.displacement import collect_skirts, write_moving_skirts
 from toys.displacement_trainings import train_toy_displacement
 from toys.gallery import TubeField, save_toy_model, save_toy_outfits, training_codes
@@ -116,7 +116,7 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
                 "simulate": False,
                 "edge_length_m": 0.04,
                 "simulation": SIMULATION,
-                "bounds": asdict(HealthBounds(9, 9, 9, 0, 99, 9, 1, 1)),
+                "bounds": NO_BOUNDS.plain(),
                 "meshing": MESHING,
                 "rays": 0.02,
                 **changes,
@@ -164,7 +164,7 @@ def test_a_simulated_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_p
     skinned, simulated = run(), run(simulate=True)
     assert simulated[0] == pytest.approx(1.5 * skinned[0], rel=0.05)
     assert simulated[1] != skinned[1]
-    out_of_bounds = asdict(HealthBounds(stretch_low=0.999, stretch_high=1.001))
+    out_of_bounds = HealthBounds(stretch_low=0.999, stretch_high=1.001).plain()
     assert run(simulate=True, bounds=out_of_bounds) == skinned
 
 

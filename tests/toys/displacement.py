@@ -84,10 +84,7 @@ def collect_skirts(
 
 def toy_displacement_settings(**training) -> DisplacementSettings:
     """Networks that learn in seconds."""
-    return DisplacementSettings.of(
-        {
-            "network": {"code": 3, "width": 0.1},
-            "loss": {},
-            "training": {"batch": 4, "edges": 16, **training},
-        }
+    return DisplacementSettings(
+        network={"code": 3, "width": 0.1},
+        training={"epochs": 100, "batch": 4, "edges": 16, "schedule": "constant", **training},
     )

@@ -112,18 +112,22 @@ def fill_regression(regression: MapRegression) -> None:
 # Settings of trainings that take seconds and still learn something.
 CANONICAL = {
     "network": {
-        "segmentation": [
-            {"centres": 40, "radii": [0.2], "neighbours": [8], "widths": [[8, 16]]},
-            {"centres": 12, "radii": [0.4], "neighbours": [8], "widths": [[16, 16]]},
-        ],
-        "propagation": [[16], [16]],
+        "width": 1,
+        "points": 6890,
+        "layers": {
+            "segmentation": [
+                {"centres": 40, "radii": [0.2], "neighbours": [8], "widths": [[8, 16]]},
+                {"centres": 12, "radii": [0.4], "neighbours": [8], "widths": [[16, 16]]},
+            ],
+            "propagation": [[16], [16]],
+            "garment": [
+                {"centres": 24, "radii": [0.3], "neighbours": [8], "widths": [[16, 16]]},
+                {"centres": 8, "radii": [0.6], "neighbours": [8], "widths": [[16, 16]]},
+            ],
+            "overall": [32],
+            "head": [16],
+        },
         "garment_points": 60,
-        "garment": [
-            {"centres": 24, "radii": [0.3], "neighbours": [8], "widths": [[16, 16]]},
-            {"centres": 8, "radii": [0.6], "neighbours": [8], "widths": [[16, 16]]},
-        ],
-        "overall": [32],
-        "head": [16],
         "body_relative_points": True,
     },
     "loss": {"segmentation": 0.5, "interpenetration": 0.0, "balance": 0.5},
@@ -134,6 +138,7 @@ CANONICAL = {
         "schedule": "one_cycle",
         "frames": 3,
         "stride": 1,
+        "sources": ["simulated", "skinned"],
     },
 }
 # As the paper has it.
@@ -148,6 +153,9 @@ POSED = {
         "garment_counts": [6, 6, 6],
         "body_radii_m": [0.2],
         "body_counts": [6],
+        "ball_layers": 2,
+        "pull_neighbours": 0,
+        "smooth_passes": 0,
     },
     "loss": {"interpenetration": 0.0, "laplacian": 0.0, "temporal": 0.0},
     "skinning": {"neighbours": 16, "passes": 5},

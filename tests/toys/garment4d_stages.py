@@ -18,7 +18,7 @@ def build_canonical(
     cls: type[CanonicalStage] = CanonicalStage,
 ) -> CanonicalStage:
     """An untrained canonical stage, or its baseline, for sequences."""
-    return cls(cls.parse(values), sequences.data.space, sequences.data.label)
+    return cls(cls.SETTINGS(**values), sequences.data.space, sequences.data.label)
 
 
 def train_toys(

@@ -10,9 +10,8 @@ from drapeline.bodies.rest_body import rest_basis, rest_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
 from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.networks import GcvaeNetwork
 from drapeline.models.gcvae.sampling.draw import draw_requests
-from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.vae import GarmentVae, StaticVae
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
@@ -20,10 +19,12 @@ from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topolo
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
 from toys.gcvae import ToyGarments, toy_template, tube, tube_faces
+from toys.paper import printed
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=5, condition=4),
-    training=GcvaeTraining(normal_parts=2),
+    loss=GcvaeLoss(**printed("gcvae.loss")),
+    training=GcvaeTraining(**printed("gcvae.svae.training"), normal_parts=2),
 )
 
 

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import torch
 
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings, train_conditioning
+from drapeline.models.gcvae.settings import ConditioningSettings
+from drapeline.models.gcvae.train_conditioning import train_conditioning
 from drapeline.models.training.checkpoints import read_checkpoint
 from portability import THREADS
 
-CONDITIONING = ConditioningSettings.of({"condition": 4, "training": {"epochs": 12, "batch": 8}})
+CONDITIONING = ConditioningSettings(condition=4, training={"epochs": 12, "batch": 8})
 
 
 class Killed(Exception):

@@ -10,10 +10,8 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.garment_fields import FieldData, collect_fields, sample_fields
 from drapeline.learning_data.occlusion import texture_pixels
-from drapeline.models.smplicit.fit_images import FitImage
-from drapeline.models.smplicit.model import Meshing
 from drapeline.models.smplicit.pictures import CLASSES, Person, Picture
-from drapeline.models.smplicit.settings import FieldSettings
+from drapeline.models.smplicit.settings import FieldSettings, FitImage, Meshing
 from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
@@ -99,12 +97,17 @@ def toy_fields(folder: Path, body_of) -> FieldData:
 
 def toy_settings(**training) -> FieldSettings:
     """Networks that learn in seconds."""
-    return FieldSettings.of(
-        {
-            "network": {"cut": 2, "style": 3, "width": 0.1, "encoder_width": 2},
-            "loss": {},
-            "training": {"batch": 2, "near": 32, "space": 32, **training},
-        }
+    return FieldSettings(
+        network={"cut": 2, "style": 3, "width": 0.1, "encoder_width": 2},
+        training={
+            "epochs": 100,
+            "visits": 1,
+            "batch": 2,
+            "near": 32,
+            "space": 32,
+            "schedule": "constant",
+            **training,
+        },
     )
 
 

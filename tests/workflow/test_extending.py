@@ -23,8 +23,7 @@ from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.generate import sample_numbers
 from drapeline.report.colours import FABRIC_COLOURS, GARMENT_COLOURS
 from drapeline.seeding import rng_for
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import simulate_outfit
 from drapeline.storage import read_json
 from toys.cloth import Follower, dress

@@ -8,13 +8,12 @@ close to its first estimate, and its shape close to the mean.
 Absolute distances are minimised as weighted squares, by damped Gauss-Newton steps.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.moved_body import PLACE, SHAPE, TURNS, UNKNOWNS, BodyState, MovedBody
+from drapeline.bodies.settings import BodyFit
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.least_squares import LeastSquares, absolute_weights
 from drapeline.geometry.mesh import barycentric, face_normals, vertex_normals
@@ -22,32 +21,6 @@ from drapeline.geometry.mesh import barycentric, face_normals, vertex_normals
 _REACH_M = 0.1  # skin further from the scan has not been seen
 _GAP_M = 0.003  # cloth is this far off the skin
 _FLOOR_M = 0.003  # below it, absolute distances are taken for squares
-
-
-@dataclass(frozen=True)
-class BodyFit:
-    """How a body is fitted to a scan.
-
-    Attributes:
-        joint_steps: of least squares for joints and priors alone, which bring the body close enough
-            for its surface to be compared with the scan.
-        steps: for all terms.
-        points: of skin and of cloth, and vertices of the body, that count.
-        weight: of skin, as a number of independent points.
-        skin_m: how far points of the skin are from the body, metres.
-        joints_m: how far predicted joints are from the body's, metres.
-        pose_rad: how far the rotations of joints are from the first estimate.
-        shape: standard deviation of the numbers of a shape.
-    """
-
-    joint_steps: int = 5
-    steps: int = 10
-    points: int = 1500
-    weight: float = 200.0
-    skin_m: float = 0.005
-    joints_m: float = 0.03
-    pose_rad: float = 0.15
-    shape: float = 1.5
 
 
 class BodyTerms:

@@ -6,9 +6,9 @@ independently in every frame; the protocol of the released code is available as 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -16,14 +16,12 @@ import warp as wp
 from drapeline.dataset.labels import BODY, LABELS
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
+from drapeline.dataset.settings import CloudSettings, Visibility
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.warp_mesh import move_mesh, start_warp, warp_mesh
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder, create_array, open_arrays, read_json, write_json
-
-Visibility = Literal["all", "multi", "single"]
-Protocol = Literal["surface", "vertices"]
 
 # Elevation in degrees and number of cameras of each ring. No camera is below the floor, which lies
 # about 0.9 m under the root joint.
@@ -40,31 +38,6 @@ _CHUNK = 32  # frames held in memory at once
 # Frames after which the tree for ray casting is rebuilt. Boxes that follow a dancer grow: rays took
 # three times as long after 40 frames, while rebuilding takes as long as the rays of one frame.
 _REBUILD = 8
-
-
-@dataclass(frozen=True)
-class CloudSettings:
-    """How point clouds are sampled.
-
-    Attributes:
-        points: number of points P in every frame.
-        noise_m: standard deviation of the noise added to each coordinate.
-        missing: share of the visible surface that lies in holes.
-        visibility: which cameras see the sample: "all" are 13 cameras around and above, "multi"
-            four in a ring, "single" one; the rings are rotated randomly, once per sequence.
-        protocol: "surface", or "vertices" as in the released code: half of the points are garment
-            vertices and half are body vertices, the same ones in every frame, covered or not;
-            `visibility` and `missing` do not apply then.
-        seed: together with the name of a sequence and the number of a frame, it determines the
-            points.
-    """
-
-    points: int = 2048
-    noise_m: float = 0.0
-    missing: float = 0.0
-    visibility: Visibility = "all"
-    protocol: Protocol = "surface"
-    seed: int = 0
 
 
 class CloudRngs(NamedTuple):
@@ -416,7 +389,7 @@ def write_clouds(folder: str | Path, sample_folder: str | Path, settings: CloudS
                     "source": "simulated",
                     "gender": sample.gender,
                     "garments": list(sample.garments),
-                    "settings": asdict(settings),
+                    "settings": settings.plain(),
                     "fps": FPS,
                 }
                 _write_frames(scratch, sample, settings, name)

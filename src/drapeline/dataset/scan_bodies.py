@@ -5,10 +5,12 @@ from pathlib import Path
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.moved_body import BodyState
-from drapeline.bodies.scan_fit import BodyFit, fit_body
+from drapeline.bodies.scan_fit import fit_body
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
-from drapeline.dataset.segmented_scans import ScanSettings, SegmentedScan, save_scans, scan_sample
+from drapeline.dataset.segmented_scans import SegmentedScan, save_scans, scan_sample
+from drapeline.dataset.settings import ScanSettings
 from drapeline.seeding import rng_for
 
 

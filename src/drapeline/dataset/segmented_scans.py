@@ -13,36 +13,16 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import BODY, LABELS
-from drapeline.dataset.point_clouds import CloudRngs, CloudSampler, CloudSettings
+from drapeline.dataset.point_clouds import CloudRngs, CloudSampler
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.scans import ScanSequence
+from drapeline.dataset.settings import CloudSettings, ScanSettings
 from drapeline.errors import InputError
 from drapeline.outfits.garment_types import GARMENTS, layered
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz
 
 OTHER = 255  # label of cloth of garments that are not looked for
-
-
-@dataclass(frozen=True)
-class ScanSettings:
-    """How samples are scanned, and how far estimates of the body are off.
-
-    Attributes:
-        frames: of each sample, evenly spread.
-        points: of a scan.
-        noise_m: standard deviation of each coordinate of a point.
-        pose_rad: of each joint's rotation about each axis.
-        place_m: of each coordinate of the root joint.
-        joints_m: of each coordinate of predicted joints.
-    """
-
-    frames: int = 2
-    points: int = 20_000
-    noise_m: float = 0.002
-    pose_rad: float = 0.06
-    place_m: float = 0.03
-    joints_m: float = 0.02
 
 
 @dataclass(frozen=True)

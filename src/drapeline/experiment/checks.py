@@ -2,15 +2,26 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
 from drapeline.errors import InputError
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 from drapeline.outfits.static_plan import StaticPlan
+from drapeline.registration.settings import LEVELS
 
 # A shape space needs a mean and a direction.
 _SPACE_GARMENTS = 2
+# Numbers for each level of the meshes, or of points.
+_LENGTHS = {
+    **{f"gcvae.{model}.network.widths": LEVELS for model in ("svae", "dvae")},
+    **{
+        f"garment4d.posed.network.{points}_{key}": 3
+        for points in ("garment", "body")
+        for key in ("radii_m", "counts")
+    },
+}
 
 
 def refuse_contradictions(settings: Mapping[str, Any]) -> None:
@@ -41,10 +52,14 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
             f" which is {learning['frames']}"
         )
     for name, own in settings["outfits"]["own_garments"].items():
-        if not isinstance(own, str) and not {"file", *GENDERS} & own.keys():
+        if not isinstance(own, str) and not any(own[key] for key in ("file", *GENDERS)):
             raise InputError(
                 f"outfits.own_garments.{name} names no OBJ file, expected file, female or male"
             )
+    for path, count in _LENGTHS.items():
+        value = reduce(lambda part, key: part[key], path.split("."), settings)
+        if len(value) != count:
+            raise InputError(f"{path} is {value}, expected {count} numbers, one for each level")
     val, test = (settings["static"][f"{split}_share"] for split in ("val", "test"))
     if val + test >= 1:
         raise InputError(

@@ -10,6 +10,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from drapeline.errors import InputError
+from drapeline.setting_schema import expectation, unknown_setting
 
 
 def fill_settings(
@@ -19,9 +20,8 @@ def fill_settings(
 
     Args:
         settings: nested mappings as read from YAML.
-        schema: JSON schema whose objects are closed and whose keys have defaults. What the default
-            of an object names comes before the defaults of its keys, also where the object is
-            given in part.
+        schema: JSON schema whose objects are closed and whose keys have defaults; those of objects
+            are empty.
         source: name of the file the settings come from, for messages.
 
     Raises:
@@ -42,8 +42,7 @@ def _fill(values: Any, schema: Mapping[str, Any]) -> Any:
     if not isinstance(values, Mapping):
         return _whole(copy.deepcopy(values), schema)
     parts = schema.get("properties", {})
-    own = schema.get("default")
-    filled = {**(own if isinstance(own, Mapping) else {}), **values}
+    filled = dict(values)
     for key, part in parts.items():
         if "default" in part:
             filled.setdefault(key, part["default"])
@@ -89,7 +88,7 @@ def _sentence(error: ValidationError) -> str:
         known = sorted(error.schema["properties"])
         unknown = sorted(set(error.instance) - set(known), key=str)
         prefix = "" if key == "the file" else f"{key}."
-        return f"'{prefix}{unknown[0]}' is not a setting, expected one of {', '.join(known)}"
+        return unknown_setting(f"{prefix}{unknown[0]}", str(unknown[0]), known)
     if error.validator == "dependentRequired":
         named, missing = next(
             (name, other)
@@ -98,50 +97,4 @@ def _sentence(error: ValidationError) -> str:
             if name in error.instance and other not in error.instance
         )
         return f"{key} names {named} but no {missing}, expected both"
-    return f"{key} is {reprlib.repr(error.instance)}, expected {_expectation(error.schema)}"
-
-
-def _expectation(schema: Mapping[str, Any]) -> str:
-    words = allowed_values(schema)
-    if "description" in schema and "enum" not in schema:
-        words += f" ({schema['description'].strip().rstrip('.')})"
-    return words
-
-
-def allowed_values(schema: Mapping[str, Any]) -> str:
-    """In words, what a key takes by its JSON schema, such as "a number from 0 to 1"."""
-    if "anyOf" in schema:
-        return " or ".join(map(allowed_values, schema["anyOf"]))
-    if "enum" in schema:
-        return "one of " + ", ".join(map(str, schema["enum"]))
-    kinds = schema.get("type", "value")
-    kinds = [kinds] if isinstance(kinds, str) else list(kinds)
-    named = " or ".join(kind for kind in kinds if kind != "null")
-    words = ("an " if named[0] in "aeiou" else "a ") + named
-    words += _between(schema.get("minimum"), schema.get("maximum"), schema.get("exclusiveMinimum"))
-    words += _items(schema.get("minItems"), schema.get("maxItems"))
-    if "enum" in schema.get("items", {}):
-        words += " out of " + ", ".join(map(str, schema["items"]["enum"]))
-    if schema.get("uniqueItems"):
-        words += ", each named once"
-    if "pattern" in schema:
-        words += f" matching {schema['pattern']}"
-    return words + (" or null" if "null" in kinds else "")
-
-
-def _between(low: float | None, high: float | None, above: float | None = None) -> str:
-    if above is not None:
-        return f" above {above}" + (f" and at most {high}" if high is not None else "")
-    if low is not None:
-        return f" of at least {low}" if high is None else f" from {low} to {high}"
-    return f" of at most {high}" if high is not None else ""
-
-
-def _items(least: int | None, most: int | None) -> str:
-    if least is None and most is None:
-        return ""
-    if least == most:
-        return f" of exactly {least} items"
-    if least is None:
-        return f" of at most {most} items"
-    return f" of {least} or more items" if most is None else f" of {least} to {most} items"
+    return f"{key} is {reprlib.repr(error.instance)}, expected {expectation(error.schema)}"

@@ -1,31 +1,15 @@
 """A random body in its piece of a clip (CLOTH3D 3.1)."""
 
-from dataclasses import dataclass
-
 from drapeline.bodies.animation import first_free_sequence
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sampling import sample_shape
 from drapeline.bodies.sequence import BodySequence, ClipLabels
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
+from drapeline.generation.settings import BodySettings
 from drapeline.motions.motion import Motion
 from drapeline.motions.variation import cut_piece
 from drapeline.seeding import rng_for
-
-
-@dataclass(frozen=True)
-class BodySettings:
-    """How bodies are drawn and freed of self-collisions.
-
-    Attributes:
-        shape_range: shape coefficients lie within plus or minus this.
-        shape_draws: shapes to try before a sample is rejected.
-        segment_gap_m: between parts that were pressed apart.
-    """
-
-    shape_range: float
-    shape_draws: int
-    segment_gap_m: float
 
 
 def animate(

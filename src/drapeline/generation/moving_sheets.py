@@ -5,7 +5,7 @@ that a skirt follows a shin that is bent back; a solver lets it hang, swing and 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -28,8 +28,7 @@ from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.worn import HungSheet, wear_in_layers
 from drapeline.rule_log import LOGGER
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
 from drapeline.simulation.solver import ClothSolver
 
@@ -106,7 +105,7 @@ def simulate_sheets(
     with TemporaryDirectory() as name:
         folder = Path(name) / "simulated"
         dressed = DressedBody(body, record, outfit)
-        settings = replace(simulation, shape_frames=1)  # the body's shape stays
+        settings = simulation.replace(shape_frames=1)  # the body's shape stays
         status = simulate_outfit(folder, dressed, solver, settings=settings, bounds=bounds)
         if status["status"] != "accepted":
             raise InputError(f"{' and '.join(sheets)}: {status['reason']}")
@@ -200,7 +199,7 @@ class Hang:
                 record,
                 self.solver,
                 edge_length_m=self.edge_length_m,
-                simulation=replace(self.simulation, attempts=1, floor=False),
+                simulation=self.simulation.replace(attempts=1, floor=False),
                 bounds=_WORN,
             )
         except InputError as error:

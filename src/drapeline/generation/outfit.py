@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.sequence import BodySequence
 from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.generation.settings import OutfitSettings
 from drapeline.outfits.distributions import OutfitRanges
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.outfit import Outfit
-from drapeline.outfits.own_garments import OwnGarment
+from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.templates import Templates
 from drapeline.seeding import rng_for
 
@@ -27,23 +28,6 @@ class Wearer:
     body: BodyModel
     templates: Templates
     own: Mapping[str, OwnGarment]
-
-
-@dataclass(frozen=True)
-class OutfitSettings:
-    """How outfits are made; see `sample_outfit`.
-
-    Attributes:
-        edge_length_m: mean length of edges.
-        vertices_min: of a garment; its edges are shortened until it has so many.
-        tightness_range: lower and upper end.
-        elastic_probability: that an end is gathered.
-    """
-
-    edge_length_m: float
-    vertices_min: int
-    tightness_range: tuple[float, float]
-    elastic_probability: float
 
 
 def dress(
@@ -68,7 +52,7 @@ def dress(
         edge_length_m=settings.edge_length_m,
         vertices_min=settings.vertices_min,
         ranges=OutfitRanges(
-            tightness=tuple(settings.tightness_range), elastic_chance=settings.elastic_probability
+            tightness=settings.tightness_range, elastic_chance=settings.elastic_probability
         ),
         own=wearer.own,
     )

@@ -7,12 +7,12 @@ from typing import Any
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.dataset.writer import write_sample
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.generation.body import BodySettings, animate
-from drapeline.generation.outfit import OutfitSettings, Wearer, dress
+from drapeline.generation.body import animate
+from drapeline.generation.outfit import Wearer, dress
+from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.motions.motion import Motion
 from drapeline.seeding import rng_for
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
 from drapeline.simulation.solver import ClothSolver
 

@@ -15,8 +15,7 @@ from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import LOGGER, progress
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
 from drapeline.simulation.solver import ClothSolver
 

@@ -7,7 +7,7 @@ second.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,20 +20,16 @@ from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.skinning import skin_points
 from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.labels import BODY
-from drapeline.dataset.point_clouds import (
-    CloudSampler,
-    CloudSettings,
-    cloud_rngs,
-    create_clouds,
-    rig_turn,
-)
+from drapeline.dataset.point_clouds import CloudSampler, cloud_rngs, create_clouds, rig_turn
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
+from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import FPS
 from drapeline.geometry.collision import Solid
 from drapeline.geometry.mesh import mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.outfits.garment_types import SKIRTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, load_static
@@ -52,21 +48,6 @@ from drapeline.storage import (
 # Weights of the nearest body vertices jump where a skirt hangs between the legs; diffused over
 # this length they go from one leg to the other without a crease.
 _SKIRT_REACH_M = 0.12
-
-
-@dataclass(frozen=True)
-class SkinnedSettings:
-    """How static outfits are put into motion.
-
-    Attributes:
-        frames: T, of each outfit.
-        step: between them, in frames of the motion.
-        clouds: how the point clouds are taken; its seed also chooses the motions.
-    """
-
-    frames: int = 4
-    step: int = 1
-    clouds: CloudSettings = field(default_factory=CloudSettings)
 
 
 class Worn(NamedTuple):
@@ -216,7 +197,7 @@ def write_skinned(
             scratch / "about.json",
             {
                 "source": "skinned",
-                "settings": asdict(settings),
+                "settings": settings.plain(),
                 "fps": FPS,
                 "garments": [[g.name for g in o.outfit.garments] for o in outfits],
                 "left_out": [o.name for o in wanted if o.split not in splits],

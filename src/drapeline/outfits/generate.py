@@ -23,10 +23,10 @@ from drapeline.outfits.fabrics import fabric_names
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, lay_over, leave_body, resize
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.own_garments import OwnGarment
 from drapeline.outfits.patterns.cutting import cut_garment
 from drapeline.outfits.patterns.panels import Pattern
 from drapeline.outfits.patterns.separation import separator
+from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.settling import drape_on_form
 from drapeline.outfits.templates import Templates
 from drapeline.outfits.user_garment import load_user_garment, rims

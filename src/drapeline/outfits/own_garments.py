@@ -1,30 +1,9 @@
 """Which garments of their own users name in the config, and how these are worn."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from drapeline.frames import GENDERS
-
-# Openings of a garment by where they are; see `user_garment.openings`.
-OPENINGS = ("top", "bottom", "sleeves", "legs")
-
-
-@dataclass(frozen=True)
-class OwnGarment:
-    """A user's garment in place of a template.
-
-    Attributes:
-        path: of the OBJ file.
-        fabric: one of `FABRICS`; None to draw one as for other garments.
-        elastic: of `OPENINGS`, those that an elastic gathers.
-        held: of `OPENINGS`, those that the body carries; None for the waistbands of lower garments.
-    """
-
-    path: str
-    fabric: str | None = None
-    elastic: tuple[str, ...] = ()
-    held: tuple[str, ...] | None = None
 
 
 def own_garments(settings: Mapping[str, str | Mapping[str, Any]]) -> dict[str, dict[str, Any]]:

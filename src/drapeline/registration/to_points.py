@@ -5,8 +5,6 @@ smoothly, so the edge lengths of the garment at rest and all frames together giv
 equations for the vertices, which is linear and the same in every round.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
@@ -14,6 +12,7 @@ from scipy.spatial import cKDTree
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import barycentric
 from drapeline.geometry.sparse import symmetric_factor
+from drapeline.registration.settings import RefineSettings
 from drapeline.registration.springs import spring_lengths, springs
 from drapeline.registration.worn_garments import WornGarmentStatistics
 
@@ -25,27 +24,6 @@ _REACH_M = 0.06  # a point this far from the garment pulls half as hard as a clo
 _DEEP_M = 0.05  # the surface nearest to vertices further inside is likely another limb's
 _BODY_EVERY = 5  # rounds between searches for the nearest body vertices
 _USUAL_ERROR_M = 0.08  # of proposals, where no statistics are given
-
-
-@dataclass(frozen=True)
-class RefineSettings:
-    """Weights of the terms, per vertex, relative to the pull of the points.
-
-    Attributes:
-        rounds: how often the points are assigned to places on the garment.
-        stretch: of the edges' lengths.
-        bend: of the distances across edges.
-        smooth: of accelerations, between frames.
-        keep_m: a vertex that starts with this error is held back as hard as points pull it.
-        gap_m: least distance from the body.
-    """
-
-    rounds: int = 15
-    stretch: float = 2.0
-    bend: float = 0.2
-    smooth: float = 0.5
-    keep_m: float = 0.008
-    gap_m: float = 0.003
 
 
 def fit_to_points(

@@ -9,7 +9,8 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh, vertex_normals
 from drapeline.outfits.worn import wear_in_layers
-from drapeline.registration.to_points import RefineSettings, fit_to_points
+from drapeline.registration.settings import RefineSettings
+from drapeline.registration.to_points import fit_to_points
 
 _POINTS = 4000  # of a garment that count
 # Single frames have noise, and cloth that is finer than Garment4D's templates follows it.

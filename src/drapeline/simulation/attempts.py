@@ -6,35 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.frames import FPS
+from drapeline.simulation.settings import SimulationSettings
 
 _SIMPLE_VERTICES, _COMPLEX_VERTICES = 4_000, 16_000
 _CALM_M_S, _FAST_M_S = 1.0, 4.0
 _LIMB_M = 0.5
-
-
-@dataclass(frozen=True)
-class SimulationSettings:
-    """How cloth is simulated.
-
-    Attributes:
-        steps_min, steps_max: solver steps per frame for the simplest and most complex outfit.
-        shape_frames: frames in which the body goes from the garments' shape to its own.
-        pose_frames: frames from the rest pose to the first pose.
-        gap_m: distance between cloth and body in metres.
-        collider_share: of the body's triangles that the first attempt collides with; later ones
-            take all.
-        floor: whether cloth lies on the floor on which the body moves.
-        attempts: how many, each finer than the last, before a sample is rejected.
-    """
-
-    steps_min: int = 14
-    steps_max: int = 20
-    shape_frames: int = 10
-    pose_frames: int = 20
-    gap_m: float = 0.004
-    collider_share: float = 1.0
-    floor: bool = True
-    attempts: int = 3
 
 
 @dataclass(frozen=True)

@@ -13,35 +13,12 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.geometry.moving_surface import MovingSurface
 from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
+from drapeline.simulation.settings import HealthBounds
 
 _SELF_EVERY = 10  # frames between counts of self-intersections
 _LAYER_REACH_M = 0.03
 _FOLLOWED = 200
 _NEAR_M = 0.04
-
-
-@dataclass(frozen=True)
-class HealthBounds:
-    """What an accepted sample must keep to; means are over frames, of the worst garment.
-
-    Attributes:
-        inside_share_mean, inside_share_max: share of garment vertices inside the body.
-        depth_m: deepest vertex inside the body, 95th percentile over frames.
-        stretch_low, stretch_high: mean 1st and 99th percentile of edge length over rest length.
-        slip_m: median displacement of the garment along the body since the first frame, at its
-            largest.
-        layer_share_mean: share of outer garment vertices beneath the inner garment.
-        self_share_mean: share of edges that pass through the garment's own faces.
-    """
-
-    inside_share_mean: float = 0.01
-    inside_share_max: float = 0.05
-    depth_m: float = 0.03
-    stretch_low: float = 0.82
-    stretch_high: float = 1.25
-    slip_m: float = 0.25
-    layer_share_mean: float = 0.05
-    self_share_mean: float = 0.10
 
 
 @dataclass(frozen=True)
@@ -250,10 +227,10 @@ def inevitable_violations(
 def violations(measures: Mapping[str, float], bounds: HealthBounds) -> list[str]:
     """One phrase per measure that is outside its bound, with both values."""
     phrases = []
-    for name in bounds.__dataclass_fields__:
+    for name, bound in bounds:
         if name not in measures:
             continue
-        value, bound = measures[name], getattr(bounds, name)
+        value = measures[name]
         low = name == "stretch_low"
         if not (value >= bound if low else value <= bound):
             phrases.append(

@@ -21,16 +21,16 @@ from drapeline.outfits.fabrics import FABRICS, Fabric
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.rule_log import progress
 from drapeline.simulation.attachments import Pins, elastic_shrinkage
-from drapeline.simulation.attempts import Attempt, SimulationSettings, plan_attempt
+from drapeline.simulation.attempts import Attempt, plan_attempt
 from drapeline.simulation.collider import MovingBody, make_collider
 from drapeline.simulation.health import (
-    HealthBounds,
     HealthMonitor,
     inevitable_violations,
     summary,
     violations,
     watch,
 )
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.solver import ClothGarment, ClothSolver
 from drapeline.simulation.transitions import body_frames, place_at_start, rising_floor
 from drapeline.storage import atomic_folder, save_npz, write_json

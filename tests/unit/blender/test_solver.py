@@ -3,8 +3,7 @@ import numpy as np
 
 from drapeline.blender.solver import cloth_solver
 from drapeline.geometry.point_cache import PointCache
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import simulate_outfit
 from toys.cloth import FRAMES, dress, skirt
 

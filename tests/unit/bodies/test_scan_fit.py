@@ -3,7 +3,8 @@ import pytest
 
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.moved_body import BodyState
-from drapeline.bodies.scan_fit import BodyFit, fit_body
+from drapeline.bodies.scan_fit import fit_body
+from drapeline.bodies.settings import BodyFit
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import face_normals

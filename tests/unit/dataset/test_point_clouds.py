@@ -12,12 +12,12 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import (
     CloudRngs,
     CloudSampler,
-    CloudSettings,
     corrupt_labels,
     cut_holes,
     load_clouds,
     write_clouds,
 )
+from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.seeding import rng_for
 from drapeline.storage import read_json
@@ -108,7 +108,7 @@ def test_one_camera_sees_what_rays_by_hand_reach():
     faces = np.concatenate([m.triangles + s for m, s in zip(meshes, starts, strict=False)])
     corners = [vertices[faces[:, i]].astype(float) for i in range(3)]
     camera = 3 * np.array([0, -np.cos(np.radians(10)), np.sin(np.radians(10))])
-    points, labels = sample_cloud(meshes, CloudSettings(300, visibility="single"))
+    points, labels = sample_cloud(meshes, CloudSettings(points=300, visibility="single"))
     assert not crossed(points.astype(float), camera, *corners).any()
     # The same shares of labels as of points drawn and judged by hand.
     area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0]), axis=1)
@@ -128,7 +128,7 @@ def test_one_camera_sees_what_rays_by_hand_reach():
 def test_skin_close_under_cloth_is_covered_and_cloth_inside_skin_too():
     body = ball(0.3)
     for cloth, expected in ((ball(0.31, label="Top"), "Top"), (ball(0.29, label="Top"), "Body")):
-        _, labels = sample_cloud([body, cloth], CloudSettings(500))
+        _, labels = sample_cloud([body, cloth], CloudSettings(points=500))
         assert (labels == LABELS.index(expected)).all()
 
 
@@ -136,7 +136,7 @@ def test_cloth_is_seen_from_its_inside_and_a_body_is_not():
     wide = skirt(0.5, -0.1, 0.1)
     for label, share in (("Skirt", 0.3), ("Body", 0.0)):
         points, _ = sample_cloud(
-            [wide._replace(label=label)], CloudSettings(1000, visibility="single")
+            [wide._replace(label=label)], CloudSettings(points=1000, visibility="single")
         )
         # The camera is 10 degrees up: over the near rim it sees the far side from inside.
         assert (points[:, 1] > 0.2).mean() >= share
@@ -154,14 +154,14 @@ def test_a_turn_takes_the_camera_around():
 
 
 def test_noise_has_its_standard_deviation():
-    calm, _ = sample_cloud([ball()], CloudSettings(3000))
-    noisy, _ = sample_cloud([ball()], CloudSettings(3000, noise_m=0.01))
+    calm, _ = sample_cloud([ball()], CloudSettings(points=3000))
+    noisy, _ = sample_cloud([ball()], CloudSettings(points=3000, noise_m=0.01))
     assert (noisy - calm).std() == pytest.approx(0.01, rel=0.05)
 
 
 def test_missing_patches_leave_the_number_of_points():
     def emptiest(missing):
-        points, _ = sample_cloud([ball()], CloudSettings(2000, missing=missing))
+        points, _ = sample_cloud([ball()], CloudSettings(points=2000, missing=missing))
         assert len(np.unique(points, axis=0)) == 2000
         probes = ball(0.3).vertices
         return np.linalg.norm(probes[:, None] - points[None], axis=-1).min(axis=1).max()
@@ -171,11 +171,13 @@ def test_missing_patches_leave_the_number_of_points():
 
 def test_a_following_sampler_equals_a_new_one():
     meshes = [ball(), skirt(), ball(0.05, (0, 0, 0.4), "Top")]
-    sampler = CloudSampler([(m.triangles, m.label) for m in meshes], CloudSettings(400))
+    sampler = CloudSampler([(m.triangles, m.label) for m in meshes], CloudSettings(points=400))
     for shift in np.linspace(0, 0.3, 10):  # the tree is rebuilt at the ninth
         moved = [meshes[0], meshes[1], meshes[2]._replace(vertices=meshes[2].vertices + shift)]
         followed = sampler.sample([m.vertices for m in moved], rngs())
-        for actual, expected in zip(followed, sample_cloud(moved, CloudSettings(400)), strict=True):
+        for actual, expected in zip(
+            followed, sample_cloud(moved, CloudSettings(points=400)), strict=True
+        ):
             np.testing.assert_array_equal(actual, expected)
 
 
@@ -207,7 +209,7 @@ def test_unknown_labels_and_unseen_scenes_are_refused():
     with pytest.raises(InputError, match="points of 'Hat' have no label, expected one of Body"):
         sample_cloud([ball(label="Hat")], CloudSettings())
     with pytest.raises(InputError, match="cameras 'single' see 0 of"):
-        sample_cloud([ball(9.0)], CloudSettings(20, visibility="single"))
+        sample_cloud([ball(9.0)], CloudSettings(points=20, visibility="single"))
 
 
 def test_a_hole_is_a_point_and_those_nearest_to_it():

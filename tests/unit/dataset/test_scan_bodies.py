@@ -1,8 +1,9 @@
 """Scans of simulated samples with the bodies that fit them."""
 
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import scan_samples
-from drapeline.dataset.segmented_scans import ScanSettings, load_scans
+from drapeline.dataset.segmented_scans import load_scans
+from drapeline.dataset.settings import ScanSettings
 from toys.tiny_sample import write_tiny_sample
 
 

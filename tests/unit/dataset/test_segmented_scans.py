@@ -11,12 +11,12 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.scans import read_scans, to_scans
 from drapeline.dataset.segmented_scans import (
     OTHER,
-    ScanSettings,
     load_scans,
     save_scans,
     scan_sample,
     segment_scans,
 )
+from drapeline.dataset.settings import ScanSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.storage import save_npz

@@ -12,15 +12,14 @@ from drapeline.frames import REST_POSE
 from drapeline.generation import moving_sheets
 from drapeline.generation.moving_sheets import Hang, simulate_sheets
 from drapeline.geometry.mesh import Mesh, edge_lengths, edges, mean_edge_length
-from drapeline.simulation.attempts import SimulationSettings
-from drapeline.simulation.health import HealthBounds
+from drapeline.simulation.settings import SimulationSettings
 from drapeline.xpbd.solver import cloth_solver
+from toys.bounds import NO_BOUNDS
 from toys.smplicit import tube
 
 SETTINGS = SimulationSettings(
     steps_min=6, steps_max=6, shape_frames=1, pose_frames=2, collider_share=1.0, attempts=1
 )
-EVERYTHING = HealthBounds(9, 9, 9, 0, 99, 9, 1, 1)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +32,7 @@ def record(toy_body):
 
 
 def simulate(sheets, toy_body, record, **changes):
-    settings = {"edge_length_m": 0.01, "simulation": SETTINGS, "bounds": EVERYTHING, **changes}
+    settings = {"edge_length_m": 0.01, "simulation": SETTINGS, "bounds": NO_BOUNDS, **changes}
     return {
         name: sheet.frames
         for name, sheet in simulate_sheets(
@@ -95,7 +94,7 @@ def test_bad_input_is_refused(toy_body, record, skirt):
         simulate({"Skirt": skirt, "Top": nothing}, toy_body, record)
     with pytest.raises(InputError, match="sheets: no faces"):
         simulate({}, toy_body, record)
-    strict = HealthBounds(9, 9, 9, 0.999, 1.001, 9, 1, 1)
+    strict = NO_BOUNDS.replace(stretch_low=0.999, stretch_high=1.001)
     with pytest.raises(InputError, match=r"Skirt: stretch_\w+ .*, expected at"):
         simulate({"Skirt": skirt}, toy_body, record, bounds=strict)
 
@@ -156,7 +155,7 @@ def test_what_cannot_hang_is_left_out(toy_body, skirt, monkeypatch, caplog):
     still = Rotation.identity()
     assert hang({"Top": nothing}, toy_body, still) == {}
     assert list(hang({"Skirt": skirt, "Top": nothing}, toy_body, still)) == ["Skirt"]
-    strict = HealthBounds(9, 9, 9, 0.999, 1.001, 9, 1, 1)
+    strict = NO_BOUNDS.replace(stretch_low=0.999, stretch_high=1.001)
     monkeypatch.setattr(moving_sheets, "_WORN", strict)
     with caplog.at_level("INFO", logger="drapeline"):
         assert hang({"Skirt": skirt}, toy_body, still) == {}

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from drapeline.dataset.point_clouds import CloudSettings, load_clouds, write_clouds
+from drapeline.dataset.point_clouds import load_clouds, write_clouds
 from drapeline.dataset.reader import Sample
+from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import triangulate
 from drapeline.learning_data.sequence_sources import simulated_sequences, skinned_sequences
-from drapeline.learning_data.skinned import SkinnedSettings, load_skinned, write_skinned
+from drapeline.learning_data.settings import SkinnedSettings
+from drapeline.learning_data.skinned import load_skinned, write_skinned
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.registration.to_template.remesh import RemeshTable

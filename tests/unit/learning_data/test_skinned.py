@@ -11,17 +11,12 @@ from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.labels import LABELS
-from drapeline.dataset.point_clouds import CloudSettings
+from drapeline.dataset.settings import CloudSettings
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import edges, triangulate
-from drapeline.learning_data.skinned import (
-    SkinnedSettings,
-    load_skinned,
-    wear,
-    worn_weights,
-    write_skinned,
-)
+from drapeline.learning_data.settings import SkinnedSettings
+from drapeline.learning_data.skinned import load_skinned, wear, worn_weights, write_skinned
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.storage import read_json

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.segmented_scans import ScanSettings, save_scans, scan_sample
+from drapeline.dataset.segmented_scans import save_scans, scan_sample
+from drapeline.dataset.settings import ScanSettings
 from drapeline.errors import DamagedFile
 from drapeline.metrics.fitted_scans import BODY, COMMON, TRUE
 from drapeline.metrics.table import ALL, find_value

@@ -1,4 +1,5 @@
-from drapeline.outfits.own_garments import OwnGarment, own_garments
+from drapeline.outfits.own_garments import own_garments
+from drapeline.outfits.settings import OwnGarment
 
 
 def test_a_path_is_for_both_genders():

@@ -8,7 +8,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.generate import sample_outfit
-from drapeline.outfits.own_garments import OwnGarment
+from drapeline.outfits.settings import OwnGarment
 from drapeline.outfits.user_garment import load_user_garment, openings, rims
 from drapeline.seeding import rng_for
 
@@ -55,7 +55,7 @@ def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_bod
         shape=np.zeros(10),
         outfit_type="Tshirt+Skirt",
         edge_length_m=0.03,
-        own={"Skirt": OwnGarment(path)},
+        own={"Skirt": OwnGarment(path=str(path))},
     )
     mine = outfit.garments[0]
     np.testing.assert_array_equal(mine.faces, skirt.faces)
@@ -66,7 +66,9 @@ def test_an_own_garment_takes_the_place_of_the_template(tmp_path, skirt, toy_bod
 
 
 def test_fabric_elastics_and_held_rims_are_as_asked_for(tmp_path, skirt, toy_body, templates):
-    asked = OwnGarment(str(saved(tmp_path, skirt)), "leather", elastic=("bottom",), held=())
+    asked = OwnGarment(
+        path=str(saved(tmp_path, skirt)), fabric="leather", elastic=("bottom",), held=()
+    )
     outfit = sample_outfit(
         rng_for(1, "own"),
         templates,

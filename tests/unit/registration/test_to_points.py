@@ -1,18 +1,10 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from drapeline.registration.settings import RefineSettings
 from drapeline.registration.springs import springs
-from drapeline.registration.to_points import (
-    Cloth,
-    RefineSettings,
-    SpaceTime,
-    body_push,
-    fit_to_points,
-    point_pull,
-)
+from drapeline.registration.to_points import Cloth, SpaceTime, body_push, fit_to_points, point_pull
 from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.seeding import rng_for
 from toys.gcvae import VERTICES, tube, tube_faces
@@ -109,7 +101,7 @@ def test_the_order_of_points_and_points_of_others_make_no_difference():
 @pytest.mark.parametrize("share", [1.0, 0.9])
 def test_lengths_come_back_to_what_they_are_when_worn(share):
     rest, none = tube(), np.zeros((1, 0, 3))
-    settings = replace(SETTINGS, keep_m=1e-5, rounds=60)
+    settings = SETTINGS.replace(keep_m=1e-5, rounds=60)
     made = fitted(1.1 * rest[None], none, settings=settings, worn_statistics=statistics(share))[0]
     pairs, across = springs(FACES)
     first, second = pairs[~across].T
@@ -122,7 +114,7 @@ def test_vertices_that_start_well_are_kept():
     start = moving_tube()
     error = np.where(tube()[:, 2] > 0.3, 0.002, 0.5)
     points = on_surface(start, 400, rng_for(0, "keep")) + [0.0, 0.04, 0.0]
-    settings = replace(SETTINGS, stretch=0, bend=0)
+    settings = SETTINGS.replace(stretch=0, bend=0)
     made = fitted(start, points, settings=settings, worn_statistics=statistics(error_m=error))
     moved = np.linalg.norm(made - start, axis=-1).mean(0)
     assert moved[error < 0.01].max() < 0.03
@@ -132,7 +124,7 @@ def test_vertices_that_start_well_are_kept():
 def test_smoothing_takes_out_jitter_and_leaves_steady_motion():
     steady = tube() + 0.01 * np.arange(12)[:, None, None] * np.array([1.0, 0, 0])
     none = np.zeros((12, 0, 3))
-    settings = replace(SETTINGS, stretch=0, bend=0, smooth=10.0)
+    settings = SETTINGS.replace(stretch=0, bend=0, smooth=10.0)
     np.testing.assert_allclose(fitted(steady, none, settings=settings), steady, atol=1e-5)
     rough = steady + 0.01 * rng_for(0, "jitter").normal(size=steady.shape)
     made = fitted(rough, none, settings=settings)
@@ -141,7 +133,7 @@ def test_smoothing_takes_out_jitter_and_leaves_steady_motion():
 
 def test_accelerations_that_garments_follow_are_those_of_the_proposal():
     bouncing = tube() + 0.02 * np.sin(2 * np.arange(12))[:, None, None] * np.array([0, 0, 1.0])
-    settings = replace(SETTINGS, stretch=0, bend=0, smooth=10.0)
+    settings = SETTINGS.replace(stretch=0, bend=0, smooth=10.0)
     none, still = np.zeros((12, 0, 3)), np.stack([tube()] * 12)
     made = fitted(bouncing, none, settings=settings, worn_statistics=statistics(follow=1.0))
     np.testing.assert_allclose(made, bouncing, atol=1e-5)
@@ -227,7 +219,7 @@ def test_frames_without_points_follow_the_others():
     points = on_surface(true, 400, rng)
     chosen = np.ones(points.shape[:2], bool)
     chosen[2] = False
-    settings = replace(SETTINGS, smooth=20.0)
+    settings = SETTINGS.replace(smooth=20.0)
     start = true + [0.0, 0.0, 0.03]
     made = fitted(start, points, chosen=chosen, settings=settings)
     assert error_mm(made[2], true[2]) < 0.7 * error_mm(start[2], true[2])

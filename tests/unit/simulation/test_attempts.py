@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from drapeline.frames import REST_POSE
-from drapeline.simulation.attempts import SimulationSettings, plan_attempt, steps_per_frame
+from drapeline.simulation.attempts import plan_attempt, steps_per_frame
+from drapeline.simulation.settings import SimulationSettings
 
 
 def test_simple_and_complex_outfits_take_the_two_ends():
@@ -13,7 +14,7 @@ def test_simple_and_complex_outfits_take_the_two_ends():
 
 @pytest.mark.parametrize(("slow", "fast"), [(0.5, 2.0), (2.0, 3.5)])
 def test_speed_and_size_never_take_steps_away(slow, fast):
-    settings = SimulationSettings()
+    settings = SimulationSettings(steps_min=14, steps_max=20)
     assert steps_per_frame(settings, [5000], slow) <= steps_per_frame(settings, [5000], fast)
     assert steps_per_frame(settings, [5000], slow) <= steps_per_frame(settings, [5000, 5000], slow)
 
@@ -32,7 +33,7 @@ def test_the_first_attempt_is_as_asked_and_later_ones_are_finer():
 def test_a_fast_dance_takes_more_steps_than_standing_still():
     still = np.tile(REST_POSE, (5, 1))
     dance = still + 0.3 * np.arange(5)[:, None]  # 4.5 m/s half a metre from each joint's axis
-    settings = SimulationSettings()
+    settings = SimulationSettings(steps_min=14, steps_max=20)
     calm, fast = (plan_attempt(0, settings, [3000], poses) for poses in (still, dance))
     assert (calm.steps, fast.steps) == (14, 17)
 

@@ -6,9 +6,7 @@ matter: they are first sorted by a hash of their coordinates, so that "the first
 random but repeatable choice.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +21,7 @@ from drapeline.models.garment4d.losses import (
     interpenetration,
     laplacian_difference,
 )
+from drapeline.models.garment4d.settings import CanonicalLayers, CanonicalSettings, CanonicalWeights
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import farthest_points, gather_rows
 from drapeline.models.layers.pointnet import (
@@ -37,121 +36,9 @@ from drapeline.models.layers.precision import full_precision
 from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches
 from drapeline.registration.to_template.garment_space import GarmentSpace
 
-# Points per cloud in the released code.
-_POINTS = 6890
 # Cell sizes of the maps of the body that labels and coefficients are predicted from.
 _LABEL_CELL_M, _SHAPE_CELL_M = 0.05, 0.025
 _MAP_WIDTH = 64
-
-
-@dataclass(frozen=True)
-class Abstraction:
-    """Sizes of a set abstraction; the last three have an entry for each ball size.
-
-    Attributes:
-        centres: number of points that are kept.
-        radii: of the balls, metres.
-        neighbours: maximum number of points per ball.
-        widths: features after each layer.
-    """
-
-    centres: int
-    radii: tuple[float, ...]
-    neighbours: tuple[int, ...]
-    widths: tuple[tuple[int, ...], ...]
-
-    @property
-    def outputs(self) -> int:
-        """Features per centre."""
-        return sum(layers[-1] for layers in self.widths)
-
-
-@dataclass(frozen=True)
-class CanonicalSettings:
-    """Sizes of the canonical network; defaults are those of the released code.
-
-    Attributes:
-        segmentation: abstractions of all points, finest first.
-        propagation: features after each layer on the way back, coarsest first.
-        garment_points: maximum number of points per cloud that the garment encoder is given.
-        garment: abstractions of the garment's points, finest first.
-        overall: features after each layer before the maximum over points and frames.
-        head: features after each layer between that maximum and the coefficients.
-        body_relative_points: whether points also carry their place on the known body, see
-            `learning_data.body_relative_points`; labels then also depend on maps of the body, and
-            alpha starts from a regression on such maps. The paper's networks have neither.
-    """
-
-    segmentation: tuple[Abstraction, ...] = (
-        Abstraction(1024, (0.05, 0.1), (16, 32), ((16, 16, 32), (32, 32, 64))),
-        Abstraction(256, (0.1, 0.2), (16, 32), ((32, 32, 64), (64, 64, 128))),
-        Abstraction(64, (0.2, 0.4), (32, 64), ((64, 64, 128), (128, 128, 256))),
-    )
-    propagation: tuple[tuple[int, ...], ...] = ((512, 256), (256, 128), (128, 64))
-    garment_points: int = 1722
-    garment: tuple[Abstraction, ...] = (
-        Abstraction(512, (0.05, 0.1), (16, 32), ((32, 32), (64, 64))),
-        Abstraction(64, (0.2, 0.4), (32, 64), ((128, 128), (256, 256))),
-    )
-    overall: tuple[int, ...] = (512, 512)
-    head: tuple[int, ...] = (128, 64)
-    body_relative_points: bool = False
-
-    def scale(self, points: int, width: float) -> "CanonicalSettings":
-        """The same network for sparser clouds, and thinner.
-
-        The points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
-        radii grow by f, so that balls hold as many points as before, and the others, of whose
-        centres there are 1 / f as many, by sqrt(f).
-
-        Args:
-            points: per cloud.
-            width: factor on the features of all layers.
-        """
-        spread = math.sqrt(_POINTS / points)
-
-        def thinner(widths: Sequence[int]) -> tuple[int, ...]:
-            return tuple(max(round(width * size), 4) for size in widths)
-
-        def fewer(levels: Sequence[Abstraction]) -> tuple[Abstraction, ...]:
-            return tuple(
-                replace(
-                    level,
-                    centres=max(round(level.centres / spread), 1),
-                    radii=tuple(r * spread ** (0.5 if coarser else 1) for r in level.radii),
-                    widths=tuple(thinner(layers) for layers in level.widths),
-                )
-                for coarser, level in enumerate(levels)
-            )
-
-        return replace(
-            self,
-            segmentation=fewer(self.segmentation),
-            propagation=tuple(thinner(layers) for layers in self.propagation),
-            garment_points=max(round(self.garment_points / spread**2), 1),
-            garment=fewer(self.garment),
-            overall=thinner(self.overall),
-            head=thinner(self.head),
-        )
-
-
-@dataclass(frozen=True)
-class CanonicalWeights:
-    """lambda_1 ... lambda_5 of equation 4; defaults are those of the released code.
-
-    Attributes:
-        laplacian_form: "paper" or "released", see `laplacian_difference`.
-        balance: a point's weight is its label's share of the training points to the power of minus
-            `balance`: 0 as in the paper, 1 for labels that all have the same weight.
-    """
-
-    segmentation: float = 0.05
-    coefficients: float = 0.001
-    vertices: float = 40.0
-    interpenetration: float = 50.0
-    laplacian: float = 1.0
-    laplacian_form: str = "paper"
-    balance: float = 0.0
 
 
 class CanonicalOutput(NamedTuple):
@@ -210,15 +97,16 @@ class Segmentation(nn.Module):
 
     def __init__(self, settings: CanonicalSettings, rng: torch.Generator) -> None:
         super().__init__()
-        self.centres = [level.centres for level in settings.segmentation]
-        widths = [input_features(settings), *(level.outputs for level in settings.segmentation)]
+        levels = settings.scaled_layers()
+        self.centres = [level.centres for level in levels.segmentation]
+        widths = [input_features(settings), *(level.outputs for level in levels.segmentation)]
         self.down = nn.ModuleList(
             SetAbstraction(inputs, level.radii, level.neighbours, level.widths, rng)
-            for inputs, level in zip(widths, settings.segmentation, strict=False)
+            for inputs, level in zip(widths, levels.segmentation, strict=False)
         )
         self.up = nn.ModuleList()
         coarse = widths.pop()
-        for fine, layers in zip(reversed(widths), settings.propagation, strict=True):
+        for fine, layers in zip(reversed(widths), levels.propagation, strict=True):
             self.up.append(FeaturePropagation(coarse, fine, layers, rng))
             coarse = layers[-1]
         # What tells tops from t-shirts are sleeves, which are out of a ball's reach.
@@ -227,7 +115,7 @@ class Segmentation(nn.Module):
             self.overview = nn.Sequential(
                 linear(map_cells(_LABEL_CELL_M), _MAP_WIDTH, rng),
                 nn.ReLU(),
-                linear(_MAP_WIDTH, settings.segmentation[-1].outputs, rng),
+                linear(_MAP_WIDTH, levels.segmentation[-1].outputs, rng),
             )
         self.outputs = coarse
         self.head = nn.Sequential(
@@ -288,20 +176,20 @@ class ShapeEncoder(nn.Module):
     """
 
     def __init__(
-        self, inputs: int, components: int, settings: CanonicalSettings, rng: torch.Generator
+        self, inputs: int, components: int, layers: CanonicalLayers, rng: torch.Generator
     ) -> None:
         super().__init__()
-        self.centres = [level.centres for level in settings.garment]
-        self.widths = [inputs, *(level.outputs for level in settings.garment)]
+        self.centres = [level.centres for level in layers.garment]
+        self.widths = [inputs, *(level.outputs for level in layers.garment)]
         self.down = nn.ModuleList(
             SetAbstraction(width, level.radii, level.neighbours, level.widths, rng)
-            for width, level in zip(self.widths, settings.garment, strict=False)
+            for width, level in zip(self.widths, layers.garment, strict=False)
         )
-        self.overall = perceptron((3 + self.widths[-1], *settings.overall), rng)
-        width = settings.overall[-1]
+        self.overall = perceptron((3 + self.widths[-1], *layers.overall), rng)
+        width = layers.overall[-1]
         self.seen = RunningNorm(width)
-        self.head = perceptron((width, *settings.head), rng)
-        self.coefficients = linear(settings.head[-1], components, rng)
+        self.head = perceptron((width, *layers.head), rng)
+        self.coefficients = linear(layers.head[-1], components, rng)
         with torch.no_grad():  # start near the mean garment, or near the initial alpha
             self.coefficients.weight.mul_(0.1)
 
@@ -404,12 +292,13 @@ class CanonicalNetwork(_ShapeNetwork):
     ) -> None:
         super().__init__(space, settings)
         self.label = label
-        self.garment_points = settings.garment_points
+        layers = settings.scaled_layers()
+        self.garment_points = layers.garment_points
         self.segmentation = Segmentation(settings, rng)
         given = input_features(settings) if settings.body_relative_points else 0
         inputs = self.segmentation.outputs + given
         self.body_relative_points = settings.body_relative_points
-        self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
+        self.encoder = ShapeEncoder(inputs, len(space.components), layers, rng)
 
     @property
     def level_channels(self) -> list[int]:
@@ -462,8 +351,8 @@ class PointNetRegressor(_ShapeNetwork):
         self, settings: CanonicalSettings, space: GarmentSpace, rng: torch.Generator
     ) -> None:
         super().__init__(space, settings)
-        inputs = input_features(settings)
-        self.encoder = ShapeEncoder(inputs, len(space.components), settings, rng)
+        layers = settings.scaled_layers()
+        self.encoder = ShapeEncoder(input_features(settings), len(space.components), layers, rng)
 
     def choose(self, labels: torch.Tensor) -> torch.Tensor:
         """All points, (...) bool."""

@@ -1,7 +1,6 @@
 """Training of the canonical stage, and of its baseline PN++."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,11 @@ from drapeline.dataset.labels import LABELS
 from drapeline.models.garment4d.canonical import (
     CanonicalNetwork,
     CanonicalOutput,
-    CanonicalSettings,
-    CanonicalWeights,
     PointNetRegressor,
     balance_labels,
     canonical_loss,
 )
-from drapeline.models.garment4d.settings import StageSettings, parse_settings
+from drapeline.models.garment4d.settings import CanonicalStageSettings
 from drapeline.models.garment4d.stage import Stage, distance_mm, sequence_names, window_keys
 from drapeline.models.garment4d.windows import Windows
 from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches, SearchMemory
@@ -34,28 +31,15 @@ class CanonicalStage(Stage):
     """Canonical garment estimation, with the loss of equation 4."""
 
     checkpoint_type = "garment4d_canonical"
-    NETWORK, LOSS, ERROR = CanonicalSettings, CanonicalWeights, "canonical_error_mm"
+    SETTINGS, ERROR = CanonicalStageSettings, "canonical_error_mm"
     MOST_VALIDATED = 3
 
-    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+    def __init__(self, settings: CanonicalStageSettings, space: GarmentSpace, label: int) -> None:
         super().__init__(settings, space, label)
         self.network = self.build()
         self.register_buffer("label_weights", torch.ones(len(LABELS)))
         self.out_of_fold_alpha: dict[str, torch.Tensor] = {}
         self._memory = SearchMemory(_KEPT_BYTES)
-
-    @classmethod
-    def parse_network(cls, values: Mapping[str, Any]) -> CanonicalSettings:
-        """Sizes; given `points` and `width`, those left out are `CanonicalSettings.scale`."""
-        scale = {key: values[key] for key in ("points", "width") if key in values}
-        given = {key: value for key, value in values.items() if value is not None}
-        sizes = parse_settings(
-            CanonicalSettings, {key: value for key, value in given.items() if key not in scale}
-        )
-        if not scale:
-            return sizes
-        scaled = sizes.scale(**scale)
-        return replace(scaled, garment_points=given.get("garment_points", scaled.garment_points))
 
     def build(self) -> torch.nn.Module:
         """The network that is trained."""

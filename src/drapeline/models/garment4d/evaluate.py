@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -29,41 +29,17 @@ from drapeline.models.garment4d.reconstruct import (
     reconstruct,
     refine,
 )
+from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
 _KEPT_BYTES = 1 << 30  # of the outputs of canonical networks for sequences
-
-
-@dataclass(frozen=True)
-class EvaluationSettings:
-    """What is evaluated besides the plain reconstruction.
-
-    Attributes:
-        stride: frames from one window to the next, at most T; 0 for T.
-        neighbours: values of K to skin proposals with (figure 8).
-        missing: shares of points in holes (figure 9).
-        accuracy: shares of points with the right label (figure 10).
-        noise_pose_rad: standard deviation of the noise that is added to every angle of the poses,
-            the same in all frames of a sequence.
-        noise_shape: standard deviation of the noise that is added to the shapes. Noisy bodies are
-            left out where there is no noise at all.
-        seed: of holes, labels, noise and intervals.
-    """
-
-    stride: int = 0
-    neighbours: tuple[int, ...] = (1, 16, 256)
-    missing: tuple[float, ...] = (0.3, 0.8)
-    accuracy: tuple[float, ...] = (1.0, 0.7)
-    noise_pose_rad: float = 0.05
-    noise_shape: float = 0.5
-    seed: int = 0
 
 
 class Evaluation:
@@ -243,7 +219,7 @@ class Evaluation:
             name, rows = str(self.data.name[sequence]), self.data.rows(sequence)
             points, labels = self.data.points[rows], self.data.labels[rows]
             for count in settings.neighbours:
-                made = self._reconstruct(stage, sequence, skinning=replace(plain, neighbours=count))
+                made = self._reconstruct(stage, sequence, skinning=plain.replace(neighbours=count))
                 self._measure_errors(f"neighbours_{count}", sequence, made.final, made.seconds)
             for share in settings.missing:
                 rng = rng_for(settings.seed, "missing", name, share)

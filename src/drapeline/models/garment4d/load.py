@@ -44,7 +44,7 @@ def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
 
 def _build(about: Mapping[str, Any]) -> Stage:
     cls = _STAGES[about["checkpoint_type"]]
-    settings = cls.parse(about["settings"])
+    settings = cls.SETTINGS(**about["settings"])
     if "canonical" in about:
         return cls(settings, _build(about["canonical"]))
     arrays = {key: value.numpy() for key, value in about["space"].items()}

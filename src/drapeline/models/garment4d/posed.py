@@ -6,7 +6,6 @@ garment. Between iterations, frames attend to one another (Garment4D 2.4).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +22,7 @@ from drapeline.models.garment4d.losses import (
     roughness,
     temporal_difference,
 )
+from drapeline.models.garment4d.settings import MgnSettings, PosedSettings, PosedWeights
 from drapeline.models.layers.lbs import linear_blend_skinning
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import gather_rows, nearest_neighbours
@@ -32,68 +32,6 @@ from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 _PULL_PASSES = 3
 _SHARE = 0.3  # of the way to the points that an untrained iteration covers
-TRANSFORMERS = ("paper", "per_vertex", "none")
-
-
-@dataclass(frozen=True)
-class PosedSettings:
-    """Sizes of the posed network; numbers of the released code (trousers there have fewer points).
-
-    Attributes:
-        iterations: J.
-        hidden: features of the graph convolutions.
-        layers: graph convolutions per iteration, including the one that outputs the displacement.
-        features: per ball size, of either encoder.
-        ball_layers: of the perceptron within each ball.
-        pull_neighbours: number of nearest garment points. Each vertex is given the offset to their
-            mean as a feature, and covers a learned share of it in each iteration. 0 as in the
-            paper, whose network has to learn that too.
-        smooth_passes: how often the displacements of a whole sequence are averaged over frames with
-            weights (1, 2, 1) / 4 after all its windows; 0 as in the paper. Points are sampled anew
-            in every frame, and displacements would follow their noise.
-        garment_radii_m, garment_counts: of the balls of garment points, one per level.
-        body_radii_m, body_counts: of the balls of body vertices.
-        body_encoder: whether features of the body are used; the ablation of figure 6.
-        transformer: "paper": one attention weight per pair of frames, for all vertices together;
-            "per_vertex": one per pair of frames and vertex; "none": no attention.
-    """
-
-    iterations: int = 3
-    hidden: int = 128
-    layers: int = 4
-    features: int = 32
-    ball_layers: int = 2
-    pull_neighbours: int = 0
-    smooth_passes: int = 0
-    garment_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
-    garment_counts: tuple[int, ...] = (32, 16, 8)
-    body_radii_m: tuple[float, ...] = (0.1, 0.2, 0.4)
-    body_counts: tuple[int, ...] = (8, 16, 32)
-    body_encoder: bool = True
-    transformer: str = "paper"
-
-
-@dataclass(frozen=True)
-class PosedWeights:
-    """Weights of the loss of equation 7; numbers of the released code.
-
-    Attributes:
-        vertices: lambda_6, per square metre.
-        interpenetration: lambda_7, per metre.
-        laplacian: lambda_8.
-        temporal: lambda_9.
-        laplacian_form: "paper": `laplacian_difference`; "released": `roughness` of the predicted
-            garment alone.
-        temporal_form: "paper": squared distances, of all iterations; "released": distances, of
-            the last iteration alone.
-    """
-
-    vertices: float = 20.0
-    interpenetration: float = 100.0
-    laplacian: float = 10.0
-    temporal: float = 5.0
-    laplacian_form: str = "paper"
-    temporal_form: str = "paper"
 
 
 class PosedNetwork(nn.Module):
@@ -118,10 +56,6 @@ class PosedNetwork(nn.Module):
         rng: torch.Generator,
     ) -> None:
         super().__init__()
-        if settings.transformer not in TRANSFORMERS:
-            raise ValueError(
-                f"transformer is '{settings.transformer}', expected one of {TRANSFORMERS}"
-            )
         self.settings = settings
         self.adjacency = SparseMatrix(mean_of_neighbours(faces, vertex_count))
         widths = (settings.features,) * settings.ball_layers
@@ -322,19 +256,6 @@ def posed_loss(
             parts["temporal"] = temporal_difference(garment, weights.temporal_form)
         terms |= {name: terms[name] + share * part for name, part in parts.items()}
     return {**terms, "total": sum(getattr(weights, name) * term for name, term in terms.items())}
-
-
-@dataclass(frozen=True)
-class MgnSettings:
-    """Sizes of the MGN* baseline; numbers of the released code.
-
-    Attributes:
-        widths: of the layers; the first is that of a cloud's feature.
-        scale_m: displacement per unit of output, metres.
-    """
-
-    widths: tuple[int, ...] = (512, 1024, 2048)
-    scale_m: float = 0.05
 
 
 class MgnNetwork(nn.Module):

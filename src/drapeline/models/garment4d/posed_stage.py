@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,22 +13,14 @@ from drapeline.models.garment4d.canonical import CanonicalNetwork, CanonicalOutp
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import DressedSequences
 from drapeline.models.garment4d.losses import UniformLaplacian
-from drapeline.models.garment4d.posed import (
-    MgnNetwork,
-    MgnSettings,
-    PosedNetwork,
-    PosedSettings,
-    PosedWeights,
-    posed_loss,
-)
-from drapeline.models.garment4d.settings import SkinningSettings, StageSettings
+from drapeline.models.garment4d.posed import MgnNetwork, PosedNetwork, posed_loss
+from drapeline.models.garment4d.settings import MgnStageSettings, PosedStageSettings
 from drapeline.models.garment4d.stage import Stage, distance_mm, window_keys
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import Batch
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
-from drapeline.models.training.module import plain
 
 _BATCH = 4  # windows at once where no gradient is wanted
 _KEPT_BYTES = 1 << 30  # of levels of points of windows
@@ -44,9 +35,11 @@ class PosedStage(Stage):
     """
 
     checkpoint_type = "garment4d_posed"
-    NETWORK, LOSS, ERROR = PosedSettings, PosedWeights, "vertex_error_mm"
+    SETTINGS, ERROR = PosedStageSettings, "vertex_error_mm"
 
-    def __init__(self, settings: StageSettings, canonical: CanonicalStage) -> None:
+    def __init__(
+        self, settings: PosedStageSettings | MgnStageSettings, canonical: CanonicalStage
+    ) -> None:
         super().__init__(settings, canonical.space, canonical.label)
         if settings.loss.laplacian_form == "released":
             self.laplacian = UniformLaplacian(self.space.faces, len(self.space.mean))
@@ -180,7 +173,7 @@ class PosedStage(Stage):
     def dependencies(self) -> dict[str, Any]:
         """The canonical network."""
         return {
-            "canonical": plain(asdict(self.canonical.settings)),
+            "canonical": self.canonical.settings.plain(),
             "canonical_weights": tensors_digest(self.canonical.state_dict()),
         }
 
@@ -193,7 +186,7 @@ class MgnStage(PosedStage):
     """The MGN* baseline of table 3: displacements of the canonical garment, then K = 1 skinning."""
 
     checkpoint_type = "garment4d_mgn"
-    NETWORK, SKINNING = MgnSettings, SkinningSettings(neighbours=1, passes=0)
+    SETTINGS = MgnStageSettings
     smooth_passes = 0
 
     def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:

@@ -22,10 +22,8 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.dressed import proposals, skinning_weights
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.registration.to_points import (
-    RefineSettings,
-    fit_to_points,
-)
+from drapeline.registration.settings import RefineSettings
+from drapeline.registration.to_points import fit_to_points
 from drapeline.registration.worn_garments import WornGarmentStatistics
 
 _BATCH = 4  # windows at once

@@ -21,7 +21,7 @@ from drapeline.models.garment4d.posed_files import load_posed_files
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import ReconstructedGarment, reconstruct, refine
 from drapeline.models.training.module import BEST, fastest_device
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import LOGGER
 
 DEFAULT_REFINING = RefineSettings()

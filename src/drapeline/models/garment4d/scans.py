@@ -16,7 +16,7 @@ from drapeline.metrics.table import ALL, MetricRow
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.reconstruct import ReconstructedGarment, build_reconstruction
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 
 SPLIT = "scans"
 _SHOWN = 48  # frames of the sequence that pictures are made of, at most

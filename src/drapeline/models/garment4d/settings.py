@@ -1,84 +1,483 @@
-"""Settings of Garment4D: what a stage is built from, and settings from plain values."""
+"""Settings of Garment4D."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
 
-from drapeline.errors import InputError
-from drapeline.learning_data.sequences import KINDS
-from drapeline.models.garment4d.canonical import Abstraction
-from drapeline.models.training.module import Training
+from drapeline.dataset.settings import CloudSettings, Protocol
+from drapeline.learning_data.settings import SkinnedSettings
+from drapeline.models.training.settings import Trainer, Training
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
+from drapeline.registration.settings import RefineSettings, TemplateFitSettings
+from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, SkipJsonSchema
+
+# Points per cloud in the released code.
+_POINTS = 6890
+_Weight = Annotated[float, Field(ge=0, le=1_000_000)]
+_Garment = Annotated[str, OneOf(TEMPLATE_TYPES)]
+_Path = Annotated[str, Field(min_length=1)]
 
 
-@dataclass(frozen=True)
 class Garment4dTraining(Training):
-    """How a network of either stage is trained on windows; numbers of the released code.
+    """How long, how fast and on what windows a network of a stage is trained."""
 
-    Its batch is that of the canonical stage; the posed stage has 4 there.
-
-    Attributes:
-        frames: T of a window.
-        stride: frames from one training window to the next.
-        sources: of the sequences, of `KINDS`.
-    """
-
-    batch: int = 20
-    frames: int = 10
-    stride: int = 10
-    sources: tuple[str, ...] = KINDS
-
-
-@dataclass(frozen=True)
-class SkinningSettings:
-    """How proposals get their skinning weights (equation 2).
-
-    Attributes:
-        neighbours: K, body vertices that weights are interpolated from.
-        passes: of Laplacian smoothing.
-        power: of the inverse distance, 1 or 2.
-        coincident: "vertex", a body vertex at no distance counts alone; "released", not at all.
-    """
-
-    neighbours: int = 256
-    passes: int = 100
-    power: int = 1
-    coincident: str = "vertex"
+    epochs: int = Field(
+        5,
+        ge=1,
+        le=10_000,
+        description="Passes over the training windows; schedules are relative to this number.",
+    )
+    batch: int = Field(1, ge=1, le=4096, description="Windows per step.")
+    learning_rate: float = Field(0.003, gt=0, le=1, description="Learning rate of Adam.")
+    schedule: Literal["constant", "one_cycle"] = Field(
+        "one_cycle", description="Schedule of the learning rate."
+    )
+    frames: int = Field(4, ge=1, le=300, description="Frames T of a window.")
+    stride: int = Field(
+        4, ge=1, le=300, description="Frames from one training window to the next; at most T."
+    )
+    sources: Annotated[tuple[Literal["simulated", "skinned"], ...], EachOnce()] = Field(
+        ("simulated", "skinned"),
+        min_length=1,
+        description=(
+            "Train on simulated samples, on static outfits moved by skinning, or on both. The "
+            "skinned ones show the canonical stage many more garments; they have no folds of "
+            "their own, so the posed stages leave them out."
+        ),
+    )
 
 
-@dataclass(frozen=True)
-class StageSettings:
-    """All that a network of a stage is built from besides the garment space.
+class SkinningSettings(Settings):
+    """Skinning weights of proposals (equation 2)."""
 
-    Attributes:
-        network: sizes.
-        loss: weights.
-        training: how long, and on what.
-        skinning: of proposals, which the posed stage alone has.
-    """
+    neighbours: int = Field(
+        256,
+        ge=1,
+        le=4096,
+        description="Body vertices K that skinning weights are interpolated from.",
+    )
+    passes: int = Field(
+        8,
+        ge=0,
+        le=10_000,
+        description=(
+            "Passes of Laplacian smoothing; 8 reach as far on edges of 3.5 cm as 100 on edges of "
+            "1 cm."
+        ),
+    )
+    power: int = Field(1, ge=1, le=2, description="Power of the inverse distance.")
+    coincident: Literal["vertex", "released"] = Field(
+        "vertex",
+        description=(
+            "A body vertex at distance 0 counts alone, or not at all as in the released code."
+        ),
+    )
+
+
+class StageSettings(Settings):
+    """All that a network of a stage is built from besides the garment space."""
 
     network: Any
     loss: Any
-    training: Garment4dTraining = field(default_factory=Garment4dTraining)
-    skinning: SkinningSettings = field(default_factory=SkinningSettings)
+    training: Garment4dTraining = Garment4dTraining()
 
 
-def parse_settings(cls: type, values: Mapping[str, Any]) -> Any:
-    """A settings dataclass from nested mappings and lists as they stand in a config or checkpoint.
+class Abstraction(Settings):
+    """Sizes of a set abstraction; the last three have an entry for each ball size."""
 
-    Raises:
-        InputError: a name is none of the dataclass's.
-    """
-    known = [one.name for one in fields(cls)]
-    unknown = [name for name in values if name not in known]
-    if unknown:
-        raise InputError(
-            f"{cls.__name__}: no setting '{unknown[0]}', expected one of {', '.join(known)}"
+    centres: int = Field(description="number of points that are kept")
+    radii: tuple[float, ...] = Field(description="radii of the balls, metres")
+    neighbours: tuple[int, ...] = Field(description="maximum numbers of points per ball")
+    widths: tuple[tuple[int, ...], ...] = Field(description="features after each layer")
+
+    @property
+    def outputs(self) -> int:
+        """Features per centre."""
+        return sum(layers[-1] for layers in self.widths)
+
+
+def _abstraction(
+    centres: int,
+    radii: tuple[float, ...],
+    neighbours: tuple[int, ...],
+    widths: tuple[tuple[int, ...], ...],
+) -> Abstraction:
+    return Abstraction(centres=centres, radii=radii, neighbours=neighbours, widths=widths)
+
+
+class CanonicalLayers(Settings):
+    """Layers of the canonical network; defaults are those of the released code."""
+
+    segmentation: tuple[Abstraction, ...] = Field(
+        (
+            _abstraction(1024, (0.05, 0.1), (16, 32), ((16, 16, 32), (32, 32, 64))),
+            _abstraction(256, (0.1, 0.2), (16, 32), ((32, 32, 64), (64, 64, 128))),
+            _abstraction(64, (0.2, 0.4), (32, 64), ((64, 64, 128), (128, 128, 256))),
+        ),
+        strict=False,
+        description="Abstractions of all points, finest first.",
+    )
+    propagation: tuple[tuple[int, ...], ...] = Field(
+        ((512, 256), (256, 128), (128, 64)),
+        description="Features after each layer on the way back, coarsest first.",
+    )
+    garment_points: int = Field(
+        1722, description="Largest number of points per cloud that the garment encoder is given."
+    )
+    garment: tuple[Abstraction, ...] = Field(
+        (
+            _abstraction(512, (0.05, 0.1), (16, 32), ((32, 32), (64, 64))),
+            _abstraction(64, (0.2, 0.4), (32, 64), ((128, 128), (256, 256))),
+        ),
+        strict=False,
+        description="Abstractions of the garment's points, finest first.",
+    )
+    overall: tuple[int, ...] = Field(
+        (512, 512),
+        description="Features after each layer before the maximum over points and frames.",
+    )
+    head: tuple[int, ...] = Field(
+        (128, 64),
+        description="Features after each layer between that maximum and the coefficients.",
+    )
+
+    def scale(self, points: int, width: float) -> "CanonicalLayers":
+        """The same network for sparser clouds, and thinner.
+
+        The points of a cloud of `points` are f = sqrt(6890 / points) times as far apart. The finest
+        radii grow by f, so that balls hold as many points as before, and the others, of whose
+        centres there are 1 / f as many, by sqrt(f).
+
+        Args:
+            points: per cloud.
+            width: factor on the features of all layers.
+        """
+        spread = math.sqrt(_POINTS / points)
+
+        def thinner(widths: Sequence[int]) -> tuple[int, ...]:
+            return tuple(max(round(width * size), 4) for size in widths)
+
+        def fewer(levels: Sequence[Abstraction]) -> tuple[Abstraction, ...]:
+            return tuple(
+                level.replace(
+                    centres=max(round(level.centres / spread), 1),
+                    radii=tuple(r * spread ** (0.5 if coarser else 1) for r in level.radii),
+                    widths=tuple(thinner(layers) for layers in level.widths),
+                )
+                for coarser, level in enumerate(levels)
+            )
+
+        return CanonicalLayers(
+            segmentation=fewer(self.segmentation),
+            propagation=tuple(thinner(layers) for layers in self.propagation),
+            garment_points=max(round(self.garment_points / spread**2), 1),
+            garment=fewer(self.garment),
+            overall=thinner(self.overall),
+            head=thinner(self.head),
         )
-    return cls(**{name: _parse_value(value) for name, value in values.items()})
 
 
-def _parse_value(value: Any) -> Any:
-    """Lists as tuples; the only mappings within settings are abstractions."""
-    if isinstance(value, Mapping):
-        return parse_settings(Abstraction, value)
-    return tuple(map(_parse_value, value)) if isinstance(value, list | tuple) else value
+class CanonicalSettings(Settings):
+    """The canonical network, as the released one scaled to clouds and width."""
+
+    width: float = Field(
+        0.25, gt=0, le=4, description="Factor on the number of features of all layers."
+    )
+    garment_points: Annotated[int, Field(ge=16, le=100_000)] | None = Field(
+        None,
+        description=(
+            "Largest number of garment points that the shape is made from; null means a quarter "
+            "of a cloud's points."
+        ),
+    )
+    body_relative_points: bool = Field(
+        True,
+        description=(
+            "Whether points also say where on the known body they are, labels are given maps of "
+            "the body made from them, and alpha starts from a regression on such maps. The "
+            "paper's networks do not have this, but a hundred garments are not enough to learn to "
+            "factor out poses from points alone."
+        ),
+    )
+    points: SkipJsonSchema[int] = Field(1024, ge=1, description="Points per cloud.")
+    layers: SkipJsonSchema[CanonicalLayers] = CanonicalLayers()
+
+    def scaled_layers(self) -> CanonicalLayers:
+        """Its layers."""
+        scaled = self.layers.scale(self.points, self.width)
+        most = self.garment_points
+        return scaled if most is None else scaled.replace(garment_points=most)
+
+
+class CanonicalWeights(Settings):
+    """lambda_1 to lambda_5 of equation 4."""
+
+    segmentation: float = Field(1.0, ge=0, le=1_000_000, description="lambda_1 of equation 4.")
+    vertices: float = Field(40, ge=0, le=1_000_000, description="lambda_3 of equation 4.")
+    coefficients: float = Field(0.001, ge=0, le=1_000_000, description="lambda_2 of equation 4.")
+    interpenetration: float = Field(50, ge=0, le=1_000_000, description="lambda_4 of equation 4.")
+    laplacian: float = Field(1, ge=0, le=1_000_000, description="lambda_5 of equation 4.")
+    laplacian_form: Literal["paper", "released"] = Field(
+        "paper",
+        description=(
+            "Squared lengths of Lx against those of the truth, or lengths as in the released code."
+        ),
+    )
+    balance: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description=(
+            "Weight of a point is its label's share of the training points to the power of minus "
+            "this; tops have only 8 % of the points."
+        ),
+    )
+
+
+class CanonicalStageSettings(StageSettings):
+    """The canonical stage, and the PN++ baseline."""
+
+    network: CanonicalSettings = CanonicalSettings()
+    loss: CanonicalWeights = CanonicalWeights()
+
+
+class PosedSettings(Settings):
+    """Sizes of the posed network."""
+
+    iterations: int = Field(3, ge=1, le=20, description="Number of displacements J.")
+    hidden: int = Field(64, ge=1, le=4096, description="Features of the graph convolutions.")
+    layers: int = Field(4, ge=2, le=20, description="Graph convolutions per iteration.")
+    features: int = Field(16, ge=1, le=1024, description="Features per ball.")
+    ball_layers: int = Field(
+        1,
+        ge=1,
+        le=4,
+        description=(
+            "Layers of the perceptron within each ball; with 1, features are computed before they "
+            "are gathered."
+        ),
+    )
+    pull_neighbours: int = Field(
+        4,
+        ge=0,
+        le=64,
+        description=(
+            "In each iteration, vertices move by a learned share towards the mean of this many "
+            "nearest garment points; 0 as in the paper. A few sequences are not enough to learn "
+            "to follow the nearest points."
+        ),
+    )
+    smooth_passes: int = Field(
+        8,
+        ge=0,
+        le=200,
+        description=(
+            "Passes of averaging over neighbouring frames, on the displacements of a whole "
+            "reconstructed sequence; 0 as in the paper. A change retrains the stage."
+        ),
+    )
+    garment_radii_m: tuple[Annotated[float, Field(gt=0, le=2)], ...] = Field(
+        (0.1, 0.2, 0.4),
+        min_length=1,
+        description="Radii of the balls of garment points at each level, in metres.",
+    )
+    garment_counts: tuple[Annotated[int, Field(ge=1, le=8192)], ...] = Field(
+        (32, 16, 8), min_length=1, description="Points per ball at each level."
+    )
+    body_radii_m: tuple[Annotated[float, Field(gt=0, le=2)], ...] = Field(
+        (0.1, 0.2, 0.4),
+        min_length=1,
+        description="Radii of the balls of body vertices at each level, in metres.",
+    )
+    body_counts: tuple[Annotated[int, Field(ge=1, le=8192)], ...] = Field(
+        (8, 16, 32), min_length=1, description="Vertices per ball at each level."
+    )
+    transformer: Literal["paper", "per_vertex", "none"] = Field(
+        "paper",
+        description=(
+            "Attention between frames for all vertices together, for each vertex alone, or none."
+        ),
+    )
+    body_encoder: SkipJsonSchema[bool] = Field(
+        True, description="Whether features of the body are used; the ablation of figure 6."
+    )
+
+
+class PosedWeights(Settings):
+    """Weights of the loss of equation 7."""
+
+    vertices: float = Field(20, ge=0, le=1_000_000, description="lambda_6 of equation 7.")
+    interpenetration: float = Field(
+        10,
+        ge=0,
+        le=1_000_000,
+        description=(
+            "lambda_7 of equation 7. The released code has 100, with which a few hundred steps do "
+            "little but push cloth out."
+        ),
+    )
+    laplacian: float = Field(10, ge=0, le=1_000_000, description="lambda_8 of equation 7.")
+    temporal: float = Field(5, ge=0, le=1_000_000, description="lambda_9 of equation 7.")
+    laplacian_form: Literal["paper", "released"] = Field(
+        "paper",
+        description=(
+            "As in equation 6, or only the length of the uniform Lx as in the released code."
+        ),
+    )
+    temporal_form: Literal["paper", "released"] = Field(
+        "paper",
+        description=(
+            "Squared distances of all iterations, or distances of the last one only as in the "
+            "released code."
+        ),
+    )
+
+
+class PosedStageSettings(StageSettings):
+    """The posed stage."""
+
+    network: PosedSettings = PosedSettings()
+    loss: PosedWeights = PosedWeights()
+    training: Garment4dTraining = Garment4dTraining(
+        epochs=1, learning_rate=0.0007, sources=("simulated",)
+    )
+    skinning: SkipJsonSchema[SkinningSettings] = SkinningSettings()
+
+
+class MgnSettings(Settings):
+    """Sizes of the MGN* baseline."""
+
+    widths: tuple[Annotated[int, Field(ge=1, le=8192)], ...] = Field(
+        (256, 512, 1024), min_length=1, description="Features of each layer."
+    )
+    scale_m: float = Field(
+        0.05, gt=0, le=1, description="Displacement per unit of output, in metres."
+    )
+
+
+class MgnStageSettings(StageSettings):
+    """The MGN* baseline."""
+
+    network: MgnSettings = MgnSettings()
+    loss: SkipJsonSchema[PosedWeights] = PosedWeights()
+    training: Garment4dTraining = Garment4dTraining(
+        epochs=1, learning_rate=0.002, sources=("simulated",)
+    )
+    skinning: SkipJsonSchema[SkinningSettings] = SkinningSettings(neighbours=1, passes=0)
+
+
+class EvaluationSettings(Settings):
+    """What is evaluated besides the plain reconstruction.
+
+    Noisy bodies are left out where there is no noise at all; the noise on poses is the same in all
+    frames of a sequence.
+    """
+
+    stride: int = Field(
+        0, ge=0, le=300, description="Frames from one window to the next; at most T, and 0 means T."
+    )
+    neighbours: Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], EachOnce()] = Field(
+        (1, 16, 256), description="Values of K for figure 8."
+    )
+    missing: Annotated[tuple[Annotated[float, Field(ge=0, le=0.95)], ...], EachOnce()] = Field(
+        (0.3, 0.8), description="Shares of missing points for figure 9."
+    )
+    accuracy: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], EachOnce()] = Field(
+        (1.0, 0.7), description="Shares of correct labels for figure 10."
+    )
+    noise_pose_rad: float = Field(
+        0.05,
+        ge=0,
+        le=1,
+        description="Standard deviation of the noise on the poses of the noisy body, in radians.",
+    )
+    noise_shape: float = Field(
+        0.5, ge=0, le=5, description="Standard deviation of the noise on its shape coefficients."
+    )
+    seed: SkipJsonSchema[int] = Field(0, description="Seed of holes, labels, noise and intervals.")
+
+
+class Template(Settings):
+    """Templates that the garments of a type are registered to."""
+
+    edge_length_m: float = Field(
+        0.035, ge=0.005, le=0.1, description="Mean edge length of the templates, in metres."
+    )
+    files: dict[_Garment, _Path] = Field(
+        {}, description="Your own templates, OBJ in metres on the rest body of mean shape."
+    )
+
+
+class Skinned(SkinnedSettings):
+    """Static outfits that skinning puts into motion, to learn from; they are never measured."""
+
+    shards: Annotated[int, Field(ge=0, le=100_000)] | None = Field(
+        None, description="Number of shards of static outfits to use; null uses all."
+    )
+
+
+class Reconstruct(Settings):
+    """What `snakemake reconstruct` reads."""
+
+    points: str | None = Field(
+        None, description="Your scans, a folder with one .ply per frame, or one .npz."
+    )
+    body: str | None = Field(
+        None, description="An .npz with poses, trans, shape and gender of the body in the scans."
+    )
+    garment: _Garment = Field("Skirt", description="Garment to reconstruct.")
+    up: Literal["z", "y"] = Field("z", description="Axis that points up in both files.")
+    fps: int = Field(
+        30,
+        ge=30,
+        le=960,
+        multiple_of=30,
+        description="Frames per second of both files, a multiple of 30; they are reduced to 30.",
+    )
+
+
+class Garment4dSettings(Settings):
+    """Garment4D, from point-cloud sequences to posed garments."""
+
+    model_config = ConfigDict(title="Garment4D")
+
+    garments: Annotated[tuple[_Garment, ...], EachOnce()] = Field(
+        TEMPLATE_TYPES,
+        min_length=1,
+        description=(
+            "Garment types to learn, with networks of its own for each; the models are compared "
+            "on them."
+        ),
+    )
+    template: Template = Template()
+    registration: TemplateFitSettings = Field(
+        TemplateFitSettings(), description="Registration of garments to templates."
+    )
+    components: int = Field(
+        64,
+        ge=1,
+        le=1024,
+        description=(
+            "Principal components of a garment type; at most one less than the number of training "
+            "garments."
+        ),
+    )
+    protocol: Protocol = Field(
+        "surface",
+        description="Take points on the visible surface, or mesh vertices as in the released code.",
+    )
+    clouds: CloudSettings = Field(CloudSettings(), description="Point clouds.")
+    skinned: Skinned = Skinned()
+    body_points: int = Field(
+        1000, ge=16, le=100_000, description="Body vertices that the networks see."
+    )
+    skinning: SkinningSettings = SkinningSettings()
+    canonical: CanonicalStageSettings = CanonicalStageSettings()
+    posed: PosedStageSettings = PosedStageSettings()
+    mgn: MgnStageSettings = MgnStageSettings()
+    trainer: Trainer = Trainer()
+    refine: RefineSettings = Field(
+        RefineSettings(), description="Our last step after the posed network."
+    )
+    evaluation: EvaluationSettings = EvaluationSettings()
+    reconstruct: Reconstruct = Reconstruct()

@@ -1,22 +1,15 @@
 """What the trainings of both stages share: settings, losses that are logged, checkpoints."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, ClassVar
 
 import torch
 
 from drapeline.models.garment4d.losses import CotangentLaplacian
-from drapeline.models.garment4d.settings import (
-    Garment4dTraining,
-    SkinningSettings,
-    StageSettings,
-    parse_settings,
-)
+from drapeline.models.garment4d.settings import StageSettings
 from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import Batch
-from drapeline.models.training.module import TrainableModule, plain
+from drapeline.models.training.module import TrainableModule
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
 
@@ -25,22 +18,19 @@ class Stage(TrainableModule):
     """A stage of Garment4D in training.
 
     Args:
-        settings: of the subclass's `NETWORK` and `LOSS`.
+        settings: of the subclass's `SETTINGS`.
         space: of the garment type.
         label: the type's index in `LABELS`.
 
     Attributes:
         checkpoint_type: name of the class in checkpoints; also seeds the initial weights.
-        NETWORK, LOSS: classes of the settings of either.
-        SKINNING: settings where a config has none.
+        SETTINGS: class of its settings.
         ERROR: name of the error in mm that is logged beside the loss.
         MOST_VALIDATED: validation windows of each sequence at most, see `Windows`.
     """
 
     checkpoint_type: ClassVar[str]
-    NETWORK: ClassVar[type]
-    LOSS: ClassVar[type]
-    SKINNING: ClassVar[SkinningSettings] = SkinningSettings()
+    SETTINGS: ClassVar[type[StageSettings]]
     ERROR: ClassVar[str]
     MOST_VALIDATED: ClassVar[int | None] = None
 
@@ -48,23 +38,6 @@ class Stage(TrainableModule):
         super().__init__()
         self.settings, self.space, self.label = settings, space, label
         self.laplacian = CotangentLaplacian(space.mean, space.faces)
-
-    @classmethod
-    def parse(cls, values: Mapping[str, Mapping[str, Any]]) -> StageSettings:
-        """Settings from nested mappings as they stand in a config or a checkpoint."""
-        return StageSettings(
-            cls.parse_network(values.get("network", {})),
-            parse_settings(cls.LOSS, values.get("loss", {})),
-            parse_settings(Garment4dTraining, values.get("training", {})),
-            parse_settings(
-                SkinningSettings, {**asdict(cls.SKINNING), **values.get("skinning", {})}
-            ),
-        )
-
-    @classmethod
-    def parse_network(cls, values: Mapping[str, Any]) -> Any:
-        """Sizes from a mapping."""
-        return parse_settings(cls.NETWORK, values)
 
     @property
     def body_relative_points(self) -> bool:
@@ -112,7 +85,7 @@ class Stage(TrainableModule):
         """All that is needed to build the module again, as plain values and tensors."""
         return {
             "checkpoint_type": self.checkpoint_type,
-            "settings": plain(asdict(self.settings)),
+            "settings": self.settings.plain(),
             "space": {key: torch.from_numpy(value) for key, value in vars(self.space).items()},
             "label": self.label,
         }

@@ -1,7 +1,6 @@
 """A whole training of a stage: from sequences to a finished folder."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.digests import arrays_digest
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.module import plain
 
 
 def train_stage(
@@ -55,7 +53,7 @@ def train_stage(
         epochs=training.epochs,
         monitor="val_total",
         settings={
-            **plain(asdict(stage.settings)),
+            **stage.settings.plain(),
             "sequences": sequences.data.name.tolist(),
             "data": arrays_digest(sequences.arrays()),
             **stage.dependencies(),

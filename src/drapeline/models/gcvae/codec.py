@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -11,8 +11,8 @@ import torch
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.training.batches import Batch
-from drapeline.models.training.module import plain
 from drapeline.registration.to_body.topology import TOPOLOGIES
+from drapeline.settings import Settings
 
 
 class Garments(Protocol):
@@ -65,18 +65,20 @@ class GarmentCodec(torch.nn.Module, ABC):
     """Garments to codes and back, given conditions.
 
     Args:
-        settings: a dataclass, from which the codec can be built again.
+        settings: of `SETTINGS`, from which the codec can be built again.
         body_template: faces, statistics and rest bodies.
 
     Attributes:
         checkpoint_type: names the class in its checkpoints.
         model: its name in the table of metrics.
+        SETTINGS: class of its settings.
         resolves_penetration: whether decoded garments in motion are evened out and pushed out of
             the body, which the paper does not do.
     """
 
     checkpoint_type: ClassVar[str]
     model: ClassVar[str]
+    SETTINGS: ClassVar[type[Settings]]
     resolves_penetration: ClassVar[bool] = False
 
     def __init__(self, settings: Any, body_template: BodyTemplate) -> None:
@@ -95,11 +97,6 @@ class GarmentCodec(torch.nn.Module, ABC):
         return self.offset_mean.device
 
     # ---- what models do differently
-
-    @classmethod
-    @abstractmethod
-    def parse(cls, values: Mapping[str, Any]) -> Any:
-        """Settings from mappings, as in a config or a checkpoint."""
 
     @property
     @abstractmethod
@@ -179,7 +176,7 @@ class GarmentCodec(torch.nn.Module, ABC):
         """Everything needed to build it again, as plain values and tensors."""
         return {
             "checkpoint_type": self.checkpoint_type,
-            "settings": plain(asdict(self.settings)),
+            "settings": self.settings.plain(),
             "body_template": self.body_template.tensors(),
         }
 

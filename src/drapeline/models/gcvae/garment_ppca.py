@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import torch
@@ -19,6 +19,7 @@ from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.gcvae.ppca import Ppca, blur_mask, fit_ppca
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.layers.mesh_graph import scaled_laplacian
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
@@ -35,19 +36,6 @@ class MirroredGarments(Garments, Protocol):
 
     def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
         """(n, C) conditions of the rows' mirror images."""
-
-
-@dataclass(frozen=True)
-class PpcaSettings:
-    """What a fit depends on besides its data.
-
-    Attributes:
-        latent: numbers of a code.
-        seed: of the rows and the vertices that are chosen.
-    """
-
-    latent: int = 128
-    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -89,6 +77,7 @@ class GarmentPpca(GarmentCodec):
     """
 
     model = "ppca"
+    SETTINGS = PpcaSettings
     constants: ClassVar[PpcaConstants]
     channels: ClassVar[int]
 
@@ -113,11 +102,6 @@ class GarmentPpca(GarmentCodec):
         )
         for moment in ("mean", "std"):
             self._constant(f"cvar_{moment}")
-
-    @classmethod
-    def parse(cls, values: Mapping[str, Any]) -> PpcaSettings:
-        """Settings from a mapping, as in a config or a checkpoint."""
-        return PpcaSettings(**values)
 
     @property
     def latent(self) -> int:
@@ -269,7 +253,7 @@ def save_fit(
             scratch / SETTINGS,
             {
                 "checkpoint_type": ppca.checkpoint_type,
-                **asdict(ppca.settings),
+                **ppca.settings.plain(),
                 "constants": asdict(ppca.constants),
             },
         )

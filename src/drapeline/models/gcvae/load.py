@@ -33,6 +33,6 @@ def load_codec(path: str | Path) -> GarmentCodec:
     cls = _CLASSES[checkpoint_type]
     with building(path):
         template = BodyTemplate.from_tensors(about["body_template"])
-        model = cls(cls.parse(about["settings"]), template)
+        model = cls(cls.SETTINGS(**about["settings"]), template)
     load_state(model, checkpoint, path)
     return model.eval()

@@ -1,51 +1,9 @@
-"""The loss of CLOTH3D equations 3 and 4, and the schedule of its KL term."""
-
-from dataclasses import dataclass
+"""The terms of the loss of CLOTH3D equations 3 and 4."""
 
 import torch
 import torch.nn.functional as F
 
 _SMALL_M = 1e-5
-
-
-@dataclass(frozen=True)
-class GcvaeLoss:
-    """Weights and forms of the loss; numbers as printed in CLOTH3D.
-
-    Each term is a mean: offsets over the coordinates of the vertices that count, in units of
-    normalised offsets; normals over faces, of the L1 norm of the difference of unit normals; the
-    mask over vertices; KL over samples and over the components of z. Read as a sum over z, the
-    printed KL weights would leave no information in z (0.25 per nat against an L1 below one).
-
-    Attributes:
-        normals: lambda_n.
-        mask: lambda_m.
-        condition: weight of the regression of cvar^z.
-        kl_start: lambda_KL over the first part of training.
-        kl_flat_share: length of that part as a share of all epochs; the paper's 50 of 100.
-        kl_rise: what lambda_KL gains over one hundredth of training after it.
-        kl_max: cap of lambda_KL; the printed schedule ends at 0.25.
-        mask_form: "l1" on the mask's probability, or "bce".
-        offsets_form: "l1" of normalised offsets, or "distance": the Euclidean distance in
-            centimetres, which is the surface error.
-        offsets_within: "mask" counts vertices of the true mask only, "all" counts every vertex.
-    """
-
-    normals: float = 70.0
-    mask: float = 0.1
-    condition: float = 1.0
-    kl_start: float = 1e-4
-    kl_flat_share: float = 0.5
-    kl_rise: float = 0.005
-    kl_max: float = 0.25
-    mask_form: str = "l1"
-    offsets_form: str = "l1"
-    offsets_within: str = "mask"
-
-    def kl_weight(self, share: float) -> float:
-        """lambda_KL once `share` (0 to 1) of training is done."""
-        rise = self.kl_rise * 100 * max(share - self.kl_flat_share, 0.0)
-        return min(self.kl_start + rise, self.kl_max)
 
 
 def kl_nat(mean: torch.Tensor, log_variance: torch.Tensor) -> torch.Tensor:

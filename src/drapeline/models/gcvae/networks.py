@@ -6,7 +6,6 @@ samples are rows of one matrix.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from torch import nn
 
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.settings import GcvaeNetwork
 from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.mesh_graph import MeshGraph
@@ -23,32 +23,6 @@ from drapeline.registration.to_body.topology import TOPOLOGIES
 
 # Clamped, so that garments unlike any in training give no infinite variance.
 _LOG_VARIANCE_RANGE = (-12.0, 8.0)
-
-
-@dataclass(frozen=True)
-class GcvaeNetwork:
-    """Sizes of the networks; CLOTH3D gives `latent`, `order` and the number of levels.
-
-    Attributes:
-        widths: features per node at each level, finest first.
-        scale: factor on the widths of all levels but the finest; 2 for the DVAE.
-        features: width of the first fully connected layer of the encoder.
-        latent: numbers in z.
-        condition: numbers in cvar^z.
-        order: K, the Chebyshev order; 1 means two terms.
-    """
-
-    widths: tuple[int, ...] = (16, 32, 64, 64, 128, 128)
-    scale: int = 1
-    features: int = 256
-    latent: int = 128
-    condition: int = 32
-    order: int = 1
-
-    @property
-    def level_widths(self) -> list[int]:
-        """Features per node after scaling; the first and the last layer keep theirs."""
-        return [self.widths[0], *(self.scale * width for width in self.widths[1:])]
 
 
 class Code(NamedTuple):

@@ -1,44 +1,250 @@
-"""Settings of the garment VAEs: from a config or a checkpoint to dataclasses."""
+"""Settings of the garment VAEs, of their conditioning and of the PCA beside them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Literal
 
-from drapeline.models.gcvae.loss import GcvaeLoss
-from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.training.module import Training
+from drapeline.models.gcvae.variants import STATIC_PPCA, SVAE_VARIANTS
+from drapeline.models.training.settings import Trainer, Training
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.settings import ConfigDict, Field, OneOf, Settings, SkipJsonSchema
+
+# Samples and figures need a mask.
+_WITH_MASK = (
+    *(name for name, changes in SVAE_VARIANTS.items() if "training" not in changes),
+    STATIC_PPCA,
+)
+_Deviations = Annotated[float, Field(ge=-5, le=5)]
+_Weight = Annotated[float, Field(ge=0, le=10_000)]
 
 
-@dataclass(frozen=True)
-class GcvaeTraining(Training):
-    """How a garment VAE is trained; the numbers are CLOTH3D's where it prints any.
+class GcvaeNetwork(Settings):
+    """Sizes of the networks.
 
-    Attributes:
-        normal_parts: faces are split into so many parts; each step compares the normals of one.
-        mask: whether the decoder predicts the mask.
-        version: what a DVAE's offsets are measured from: "posed", the posed body, or "unposed",
-            the static garment. An SVAE has "rest".
+    CLOTH3D gives `latent`, `order` and the number of levels.
     """
 
-    normal_parts: int = 4
-    mask: bool = True
-    version: str = "rest"
+    scale: SkipJsonSchema[int] = Field(
+        1, description="Factor on the widths of all levels but the finest; 2 for the DVAE."
+    )
+    widths: tuple[Annotated[int, Field(ge=1, le=1024)], ...] = Field(
+        (8, 16, 32, 64, 64, 128),
+        min_length=1,
+        description="Features per node at each of the six levels of the hierarchy, finest first.",
+    )
+    features: int = Field(
+        256,
+        ge=1,
+        le=8192,
+        description="Width of the fully connected layer between the coarsest level and the code.",
+    )
+    latent: int = Field(128, ge=1, le=1024, description="Dimensions of the latent code.")
+    condition: int = Field(
+        32, ge=1, le=1024, description="Dimensions of the code of the conditional variables."
+    )
+    order: int = Field(
+        1, ge=1, le=6, description="Order K of the Chebyshev polynomials; 1 means two terms."
+    )
+
+    @property
+    def level_widths(self) -> list[int]:
+        """Features per node after scaling; the first and the last layer keep theirs."""
+        return [self.widths[0], *(self.scale * width for width in self.widths[1:])]
 
 
-@dataclass(frozen=True)
-class VaeSettings:
-    """Everything that a garment VAE is built from besides its body template."""
+class GcvaeLoss(Settings):
+    """Weights and forms of the loss.
 
-    network: GcvaeNetwork = field(default_factory=GcvaeNetwork)
-    loss: GcvaeLoss = field(default_factory=GcvaeLoss)
-    training: GcvaeTraining = field(default_factory=GcvaeTraining)
+    Each term is a mean: offsets over the coordinates of the vertices that count, in units of
+    normalised offsets; normals over faces, of the L1 norm of the difference of unit normals; the
+    mask over vertices; KL over samples and over the components of z. Read as a sum over z, the
+    printed KL weights would leave no information in z (0.25 per nat against an L1 below one).
+    """
 
-    @classmethod
-    def of(cls, values: Mapping[str, Mapping[str, Any]]) -> "VaeSettings":
-        """From nested mappings, as in a config or a checkpoint."""
-        network = {k: tuple(v) if k == "widths" else v for k, v in values["network"].items()}
-        return cls(
-            GcvaeNetwork(**network),
-            GcvaeLoss(**values["loss"]),
-            GcvaeTraining(**values["training"]),
-        )
+    normals: float = Field(
+        0.02,
+        ge=0,
+        le=10_000,
+        description=(
+            "Weight of the normals; with the 70 of the paper, nothing is left for the offsets."
+        ),
+    )
+    mask: float = Field(0.5, ge=0, le=10_000, description="Weight of the mask.")
+    condition: float = Field(
+        0.1,
+        ge=0,
+        le=10_000,
+        description="Weight of the regression of the conditional variables' code.",
+    )
+    kl_start: float = Field(
+        0.0001,
+        ge=0,
+        le=1000,
+        description="Weight of the KL divergence over the first part of training.",
+    )
+    kl_flat_share: float = Field(
+        0.5, ge=0, le=1, description="Length of that first part, as a share of training."
+    )
+    kl_rise: float = Field(
+        0.005,
+        ge=0,
+        le=1000,
+        description="Increase of the weight per hundredth of training after that part.",
+    )
+    kl_max: float = Field(0.02, ge=0, le=1000, description="Largest weight.")
+    mask_form: Literal["l1", "bce"] = Field(
+        "bce", description="Loss on the probabilities of the mask."
+    )
+    offsets_form: Literal["l1", "distance"] = Field(
+        "l1", description="L1 on normalised offsets, or distances in centimetres."
+    )
+    offsets_within: Literal["mask", "all"] = Field(
+        "mask", description="Vertices whose offsets count in the loss."
+    )
+
+    def kl_weight(self, share: float) -> float:
+        """lambda_KL once `share` (0 to 1) of training is done."""
+        rise = self.kl_rise * 100 * max(share - self.kl_flat_share, 0.0)
+        return min(self.kl_start + rise, self.kl_max)
+
+
+class GcvaeTraining(Training):
+    """How long and how fast a garment VAE is trained."""
+
+    epochs: int = Field(
+        12,
+        ge=1,
+        le=10_000,
+        description="Passes over the training garments; schedules are relative to this number.",
+    )
+    batch: int = Field(8, ge=1, le=4096, description="Garments per step, on each device.")
+    learning_rate: float = Field(0.001, gt=0, le=1, description="Learning rate of Adam.")
+    schedule: Literal["constant", "one_cycle"] = Field(
+        "one_cycle", description="Schedule of the learning rate."
+    )
+    normal_parts: int = Field(
+        4,
+        ge=1,
+        le=64,
+        description="Each step computes normals on one of this many subsets of the faces.",
+    )
+    mask: SkipJsonSchema[bool] = Field(True, description="Whether the decoder predicts the mask.")
+    version: SkipJsonSchema[Literal["rest", "posed", "unposed"]] = Field(
+        "rest",
+        description=(
+            "What a DVAE's offsets are measured from: the posed body, or, with unposed, the "
+            "static garment. An SVAE has rest."
+        ),
+    )
+
+
+class VaeSettings(Settings):
+    """The model of garments at rest."""
+
+    network: GcvaeNetwork = GcvaeNetwork()
+    loss: SkipJsonSchema[GcvaeLoss] = GcvaeLoss()
+    training: GcvaeTraining = GcvaeTraining()
+
+
+class DvaeSettings(VaeSettings):
+    """The model of garments in motion."""
+
+    training: GcvaeTraining = GcvaeTraining(epochs=3, learning_rate=0.002)
+
+
+class ConditioningTraining(Training):
+    """How the autoencoder of the conditions is trained."""
+
+    epochs: int = Field(
+        60,
+        ge=1,
+        le=10_000,
+        description="Passes of the conditioning autoencoder over the training garments.",
+    )
+    batch: SkipJsonSchema[int] = Field(32, ge=1, description="Garments per step.")
+    learning_rate: SkipJsonSchema[float] = Field(0.003, gt=0, description="Rate of Adam.")
+    schedule: SkipJsonSchema[str] = Field("one_cycle", description="Schedule of that rate.")
+
+
+class ConditioningSettings(Settings):
+    """How the autoencoder of the conditions is built and trained."""
+
+    condition: int = Field(32, ge=1, le=1024, description="Numbers in cvar^z.")
+    training: ConditioningTraining = ConditioningTraining()
+
+
+class PpcaSettings(Settings):
+    """What a fit of the PCA depends on besides its data."""
+
+    latent: int = Field(128, ge=1, le=1024, description="Numbers of a code.")
+    seed: int = Field(0, description="Seed of the rows and the vertices that are chosen.")
+
+
+class Dvae(DvaeSettings):
+    """The model of garments in motion, and what it learns from."""
+
+    static_model: Literal["svae", "static_ppca"] = Field(
+        "static_ppca", description="The static model whose codes the dynamic one is conditioned on."
+    )
+    frame_step: int = Field(3, ge=1, le=300, description="Every n-th frame of a sequence is used.")
+
+
+class Evaluation(Settings):
+    """What the models are compared with."""
+
+    pca_components: int = Field(
+        128,
+        ge=1,
+        le=4096,
+        description=(
+            "Components of the principal component baseline; at most one less than the number of "
+            "training garments."
+        ),
+    )
+
+
+class Sampling(Settings):
+    """Garments that `snakemake sample_garments` draws."""
+
+    variant: Annotated[str, OneOf(_WITH_MASK)] = Field(
+        "static_ppca", description="The static model that samples and figures are made with."
+    )
+    count: int = Field(24, ge=1, le=99_999, description="Garments to draw.")
+    garments: tuple[Annotated[str, OneOf(("prior", *GARMENTS))], ...] = Field(
+        GARMENTS,
+        min_length=1,
+        description=(
+            "Types to take turns over; prior draws codes from the standard normal, whatever type "
+            "results."
+        ),
+    )
+    female_share: float = Field(
+        0.6666666666666666, ge=0, le=1, description="Share of female bodies."
+    )
+    shape: Annotated[tuple[_Deviations, ...], Field(min_length=10, max_length=10)] | None = Field(
+        None, description="Body shape of all garments; null draws one for each."
+    )
+    tightness: tuple[_Deviations, _Deviations] | None = Field(
+        None, description="Tightness of all garments; null draws one for each."
+    )
+    settle: bool = Field(
+        True,
+        description=(
+            "Whether to smooth garments and push them out of the body after decoding, which the "
+            "paper does not do; otherwise no vertex is moved."
+        ),
+    )
+
+
+class GcvaeSettings(Settings):
+    """The graph conditional variational auto-encoders of garments at rest (svae) and in motion
+    (dvae).
+    """
+
+    model_config = ConfigDict(title="Garment VAEs")
+
+    svae: VaeSettings = VaeSettings()
+    dvae: Dvae = Dvae()
+    loss: GcvaeLoss = GcvaeLoss()
+    conditioning: ConditioningTraining = ConditioningTraining()
+    trainer: Trainer = Trainer()
+    evaluation: Evaluation = Evaluation()
+    sampling: Sampling = Sampling()

@@ -1,7 +1,6 @@
 """Train a garment VAE: from data and settings to a finished folder."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from drapeline.models.training.batches import TrainingBatches
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.digests import tensors_digest
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.module import BEST, plain
+from drapeline.models.training.module import BEST
 
 
 def train_vae(
@@ -42,7 +41,7 @@ def train_vae(
     training = model.settings.training
     about = {
         "checkpoint_type": model.checkpoint_type,
-        **plain(asdict(model.settings)),
+        **model.settings.plain(),
         "body_template": tensors_digest(model.body_template.tensors()),
         "code": code,
     }

@@ -1,7 +1,5 @@
 """Train the conditioning autoencoder, alone and before the networks that it conditions."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -9,30 +7,11 @@ import numpy as np
 import torch
 
 from drapeline.models.gcvae.conditioning import ConditioningAutoencoder, cvar_statistics
+from drapeline.models.gcvae.settings import ConditioningSettings
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.module import TrainableModule, Training, plain
+from drapeline.models.training.module import TrainableModule
 from drapeline.seeding import rng_for
-
-_TRAINING = Training(epochs=60, learning_rate=3e-3, schedule="one_cycle")
-
-
-@dataclass(frozen=True)
-class ConditioningSettings:
-    """How the autoencoder is built and trained.
-
-    Attributes:
-        condition: numbers in cvar^z.
-        training: how long and how fast.
-    """
-
-    condition: int = 32
-    training: Training = field(default=_TRAINING)
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "ConditioningSettings":
-        """From nested mappings; settings missing from the training have their defaults."""
-        return cls(values["condition"], replace(_TRAINING, **values["training"]))
 
 
 class Conditions(Protocol):
@@ -97,7 +76,7 @@ class ConditioningTraining(TrainableModule):
 
     def about(self) -> dict[str, Any]:
         """Type and settings; the statistics are among the weights."""
-        return {"checkpoint_type": self.checkpoint_type, "settings": plain(asdict(self.settings))}
+        return {"checkpoint_type": self.checkpoint_type, "settings": self.settings.plain()}
 
 
 def train_conditioning(
@@ -132,7 +111,7 @@ def train_conditioning(
         epochs=training.epochs,
         monitor="val_loss",
         settings={
-            **plain(asdict(settings)),
+            **settings.plain(),
             "mean": mean.tolist(),
             "std": std.tolist(),
             "code": code,

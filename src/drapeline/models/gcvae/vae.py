@@ -3,7 +3,6 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -19,7 +18,7 @@ from drapeline.models.gcvae.loss import (
     offset_sums,
 )
 from drapeline.models.gcvae.networks import Code, Gcvae
-from drapeline.models.gcvae.settings import VaeSettings
+from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
 from drapeline.models.training.module import TrainableModule
@@ -76,11 +75,6 @@ class GarmentVae(GarmentCodec, TrainableModule):
             for moment in ("mean", "std"):
                 self._constant(f"{name}_{moment}")
         self._constant("body_basis")
-
-    @classmethod
-    def parse(cls, values: Mapping[str, Any]) -> VaeSettings:
-        """Settings from nested mappings, as in a config or a checkpoint."""
-        return VaeSettings.of(values)
 
     @property
     def latent(self) -> int:
@@ -256,6 +250,7 @@ class StaticVae(GarmentVae):
 
     checkpoint_type = "static"
     model = "svae"
+    SETTINGS = VaeSettings
 
     def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(settings, body_template, inputs=6)
@@ -279,8 +274,9 @@ class DynamicVae(GarmentVae):
 
     checkpoint_type = "dynamic"
     model = "dvae"
+    SETTINGS = DvaeSettings
 
-    def __init__(self, settings: VaeSettings, body_template: BodyTemplate) -> None:
+    def __init__(self, settings: DvaeSettings, body_template: BodyTemplate) -> None:
         super().__init__(
             settings, body_template, inputs=9 if settings.training.version == "unposed" else 6
         )

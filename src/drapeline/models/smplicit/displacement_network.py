@@ -8,7 +8,6 @@ B frames of garments, P points, K clusters of the body. Displacements are in the
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 import torch
@@ -19,7 +18,7 @@ from drapeline.models.smplicit.clusters import cluster_places
 from drapeline.models.smplicit.decoder import Decoder
 from drapeline.models.smplicit.displacement_settings import DisplacementSettings
 from drapeline.models.training.batches import Batch
-from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
+from drapeline.models.training.module import RATE_SHARE, TrainableModule
 from drapeline.seeding import rng_for
 
 TURN_NUMBERS = 12
@@ -89,17 +88,12 @@ class DisplacementField(TrainableModule):
         self.codes = torch.nn.Parameter(torch.zeros(garments, sizes.code))
         self.register_buffer("place_basis", place_basis)
 
-    @classmethod
-    def parse(cls, values: Mapping[str, Any]) -> DisplacementSettings:
-        """Settings from nested mappings, as in a config or a checkpoint."""
-        return DisplacementSettings.of(values)
-
     def about(self) -> dict[str, Any]:
         """Settings and sizes for the checkpoint."""
         return {
             "checkpoint_type": self.checkpoint_type,
             "name": self.name,
-            "settings": plain(asdict(self.settings)),
+            "settings": self.settings.plain(),
             "clusters": self.decoder.clusters,
             "garments": len(self.codes),
         }

@@ -5,7 +5,6 @@ distance field. The surfaces of the fitted field are then compared with the garm
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -30,9 +29,10 @@ from drapeline.metrics.garment import (
 )
 from drapeline.metrics.table import MetricRow, summary_rows
 from drapeline.models.smplicit.held_out import HeldOut
-from drapeline.models.smplicit.model import Meshing, SmplicitModel, garment_of_field
+from drapeline.models.smplicit.model import SmplicitModel, garment_of_field
 from drapeline.models.smplicit.network import GarmentField, Points
 from drapeline.models.smplicit.network_field import NetworkField
+from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, resize
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
@@ -44,24 +44,6 @@ Measures = dict[str, float]
 # Steps with a part of the points come first: far from the solution, they are as good as all.
 _FIRST_PART = 8
 _FITTED_AT_ONCE = 2  # garments, whose activations stay in the processor's cache
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How codes are fitted to samples of fields.
-
-    Attributes:
-        steps: of least squares with a part of the points, and as many with all of them.
-        near, space: points per garment; all that it has in the first half of its samples, if those
-            are fewer.
-        latent: lambda_z of the fit. It is larger than in training, since codes far from those of
-            training garments fit their points as well, and lose openings.
-    """
-
-    steps: int = 14
-    near: int = 384
-    space: int = 384
-    latent: float = 1e-2
 
 
 def true_meshes(data: FieldData, outfits: Sequence[StaticOutfit]) -> dict[int, Mesh]:
@@ -84,7 +66,7 @@ def true_meshes(data: FieldData, outfits: Sequence[StaticOutfit]) -> dict[int, M
 
 
 def fit_held_out(
-    network: GarmentField, data: FieldData, rows: np.ndarray, settings: FitSettings
+    network: GarmentField, data: FieldData, rows: np.ndarray, settings: FieldFitSettings
 ) -> np.ndarray:
     """(n, cut + style) codes of garments, fitted to points of the first half of their samples.
 
@@ -217,7 +199,7 @@ class FieldEvaluation:
         meshes: Mapping[int, Mesh],
         *,
         meshing: Meshing,
-        fit: FitSettings,
+        fit: FieldFitSettings,
         seed: int,
     ) -> None:
         self._model, self._data, self._meshes = model, data, meshes

@@ -23,7 +23,7 @@ from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures, mask_iou
 from drapeline.metrics.sequence import Measured, sequence_summary
 from drapeline.metrics.table import MetricRow
-from drapeline.models.smplicit.fit_images import FitImage
+from drapeline.models.smplicit.fit_images import wearing
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
     Wearer,
@@ -37,7 +37,7 @@ from drapeline.models.smplicit.fit_pictures import (
     shown_person,
 )
 from drapeline.models.smplicit.hanging import Hang, hang_outfit, hang_ways, most_like
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures import (
     BACKGROUND,
     BODY,
@@ -48,6 +48,7 @@ from drapeline.models.smplicit.pictures import (
     class_of_garment,
     garment_pixels,
 )
+from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rule_log import progress
 from drapeline.seeding import rng_for
@@ -319,7 +320,13 @@ class PictureEvaluation:
             name: (self._model(name), codes_of_class(self._model(name), name).mean(axis=0))
             for name in known.person.garments
         }
-        return dress(known.body, known.wearer, codes, self._fit.wearing, self._meshing)
+        return dress(
+            known.body,
+            known.wearer,
+            codes,
+            wearing(self._fit),
+            self._meshing,
+        )
 
 
 def _record(

@@ -9,7 +9,8 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.predictions import RebuiltGarment
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import Meshing
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
 
 

@@ -15,7 +15,6 @@ B garments.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ import torch
 
 from drapeline.models.smplicit.image_points import RayPoints, SeenPoints
 from drapeline.models.smplicit.network import GarmentField
+from drapeline.models.smplicit.settings import FitImage
 from drapeline.outfits.worn import Wearing
 
 _START_RAYS, _START_POINTS = 150, 8  # of either kind, and on each, that starts are compared at
@@ -30,48 +30,9 @@ _AT_ONCE = 2048  # points without gradients, whose activations stay in the proce
 _EASE = 1e-3  # of the codes' mean variance, added to all: there may be few of them
 
 
-@dataclass(frozen=True)
-class FitImage:
-    """How codes are fitted to a picture.
-
-    Attributes:
-        points: drawn in the model's box around the body.
-        neighbours: vertices of the body that a point follows; 1 in the paper.
-        ray_m: side of the squares of pixels that count as one ray, on the body, in metres.
-        rays: on the garment, and as many off it, that count in a step.
-        near: points of a ray, those that decide its loss, that count in a step.
-        starts: training codes that are tried as a start, beside their mean.
-        rounds: how often points are chosen anew.
-        steps: of Adam in each round.
-        rate: the first learning rate, of w; it falls to zero like a cosine.
-        off_weight: of rays off the garment.
-        prior: weight of the mean square of w.
-        clearance: whether points near the silhouette may be closer to the garment than d_max.
-        least_px: garments with fewer pixels are left out.
-        smoothing: passes that smooth the motions of a sheet into the pose.
-        hang_frames: for which a cloth solver lets garments hang on people; 0 for skinning alone.
-    """
-
-    points: int = 150_000
-    neighbours: int = 8
-    ray_m: float = 0.01
-    rays: int = 400
-    near: int = 2
-    starts: int = 32
-    rounds: int = 6
-    steps: int = 10
-    rate: float = 0.2
-    off_weight: float = 0.7
-    prior: float = 0.03
-    clearance: bool = True
-    least_px: int = 50
-    smoothing: int = 20
-    hang_frames: int = 0
-
-    @property
-    def wearing(self) -> Wearing:
-        """How sheets follow the body."""
-        return Wearing(self.neighbours, self.smoothing)
+def wearing(settings: FitImage) -> Wearing:
+    """How sheets follow the body into the pose."""
+    return Wearing(settings.neighbours, settings.smoothing)
 
 
 class CodePrior(NamedTuple):

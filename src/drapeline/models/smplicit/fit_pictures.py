@@ -14,10 +14,11 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
-from drapeline.models.smplicit.fit_images import FitImage, fit_garments, rank_codes
+from drapeline.models.smplicit.fit_images import fit_garments, rank_codes, wearing
 from drapeline.models.smplicit.image_points import SeenPoints, seen_points, space_points
 from drapeline.models.smplicit.model import REACH_M
 from drapeline.models.smplicit.pictures import CLASSES, GARMENT_CLASSES, Person, Picture
+from drapeline.models.smplicit.settings import FitImage
 from drapeline.outfits.worn import Wearing, wear
 from drapeline.rendering.camera import Camera
 from drapeline.rendering.modalities import cast_rays
@@ -233,7 +234,7 @@ def fit_picture(
                 name: (models[GARMENT_CLASSES[name].model], codes[i, name])
                 for name in person.garments
             },
-            settings.wearing,
+            wearing(settings),
             meshing,
         )
         for i, (person, body) in enumerate(zip(picture.people, bodies, strict=True))
@@ -305,7 +306,7 @@ def dress_nearest(
         ranked = rank_codes(model.network, seen, places, every, settings, rng)
         codes[name] = model, every[ranked[0]]
     body = next(iter(sought.values())).view.body
-    return dress(body, wearer, codes, settings.wearing, meshing)
+    return dress(body, wearer, codes, wearing(settings), meshing)
 
 
 def seen_parts(body: PosedBody, garments: Sequence[Mesh], camera: Camera) -> np.ndarray:

@@ -16,7 +16,6 @@ code, U unknowns of the body.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,7 +24,8 @@ import torch
 from drapeline.bodies.follow import move_to_rest, pose_body, with_cloth
 from drapeline.bodies.moved_body import SHAPE, UNKNOWNS, BodyState, MovedBody
 from drapeline.bodies.rest_body import SHAPES, shape_basis
-from drapeline.bodies.scan_fit import BodyFit, BodyTerms
+from drapeline.bodies.scan_fit import BodyTerms
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
@@ -33,6 +33,7 @@ from drapeline.geometry.least_squares import LeastSquares, absolute_weights
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.smplicit.fit_images import code_prior, spread_codes
 from drapeline.models.smplicit.scan_points import FieldPoints, field_points
+from drapeline.models.smplicit.settings import FitScan
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import HungSheet
 from drapeline.seeding import rng_for
@@ -42,38 +43,6 @@ if TYPE_CHECKING:
 
 _FLOOR = 0.1  # of d_max: below it, absolute differences are taken for squares
 _DAMPING, _MORE, _LESS = 0.1, 10.0, 3.0
-
-
-@dataclass(frozen=True)
-class FitScan:
-    """How codes are fitted to a scan.
-
-    Attributes:
-        cloth, around: points on each garment and off it, see `field_points`.
-        spread_m: of those in space.
-        uncovered_weight: of points off the garment where the scan shows skin or cloth that it would
-            cover; that of others is 1. Cloth in motion is wider than any at rest, so that with
-            equal weights larger garments would fit.
-        starts: training codes that are tried as a start, beside their mean.
-        steps: for codes alone.
-        joint_steps: for body and codes.
-        weight: of a garment's points, as a number of independent ones.
-        field_m: how far fields are off the scan's distances, metres.
-        neighbours: vertices of the body that a point follows back to rest; 1 in the paper.
-        hang_frames: for which a cloth solver lets garments hang on people; 0 for skinning alone.
-    """
-
-    cloth: int = 500
-    around: int = 750
-    spread_m: float = 0.02
-    uncovered_weight: float = 3.0
-    starts: int = 32
-    steps: int = 15
-    joint_steps: int = 8
-    weight: float = 180.0
-    field_m: float = 0.005
-    neighbours: int = 1
-    hang_frames: int = 0
 
 
 class FittedScan(NamedTuple):

@@ -15,12 +15,12 @@ import numpy as np
 
 from drapeline.bodies.follow import pose_body
 from drapeline.bodies.rest_body import SHAPES
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scans import to_scans
 from drapeline.dataset.segmented_scans import segment_scans
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.fit_images import FitImage
+from drapeline.models.smplicit.fit_images import wearing
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
     Sought,
@@ -29,11 +29,11 @@ from drapeline.models.smplicit.fit_pictures import (
     dress,
     fit_codes_to_views,
 )
-from drapeline.models.smplicit.fit_scans import FitScan
 from drapeline.models.smplicit.hanging import Hang, hang_person
-from drapeline.models.smplicit.model import Meshing, SmplicitModel, check_gender, finite
+from drapeline.models.smplicit.model import SmplicitModel, check_gender, finite
 from drapeline.models.smplicit.own_scans import find_garments
 from drapeline.models.smplicit.pictures import Person, class_of_garment
+from drapeline.models.smplicit.settings import FitImage, FitScan, Meshing
 from drapeline.rendering.camera import Camera
 
 
@@ -104,7 +104,13 @@ class FittingModel(SmplicitModel):
         view, settings, meshing = View(shown, unsure, camera, body), FitImage(), Meshing()
         (z,) = fit_codes_to_views(self, codes, [view], [wearer], [self.name], settings, seed)
         name = class_of_garment(garment or self.garments[0])
-        outfit = dress(body, wearer, {name: (self, z)}, settings.wearing, meshing)
+        outfit = dress(
+            body,
+            wearer,
+            {name: (self, z)},
+            wearing(settings),
+            meshing,
+        )
         if hang:
             person = Person(gender, wearer.shape, *at, camera, ~unsure, unsure, (name,))
             sought = {name: Sought(self, codes, view, self.name)}

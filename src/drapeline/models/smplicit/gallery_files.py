@@ -17,8 +17,9 @@ from drapeline.metrics.garment import shape_measures
 from drapeline.metrics.predictions import GalleryGarment
 from drapeline.metrics.properties import PROPERTIES, measure_properties, properties_of
 from drapeline.models.smplicit.gallery import CodeSpace, Shown, nearest_type
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.properties import region_of
+from drapeline.models.smplicit.settings import Meshing
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, load_npz, save_npz
 

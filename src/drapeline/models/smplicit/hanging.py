@@ -1,7 +1,6 @@
 """Garments that were found in pictures, as a cloth solver lets them hang on their wearers. Ours."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -9,7 +8,7 @@ import numpy as np
 from drapeline.bodies.follow import PosedBody, with_cloth
 from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.metrics.garment import mask_iou, piece_count
-from drapeline.models.smplicit.fit_images import FitImage
+from drapeline.models.smplicit.fit_images import wearing
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
     Sought,
@@ -22,6 +21,7 @@ from drapeline.models.smplicit.fit_pictures import (
     seen_parts,
 )
 from drapeline.models.smplicit.pictures import GARMENT_CLASSES, Person, Picture
+from drapeline.models.smplicit.settings import FitImage
 from drapeline.outfits.worn import HungSheet
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def hang_ways(
     if hung:
         codes = _fit_to_cloth(person, outfit, hung, sought, settings, seed)
         wearer = Wearer(person.gender, person.shape)
-        again = dress(_body(sought), wearer, codes, settings.wearing, meshing)
+        again = dress(_body(sought), wearer, codes, wearing(settings), meshing)
         ways["again"] = hang_outfit(same_kinds(again, nearest), person, models, hang)
         ways["fitted"] = as_hung(outfit, hung)
     return {name: way for name, way in ways.items() if way} or {"fitted": outfit}
@@ -153,7 +153,7 @@ def _fit_to_cloth(
     """Class -> model and code, fitted to points that follow its sheet as it hangs."""
     wearer = Wearer(person.gender, person.shape)
     # Codes are near where they go, so that half of the rounds are enough.
-    fit = replace(settings, rounds=(settings.rounds + 1) // 2)
+    fit = settings.replace(rounds=(settings.rounds + 1) // 2)
     codes = {name: (sought[name].model, garment.z) for name, garment in outfit.items()}
     for name, sheet in hung.items():
         around = with_cloth(_body(sought), sheet.rest.vertices, sheet.posed.vertices)

@@ -32,7 +32,7 @@ def load_field(folder: str | Path) -> GarmentField:
             raise InputError(
                 f"the model is named {about['name']!r:.100}, expected {' or '.join(FIELD_MODELS)}"
             )
-        settings = GarmentField.parse(about["settings"])
+        settings = FieldSettings(**about["settings"])
         basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
         return GarmentField(about["name"], settings, basis, about["rows"], start=False)
 

@@ -27,7 +27,7 @@ def load_displacement(folder: str | Path) -> DisplacementField:
     """
 
     def build(about: Mapping[str, Any]) -> DisplacementField:
-        settings = DisplacementField.parse(about["settings"])
+        settings = DisplacementSettings(**about["settings"])
         basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
         return DisplacementField(about["name"], settings, basis, about["garments"])
 

@@ -11,7 +11,6 @@ followed by z_style.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -30,6 +29,7 @@ from drapeline.models.smplicit.files import body_file, load_training_codes
 from drapeline.models.smplicit.latent import draw_between
 from drapeline.models.smplicit.load import load_field
 from drapeline.models.smplicit.network_field import NetworkField
+from drapeline.models.smplicit.settings import Meshing
 from drapeline.models.smplicit.sheet import extract_sheet
 from drapeline.models.smplicit.variants import FIELD_MODELS, Box
 from drapeline.models.smplicit.walls import Grid, extract_walls
@@ -40,19 +40,6 @@ from drapeline.seeding import rng_for
 REACH_M = 0.35
 _BLOCK_M = 0.06
 _LEAF = 32  # vertices in a tree's leaf; for points far from all of them twice as fast as 10
-
-
-@dataclass(frozen=True)
-class Meshing:
-    """How surfaces are extracted from a field.
-
-    Attributes:
-        cell_m: side of the finest cells.
-        threshold_m: t_d, the distance at which the walls of the paper lie.
-    """
-
-    cell_m: float = 0.012
-    threshold_m: float = 0.01
 
 
 class FieldGarment(NamedTuple):

@@ -3,8 +3,6 @@
 B garments, P points, K clusters of the body. The network's distances are in units of d_max.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +15,7 @@ from drapeline.models.smplicit.fit_fields import fit_codes
 from drapeline.models.smplicit.optimizer import JointOptimizer, Muon
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch
-from drapeline.models.training.module import RATE_SHARE, TrainableModule, plain
+from drapeline.models.training.module import RATE_SHARE, TrainableModule
 from drapeline.seeding import rng_for
 
 _VALIDATION_STEPS = 16
@@ -69,11 +67,6 @@ class GarmentField(TrainableModule):
         self.styles = torch.nn.Parameter(torch.zeros(rows, sizes.style))
         self.register_buffer("place_basis", place_basis)
 
-    @classmethod
-    def parse(cls, values: Mapping[str, Any]) -> FieldSettings:
-        """Settings from nested mappings, as in a config or a checkpoint."""
-        return FieldSettings.of(values)
-
     @property
     def d_max_m(self) -> float:
         """Where distances are clipped, metres."""
@@ -84,7 +77,7 @@ class GarmentField(TrainableModule):
         return {
             "checkpoint_type": self.checkpoint_type,
             "name": self.name,
-            "settings": plain(asdict(self.settings)),
+            "settings": self.settings.plain(),
             "clusters": self.decoder.clusters,
             "rows": len(self.styles),
         }

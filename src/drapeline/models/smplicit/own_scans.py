@@ -8,7 +8,7 @@ import numpy as np
 
 from drapeline.bodies.follow import PosedBody, pose_body
 from drapeline.bodies.moved_body import BodyState
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import fit_scan_body
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.dataset.tables import write_table
@@ -21,9 +21,10 @@ from drapeline.models.smplicit.fit_pictures import (
     Wearer,
     dress,
 )
-from drapeline.models.smplicit.fit_scans import FitScan, ScanFits, fit_scan, fit_to_cloth
+from drapeline.models.smplicit.fit_scans import ScanFits, fit_scan, fit_to_cloth
 from drapeline.models.smplicit.hanging import Hang, as_hung, same_kinds
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import HungSheet, Wearing
 from drapeline.registration.to_scan import move_to_scan

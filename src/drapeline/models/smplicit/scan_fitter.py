@@ -3,18 +3,19 @@
 from collections.abc import Mapping
 
 from drapeline.bodies.moved_body import BodyState
-from drapeline.bodies.scan_fit import BodyFit
+from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.fit_scans import FitScan, fit_scan
+from drapeline.models.smplicit.fit_scans import fit_scan
 from drapeline.models.smplicit.hanging import Hang, as_hung
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.own_scans import (
     dress_scan,
     hang_garments,
     hang_scan,
     move_garments,
 )
+from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 
 START, NEAREST, CODE, JOINT, MOVED = (

@@ -1,7 +1,6 @@
 """Train a model of SMPLicit: from data and settings to a finished folder."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
 from drapeline.models.training.digests import arrays_digest
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.module import plain
 
 
 class _Visits:
@@ -58,7 +56,7 @@ def train_field(
     about = {
         "checkpoint_type": model.checkpoint_type,
         "name": model.name,
-        **plain(asdict(model.settings)),
+        **model.settings.plain(),
         "data": arrays_digest(data.arrays()),
         "code": code,
     }

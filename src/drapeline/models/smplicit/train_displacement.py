@@ -1,6 +1,5 @@
 """Train the displacement of a model of SMPLicit: from data and settings to a finished folder."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from drapeline.models.smplicit.displacement_settings import DisplacementTraining
 from drapeline.models.training.batches import Batch, TrainingBatches
 from drapeline.models.training.digests import arrays_digest
 from drapeline.models.training.lightning import fit
-from drapeline.models.training.module import plain
 
 
 class _Edges:
@@ -53,7 +51,7 @@ def train_displacement(
     about = {
         "checkpoint_type": model.checkpoint_type,
         "name": model.name,
-        **plain(asdict(model.settings)),
+        **model.settings.plain(),
         "data": arrays_digest(data.arrays() | {"clusters": model.place_basis.numpy()}),
         "code": code,
     }

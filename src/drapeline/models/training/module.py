@@ -6,37 +6,18 @@ which a job that only uses a trained network is spared.
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import torch
 
 from drapeline.errors import InputError
 from drapeline.models.training.batches import Batch
+from drapeline.models.training.settings import Training
 
 # Files in the folder of a training.
 LAST, BEST, SETTINGS = "last.ckpt", "best.ckpt", "settings.json"
 # Key of a group of parameters whose learning rate is a share of the training's.
 RATE_SHARE = "rate_share"
-
-
-@dataclass(frozen=True)
-class Training:
-    """How long and how fast a network is trained.
-
-    Attributes:
-        epochs: passes over the training rows; schedules are in shares of it.
-        batch: rows per step.
-        learning_rate: of Adam.
-        schedule: "constant", "late_decay" or "one_cycle", see `lightning.learning_rate`.
-        seed: of weights, order and noise.
-    """
-
-    epochs: int = 100
-    batch: int = 32
-    learning_rate: float = 1e-3
-    schedule: str = "constant"
-    seed: int = 0
 
 
 class _Settings(Protocol):
@@ -129,10 +110,3 @@ def fastest_device(accelerator: str = "auto") -> torch.device:
     """The device that networks are run on: CUDA where there is such a device, unless told "cpu"."""
     found = accelerator != "cpu" and torch.cuda.is_available()
     return torch.device("cuda" if found else "cpu")
-
-
-def plain(value: Any) -> Any:
-    """Tuples as lists, so that a checkpoint holds only plain values."""
-    if isinstance(value, dict):
-        return {key: plain(part) for key, part in value.items()}
-    return [plain(part) for part in value] if isinstance(value, tuple | list) else value

@@ -4,7 +4,6 @@ The source garment is deformed onto the template in three steps: its openings an
 surface, and equation 3.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,6 +25,7 @@ from drapeline.geometry.mesh import (
 )
 from drapeline.geometry.smoothing import uniform_laplacian
 from drapeline.geometry.sparse import symmetric_factor
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.front_opening import front_strip
 from drapeline.registration.to_template.garment_template import GarmentTemplate, named_loops
 
@@ -38,23 +38,6 @@ _STIFFNESS = (10.0, 10.0, 3.0, 3.0, 1.0, 1.0)
 # other, and a sleeve off the torso.
 _TURN_M = 0.1
 _ASIDE_M = 0.003  # this far from the body's middle a seam counts as twice as long
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How a garment is laid onto a template.
-
-    Attributes:
-        chamfer, edge, normal, boundary: lambda_c, lambda_e, lambda_n and lambda_b of equation 3,
-            for lengths in metres.
-        iterations: of L-BFGS on equation 3, at most.
-    """
-
-    chamfer: float = 1.0
-    edge: float = 1.0
-    normal: float = 0.01
-    boundary: float = 1.0
-    iterations: int = 8
 
 
 class Fit(NamedTuple):
@@ -122,7 +105,7 @@ def fit_to_template(
     vertices: np.ndarray,
     faces: np.ndarray,
     template: GarmentTemplate | FitTarget,
-    settings: FitSettings | None = None,
+    settings: TemplateFitSettings | None = None,
 ) -> Fit:
     """Deform a garment onto the template of its type.
 
@@ -136,7 +119,7 @@ def fit_to_template(
         InputError: the garment lacks an opening that its type has.
     """
     target = template if isinstance(template, FitTarget) else FitTarget(template)
-    settings = settings or FitSettings()
+    settings = settings or TemplateFitSettings()
     rest = np.asarray(vertices, dtype=np.float64)
     triangles = triangulate(np.asarray(faces))
     names = target.template.loop_names
@@ -300,7 +283,7 @@ class Equation3:
         triangles: np.ndarray,
         loops: dict[str, np.ndarray],
         target: FitTarget,
-        settings: FitSettings,
+        settings: TemplateFitSettings,
     ) -> None:
         """Index the edges and the neighbouring faces of the source."""
         self._triangles, self._loops, self._target = triangles, loops, target

@@ -10,10 +10,11 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import GarmentTemplate
 from drapeline.registration.to_template.remesh import Residual, remesh_table, residual
 from drapeline.registration.to_template.remesh_table import RemeshTable
-from drapeline.registration.to_template.template_fit import FitSettings, FitTarget, fit_to_template
+from drapeline.registration.to_template.template_fit import FitTarget, fit_to_template
 from drapeline.rule_log import progress
 from drapeline.storage import atomic_folder, save_npz
 
@@ -55,7 +56,7 @@ def write_tables(
     folder: str | Path,
     garments: Iterable[NamedGarment],
     templates: Mapping[str, GarmentTemplate],
-    settings: FitSettings,
+    settings: TemplateFitSettings,
 ) -> int:
     """Register garments and write `{type}.npz` of remesh tables, and `metrics.tsv` of residuals.
 

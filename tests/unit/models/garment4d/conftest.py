@@ -57,7 +57,7 @@ def trained_body_relative(folder: Path, opened: BodySequences) -> Path:
 def trained_posed(folder: Path, opened: BodySequences, trained_canonical: Path) -> Path:
     """On `trained_canonical`."""
     canonical = load_stage(trained_canonical, CanonicalStage)
-    return train_toys(folder, "posed", PosedStage(PosedStage.parse(POSED), canonical), opened)
+    return train_toys(folder, "posed", PosedStage(PosedStage.SETTINGS(**POSED), canonical), opened)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def canonical(sequences: BodySequences) -> CanonicalStage:
 @pytest.fixture
 def identity(canonical: CanonicalStage) -> PosedStage:
     """Untrained: displacements are zero."""
-    return PosedStage(PosedStage.parse(POSED), canonical).eval()
+    return PosedStage(PosedStage.SETTINGS(**POSED), canonical).eval()
 
 
 @pytest.fixture

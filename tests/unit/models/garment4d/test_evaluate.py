@@ -1,7 +1,6 @@
 """All variants of toy skirts, measured against the truth."""
 
 import copy
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +10,11 @@ from drapeline.errors import InputError
 from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.evaluate import Evaluation, EvaluationSettings, evaluate
+from drapeline.models.garment4d.evaluate import Evaluation, evaluate
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
+from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.models.garment4d.worn_statistics import training_worn_statistics
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from toys.garment4d import CANONICAL, fill_regression, open_toy_data, save_toy_data
 from toys.garment4d_stages import build_canonical
 
@@ -99,7 +99,7 @@ def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, ident
             {"canonical": canonical},
             {"posed": identity},
             ("test",),
-            replace(settings, noise_shape=noise_shape),
+            settings.replace(noise_shape=noise_shape),
             RefineSettings(rounds=1),
             None,
             pictures=tmp_path / "pictures",

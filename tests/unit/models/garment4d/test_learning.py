@@ -46,7 +46,7 @@ def build(name, sequences, astray=0.0, **training):
     canonical = build_canonical(sequences, PLAIN).eval()
     with torch.no_grad():  # an untrained one may see no garment, and so show the posed ones nothing
         canonical.network.segmentation.head[-1].bias[canonical.label] += 1e3
-    stage = cls(cls.parse(values), canonical)
+    stage = cls(cls.SETTINGS(**values), canonical)
     worn = sequences.data.canonical + np.float32([0, astray, 0])
     dressed = DressedSequences(sequences, worn, stage.settings.skinning)
     return stage, stage_windows(stage, dressed)

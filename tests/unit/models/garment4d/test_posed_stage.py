@@ -117,7 +117,7 @@ def test_training_garments_are_predicted_from_their_out_of_fold_alpha(
     trained_body_relative, sequences
 ):
     data, canonical = sequences.data, load_stage(trained_body_relative, CanonicalStage)
-    stage = PosedStage(PosedStage.parse(POSED), canonical)
+    stage = PosedStage(PosedStage.SETTINGS(**POSED), canonical)
     found = stage.predict_canonicals(data, ("train", "val"))
     for split in ("train", "val"):
         sequence = int(data.of_split(split)[0])
@@ -135,7 +135,7 @@ def test_training_garments_are_predicted_from_their_out_of_fold_alpha(
 
 def test_the_released_loss_of_the_posed_stage_sees_the_garment_alone(sequences, trained_canonical):
     values = {**POSED, "loss": {"laplacian_form": "released"}}
-    posed = PosedStage(PosedStage.parse(values), load_stage(trained_canonical, CanonicalStage))
+    posed = PosedStage(PosedStage.SETTINGS(**values), load_stage(trained_canonical, CanonicalStage))
     dressed = DressedSequences(sequences, sequences.data.canonical, posed.settings.skinning)
     batch = as_tensors(dressed.batch(sequences.data.windows("val", 3, 3), 3))
     with torch.no_grad():

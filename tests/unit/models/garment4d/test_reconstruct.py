@@ -1,7 +1,5 @@
 """Whole toy sequences through networks whose answer is known."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -17,7 +15,7 @@ from drapeline.models.garment4d.reconstruct import (
     refine,
 )
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from drapeline.seeding import rng_for
 from toys.garment4d import (
     toy_bodies,
@@ -86,8 +84,7 @@ def test_frames_are_the_mean_of_the_windows_that_hold_them(shaken, given, stride
 
 def test_displacements_of_a_whole_sequence_are_smoothed_over_frames(shaken, given):
     plain = reconstruct(shaken, **given)
-    network = replace(shaken.settings.network, smooth_passes=2)
-    shaken.settings = replace(shaken.settings, network=network)
+    shaken.settings = shaken.settings.replace(network={"smooth_passes": 2})
     away = (plain.final - plain.proposal).astype(np.float64)
     frames = len(away)
     mean = np.diag(np.full(frames, 2.0)) + np.eye(frames, k=1) + np.eye(frames, k=-1)
@@ -140,7 +137,9 @@ def test_turning_body_and_points_turns_proposals_and_leaves_where_on_the_body_po
     np.testing.assert_allclose(after[..., :3], points, atol=1e-6)
     np.testing.assert_allclose(after[..., 3:], before[..., 3:], atol=2e-3)
     before, after = (
-        propose_garment(body, x, canonical, data.space.faces, SkinningSettings(16, 5))
+        propose_garment(
+            body, x, canonical, data.space.faces, SkinningSettings(neighbours=16, passes=5)
+        )
         for x in (given["poses"], poses)
     )
     np.testing.assert_allclose(after, before @ turn.as_matrix().T, atol=1e-5)

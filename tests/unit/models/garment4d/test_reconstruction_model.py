@@ -12,7 +12,7 @@ from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.garment4d.reconstruct import reconstruct, refine
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel, check_labels
-from drapeline.registration.to_points import RefineSettings
+from drapeline.registration.settings import RefineSettings
 from toys.garment4d import GARMENT
 
 

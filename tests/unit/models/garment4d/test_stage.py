@@ -1,24 +1,27 @@
 """What both stages share, on a stage with one weight."""
 
-from dataclasses import dataclass
-
 import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.canonical import CanonicalWeights
+from drapeline.models.garment4d.settings import CanonicalWeights, StageSettings
 from drapeline.models.garment4d.stage import Stage, distance_mm, sequence_names, window_keys
+from drapeline.settings import Settings
 
 
-@dataclass(frozen=True)
-class ToySettings:
+class ToyNetwork(Settings):
     size: int = 2
     body_relative_points: bool = False
 
 
+class ToySettings(StageSettings):
+    network: ToyNetwork = ToyNetwork()
+    loss: CanonicalWeights = CanonicalWeights()
+
+
 class ToyStage(Stage):
     checkpoint_type = "toy"
-    NETWORK, LOSS, ERROR = ToySettings, CanonicalWeights, "toy_error_mm"
+    SETTINGS, ERROR = ToySettings, "toy_error_mm"
 
     def __init__(self, settings, space, label):
         super().__init__(settings, space, label)
@@ -35,7 +38,7 @@ BATCH = {"target": torch.tensor(5.0), "names": ["a/1", "b/2"]}
 
 @pytest.fixture
 def toy(data):
-    return ToyStage(ToyStage.parse({"network": {"size": 3}}), data.space, data.label)
+    return ToyStage(ToyStage.SETTINGS(**{"network": {"size": 3}}), data.space, data.label)
 
 
 def test_a_step_gives_the_total_and_logs_all_terms_and_the_error(toy):
@@ -58,7 +61,7 @@ def test_a_loss_that_is_not_finite_is_refused(toy):
 def test_initial_weights_depend_on_the_seed_alone(data):
     def weight(**training):
         values = {"network": {"size": 3}, "training": training}
-        return ToyStage(ToyStage.parse(values), data.space, data.label).weight
+        return ToyStage(ToyStage.SETTINGS(**values), data.space, data.label).weight
 
     assert torch.equal(weight(), weight(epochs=7))
     assert not torch.equal(weight(), weight(seed=1))
@@ -67,7 +70,7 @@ def test_initial_weights_depend_on_the_seed_alone(data):
 def test_checkpoints_hold_what_a_stage_is_built_from(toy, data):
     about = toy.about()
     assert (about["checkpoint_type"], about["label"]) == ("toy", data.label)
-    assert ToyStage.parse(about["settings"]) == toy.settings
+    assert ToyStage.SETTINGS(**about["settings"]) == toy.settings
     torch.testing.assert_close(about["space"]["mean"], torch.from_numpy(data.space.mean))
 
 

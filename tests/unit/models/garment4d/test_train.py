@@ -14,6 +14,7 @@ from drapeline.models.garment4d.stage import Stage
 from drapeline.models.training.checkpoints import read_checkpoint
 from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data
 from toys.garment4d_stages import build_canonical, train_toys
+from toys.paper import printed
 
 
 def shortened(values, epochs):
@@ -38,8 +39,8 @@ def test_baselines_are_trained_and_loaded(tmp_path, sequences, trained_canonical
     out = train_toys(tmp_path, "pointnet", stage, sequences)
     stage = load_stage(out, CanonicalStage, PointNetStage)
     assert stage.checkpoint_type == "garment4d_pointnet"
-    values = shortened({"network": {"widths": [8, 16]}}, 1)
-    stage = MgnStage(MgnStage.parse(values), load_stage(trained_canonical, CanonicalStage))
+    values = shortened({"network": {"widths": [8, 16]}, "loss": printed("garment4d.posed.loss")}, 1)
+    stage = MgnStage(MgnStage.SETTINGS(**values), load_stage(trained_canonical, CanonicalStage))
     out = train_toys(tmp_path, "mgn", stage, sequences)
     stage = load_stage(out, MgnStage)
     assert stage.settings.skinning.neighbours == 1
@@ -121,7 +122,7 @@ def test_a_killed_training_goes_on_with_the_same_data_alone(
 def test_a_killed_training_goes_on_with_the_same_canonical_network_alone(
     tmp_path, sequences, trained_body_relative, monkeypatch
 ):
-    settings = PosedStage.parse(shortened(POSED, 2))
+    settings = PosedStage.SETTINGS(**shortened(POSED, 2))
     for name, epoch in (("same", 1), ("other", 0)):
         canonical = load_stage(trained_body_relative, CanonicalStage)
         stage = PosedStage(settings, canonical)

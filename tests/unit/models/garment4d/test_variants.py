@@ -9,7 +9,7 @@ from toys.garment4d import POSED
 @pytest.mark.parametrize("name", POSED_VARIANTS)
 def test_variants_change_settings_that_there_are(name):
     settings = {"network": {}, "skinning": {}, **POSED}
-    changed = PosedStage.parse(override_settings(settings, POSED_VARIANTS[name]))
+    changed = PosedStage.SETTINGS(**override_settings(settings, POSED_VARIANTS[name]))
     for group, values in POSED_VARIANTS[name].items():
         for key, value in values.items():
             assert getattr(getattr(changed, group), key) == value

@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from drapeline.models.gcvae.codes import Codes, decode_codes
-from drapeline.models.gcvae.garment_ppca import PpcaSettings, StaticPpca
+from drapeline.models.gcvae.garment_ppca import StaticPpca
 from drapeline.models.gcvae.sampling import draw
 from drapeline.models.gcvae.sampling.types import fit_types
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.static_files import TrainingCodes, mask_rates
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors

@@ -7,12 +7,12 @@ import torch
 from drapeline.errors import InputError
 from drapeline.models.gcvae.garment_ppca import (
     DynamicPpca,
-    PpcaSettings,
     StaticPpca,
     mirror_batch,
     save_fit,
 )
 from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.training.batches import as_tensors
 from toys.gcvae import ToyGarments, toy_template
 

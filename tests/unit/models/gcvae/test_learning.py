@@ -1,14 +1,10 @@
 """What training the garment VAEs and their conditions comes to on any processor."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from drapeline.models.gcvae.conditioning import cvar_statistics
-from drapeline.models.gcvae.loss import GcvaeLoss
-from drapeline.models.gcvae.settings import GcvaeTraining
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings, ConditioningTraining
+from drapeline.models.gcvae.settings import ConditioningSettings, ConditioningTraining
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
@@ -23,13 +19,12 @@ from toys.learning import (
     shake_weights,
 )
 
-SETTINGS = replace(
-    gcvae_files.SETTINGS,
-    loss=GcvaeLoss(normals=1.0),
-    training=GcvaeTraining(epochs=10, learning_rate=0.003, normal_parts=2),
+SETTINGS = gcvae_files.SETTINGS.replace(
+    loss={"normals": 1.0},
+    training={"epochs": 10, "learning_rate": 0.003, "normal_parts": 2},
 )
-DISTANCE = replace(
-    SETTINGS, loss=GcvaeLoss(normals=0.3, mask=1.0, mask_form="bce", offsets_form="distance")
+DISTANCE = SETTINGS.replace(
+    loss={"normals": 0.3, "mask": 1.0, "mask_form": "bce", "offsets_form": "distance"}
 )
 VAES = {
     "static": (StaticVae, SETTINGS),
@@ -41,9 +36,9 @@ VAES = {
 
 def build(cls, settings, seed=0):
     if issubclass(cls, DynamicVae):
-        training = replace(settings.training, version="unposed", mask=False)
-        settings = replace(settings, training=training)
-    settings = replace(settings, training=replace(settings.training, seed=seed))
+        training = settings.training.replace(version="unposed", mask=False)
+        settings = settings.replace(training=training)
+    settings = settings.replace(training={"seed": seed})
     vae = cls(settings, toy_template())
     vae.prepare(ToyGarments())
     return vae
@@ -73,7 +68,7 @@ def test_gradients_of_the_whole_loss_by_finite_differences(name):
 @pytest.mark.parametrize("order", [1, 3])
 def test_mixed_precision_gives_almost_the_same_loss_and_gradient(name, order):
     cls, settings = VAES[name]
-    settings = replace(settings, network=replace(settings.network, order=order))
+    settings = settings.replace(network={"order": order})
     vae, batch = late(build(cls, settings)), batch_of(2, 0, 1)
     assert_mixed_precision_agrees(vae, lambda vae: vae.training_step(batch), cosine=0.9)
 
@@ -93,7 +88,7 @@ class RelatedConditions(ToyGarments):
 
 
 def conditioning(seed):
-    settings = ConditioningSettings.of({"condition": 6, "training": {"seed": seed}})
+    settings = ConditioningSettings(condition=6, training={"seed": seed})
     return ConditioningTraining(settings, *cvar_statistics(conditions("train")["cvar"].numpy()))
 
 

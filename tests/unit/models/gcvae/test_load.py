@@ -1,18 +1,17 @@
 """Trained networks and fitted PCA from their checkpoints."""
 
-from dataclasses import replace
-
 import pytest
 import torch
 
 from drapeline.errors import DamagedFile, InputError
-from drapeline.models.gcvae.garment_ppca import DynamicPpca, PpcaSettings, StaticPpca
+from drapeline.models.gcvae.garment_ppca import DynamicPpca, StaticPpca
 from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.settings import DvaeSettings, PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from toys.gcvae import toy_template
 from toys.gcvae_files import SETTINGS, save_model, shaken
 
-MOVING = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, version="unposed"))
+MOVING = DvaeSettings(**SETTINGS.replace(training={"mask": False, "version": "unposed"}).plain())
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Equations 3 and 4: terms by hand, by integration and by slow twins, and what they teach."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,21 +8,22 @@ import torch
 
 from drapeline.geometry.mesh import face_normals, faces_within
 from drapeline.models.gcvae.loss import (
-    GcvaeLoss,
     distance_sums,
     kl_nat,
     mask_sums,
     normal_sums,
     offset_sums,
 )
-from drapeline.models.gcvae.networks import Code, GcvaeNetwork
-from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.networks import Code
+from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.vae import StaticVae, conditions_of
 from drapeline.models.layers.mesh_normals import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
 from toys.gcvae import ToyGarments, toy_template
+from toys.paper import printed
 
+PRINTED = GcvaeLoss(**printed("gcvae.loss"))
 ROWS = np.arange(6)
 
 
@@ -123,7 +123,7 @@ def test_gradients_by_finite_differences():
 
 
 def test_weights_are_the_printed_ones():
-    loss = GcvaeLoss()
+    loss = PRINTED
     assert (loss.normals, loss.mask, loss.condition) == (70, 0.1, 1)
     assert (loss.mask_form, loss.offsets_form, loss.offsets_within) == ("l1", "l1", "mask")
     epochs = np.arange(101)
@@ -135,13 +135,14 @@ def test_weights_are_the_printed_ones():
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
-    training=GcvaeTraining(epochs=100, normal_parts=1),
+    loss=PRINTED,
+    training=GcvaeTraining(epochs=100, batch=32, normal_parts=1),
 )
 
 
 def vae(**loss):
     """In 64 bits, and with a last layer that is not zero."""
-    model = StaticVae(replace(SETTINGS, loss=replace(SETTINGS.loss, **loss)), toy_template())
+    model = StaticVae(SETTINGS.replace(loss=loss), toy_template())
     model.prepare(ToyGarments())
     with torch.no_grad():
         model.network.decoder.branches.bias.normal_(std=0.3, generator=rng(2))
@@ -322,7 +323,7 @@ def test_kl_is_that_of_torch_summed_over_the_code_and_zero_for_the_prior():
 
 
 def test_the_printed_schedule_of_the_kl_weight():
-    loss = GcvaeLoss()
+    loss = PRINTED
     assert loss.kl_weight(0.0) == loss.kl_weight(0.5) == 1e-4
     assert loss.kl_weight(0.51) == pytest.approx(1e-4 + 0.005)
     assert loss.kl_weight(1.0) == 0.25

@@ -1,7 +1,5 @@
 """What the networks must not depend on, and what they need."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -18,9 +16,9 @@ def model(prepared_model):
 
 
 def test_the_first_and_last_layers_keep_their_width_when_the_rest_doubles():
-    double = replace(SETTINGS.network, scale=2)
+    double = SETTINGS.network.replace(scale=2)
     assert double.level_widths == [6, 16, 16, 20]
-    model = StaticVae(replace(SETTINGS, network=double), toy_template())
+    model = StaticVae(SETTINGS.replace(network=double), toy_template())
     assert model.network.encoder.levels[0].first.weight.shape == (2, 6, 6)
     assert model.network.decoder.branches.weight.shape == (VERTICES, 6, 4)
 

@@ -1,29 +1,31 @@
 """Settings of the garment VAEs from nested mappings."""
 
-from dataclasses import asdict, replace
-
 import pytest
 
-from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
-from drapeline.models.training.module import plain
+from drapeline.errors import InputError
+from drapeline.models.gcvae.settings import DvaeSettings, GcvaeTraining, VaeSettings
 from toys.gcvae_files import SETTINGS
 
 
 def test_settings_survive_a_checkpoint_whose_values_are_plain():
-    settings = replace(SETTINGS, training=GcvaeTraining(epochs=3, mask=False, version="posed"))
-    stored = plain(asdict(settings))
+    settings = SETTINGS.replace(training=GcvaeTraining(epochs=3, mask=False, version="posed"))
+    stored = settings.plain()
     assert isinstance(stored["network"]["widths"], list)
-    assert VaeSettings.of(stored) == settings
+    assert VaeSettings(**stored) == settings
 
 
-def test_what_is_not_named_has_its_default():
-    settings = VaeSettings.of({"network": {"latent": 7}, "loss": {}, "training": {"seed": 4}})
-    default = VaeSettings()
-    assert settings.network == replace(default.network, latent=7)
-    assert settings.loss == default.loss
-    assert settings.training == replace(default.training, seed=4)
+def test_what_is_not_named_has_the_default_of_its_place():
+    given = {"network": {"latent": 7}, "training": {"seed": 4}}
+    for default in (VaeSettings(), DvaeSettings()):
+        settings = type(default)(**given)
+        assert settings.network == default.network.replace(latent=7)
+        assert settings.loss == default.loss
+        assert settings.training == default.training.replace(seed=4)
+    assert DvaeSettings(**given).training.epochs != VaeSettings(**given).training.epochs
 
 
-def test_a_setting_that_does_not_exist_is_an_error():
-    with pytest.raises(TypeError, match="momentum"):
-        VaeSettings.of({"network": {}, "loss": {}, "training": {"momentum": 0.9}})
+def test_a_setting_that_does_not_exist_or_is_out_of_range_is_named():
+    with pytest.raises(InputError, match="GcvaeTraining: 'momentum' is not a setting"):
+        VaeSettings(training={"momentum": 0.9})
+    with pytest.raises(InputError, match="GcvaeLoss: normals is -1, expected a number from 0 to"):
+        VaeSettings(loss={"normals": -1})

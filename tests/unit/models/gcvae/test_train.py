@@ -1,7 +1,6 @@
 """Trainings of a few steps on the toy tube."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +8,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.loss import GcvaeLoss
-from drapeline.models.gcvae.networks import GcvaeNetwork
-from drapeline.models.gcvae.settings import GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
@@ -26,16 +23,14 @@ from toys.gcvae_trainings import (
     train_condition,
     weights,
 )
+from toys.paper import printed
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),
-    loss=GcvaeLoss(normals=1.0),
-    training=GcvaeTraining(epochs=2, batch=8, normal_parts=2),
+    loss=GcvaeLoss(**{**printed("gcvae.loss"), "normals": 1.0}),
+    training=GcvaeTraining(epochs=2, batch=8, schedule="constant", normal_parts=2),
 )
-MOVING = replace(
-    SETTINGS,
-    training=replace(SETTINGS.training, version="unposed", mask=False),
-)
+MOVING = SETTINGS.replace(training={"version": "unposed", "mask": False})
 CLASS_AND_SETTINGS = {
     "paper": (StaticVae, SETTINGS),
     "moving": (DynamicVae, MOVING),
@@ -105,7 +100,7 @@ def test_weights_stay_in_32_bits_when_products_are_taken_in_16(train):
 def test_the_same_seed_trains_the_same_weights_and_another_others(train):
     first, again = weights(train("first")), weights(train("again"))
     assert_same(first, again)
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=1))
+    settings = SETTINGS.replace(training={"seed": 1})
     other = weights(train("other", settings))
     key = "network.encoder.code.weight"
     assert not torch.allclose(first[key], other[key])
@@ -128,7 +123,7 @@ class DiesAfter(ToyGarments):
 @pytest.mark.parametrize("model", CLASS_AND_SETTINGS)
 def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, model):
     cls, settings = CLASS_AND_SETTINGS[model]
-    settings = replace(settings, training=replace(settings.training, epochs=4))
+    settings = settings.replace(training={"epochs": 4})
     with pytest.raises(Killed):
         train("killed", settings, DiesAfter(16), cls)
     assert not (tmp_path / "killed").exists()
@@ -148,12 +143,12 @@ def test_other_settings_begin_anew(train, tmp_path):
     with pytest.raises(Killed):
         train("model", SETTINGS, DiesAfter(7))
     assert checkpoint_under_way(tmp_path / ".progress" / "model")
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, seed=3))
+    settings = SETTINGS.replace(training={"seed": 3})
     assert_same(weights(train("model", settings)), weights(train("other", settings)))
 
 
 def test_another_conditioning_network_begins_anew(train, conditioning, tmp_path):
-    settings = replace(CONDITIONING, training=replace(CONDITIONING.training, seed=1))
+    settings = CONDITIONING.replace(training={"seed": 1})
     train_condition(tmp_path / "other", ToyGarments(), settings)
     with pytest.raises(Killed):
         train("model", SETTINGS, DiesAfter(7))

@@ -1,18 +1,16 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.train_conditioning import ConditioningSettings
+from drapeline.models.gcvae.settings import ConditioningSettings
 from toys.gcvae import ToyGarments
 from toys.gcvae_trainings import Killed, assert_same, checkpoint_under_way, train_condition, weights
 
 
 def test_settings_that_are_not_named_have_their_defaults():
-    settings = ConditioningSettings.of({"condition": 7, "training": {"seed": 3}})
+    settings = ConditioningSettings(condition=7, training={"seed": 3})
     assert (settings.condition, settings.training.seed) == (7, 3)
-    assert settings.training == replace(ConditioningSettings().training, seed=3)
+    assert settings.training == ConditioningSettings().training.replace(seed=3)
 
 
 def test_the_statistics_are_those_of_the_training_rows(conditioning):

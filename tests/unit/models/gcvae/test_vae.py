@@ -1,7 +1,5 @@
 """The networks of the paper as codecs."""
 
-from dataclasses import replace
-
 import pytest
 import torch
 
@@ -23,7 +21,7 @@ def test_topologies_differ_in_graph_alone(model, batch):
 
 
 def test_without_a_mask_branch_there_are_offsets_only(batch):
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
+    settings = SETTINGS.replace(training={"mask": False})
     model = StaticVae(settings, toy_template())
     z = model.encode(batch).mean
     offsets, mask = model.decode(z, batch["cvar"], batch["topology"])
@@ -33,9 +31,7 @@ def test_without_a_mask_branch_there_are_offsets_only(batch):
 
 def test_same_seed_same_weights():
     first, again = (StaticVae(SETTINGS, toy_template()).state_dict() for _ in range(2))
-    other = StaticVae(
-        replace(SETTINGS, training=replace(SETTINGS.training, seed=1)), toy_template()
-    ).state_dict()
+    other = StaticVae(SETTINGS.replace(training={"seed": 1}), toy_template()).state_dict()
     assert all(torch.equal(first[key], again[key]) for key in first)
     assert not torch.equal(
         first["network.encoder.features.weight"], other["network.encoder.features.weight"]

@@ -1,7 +1,5 @@
 """The network of displacements: what it is given, what its loss is, and that it learns."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -41,7 +39,7 @@ def batch(displacements):
 
 
 def with_loss(model, **changes):
-    settings = replace(model.settings, loss=replace(model.settings.loss, **changes))
+    settings = model.settings.replace(loss=changes)
     model.settings = settings
     return model
 

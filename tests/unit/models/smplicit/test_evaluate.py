@@ -7,7 +7,6 @@ from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.models.smplicit import evaluate
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
-    FitSettings,
     carry,
     constant_errors,
     field_errors,
@@ -17,7 +16,8 @@ from drapeline.models.smplicit.evaluate import (
     true_meshes,
 )
 from drapeline.models.smplicit.load import new_field
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
 from toys.smplicit import toy_bodies, toy_outfits, toy_settings, tube
 from toys.smplicit_trainings import train_toy
 
@@ -100,26 +100,30 @@ def model(tmp_path_factory, fields, toy_body):
     return SmplicitModel(train_toy(tmp_path_factory.mktemp("model"), fields, toy_body))
 
 
-FIT = FitSettings(steps=3, near=16, space=16)
+FIT = FieldFitSettings(steps=3, near=16, space=16)
 
 
 def test_codes_are_fitted_to_the_first_half_of_the_points(model, fields, monkeypatch):
     rows = fields.rows("test")
-    z = fit_held_out(model.network, fields, rows, FitSettings(3, 32, 32))
+    z = fit_held_out(model.network, fields, rows, FieldFitSettings(steps=3, near=32, space=32))
     assert z.shape == (2, 5)
     for name in ("near", "space"):
         changed = np.array(getattr(fields, f"{name}_distance"))
         changed[:, 32:] = 0
         monkeypatch.setattr(fields, f"{name}_distance", changed)
-    np.testing.assert_array_equal(fit_held_out(model.network, fields, rows, FitSettings(3)), z)
+    np.testing.assert_array_equal(
+        fit_held_out(model.network, fields, rows, FieldFitSettings(steps=3)), z
+    )
     changed[:, :32] = 0
-    assert not np.allclose(fit_held_out(model.network, fields, rows, FitSettings(3)), z)
+    assert not np.allclose(fit_held_out(model.network, fields, rows, FieldFitSettings(steps=3)), z)
 
 
 def test_a_larger_weight_of_codes_gives_smaller_ones(model, fields):
     rows = fields.rows("test")
     sizes = [
-        np.abs(fit_held_out(model.network, fields, rows, FitSettings(10, latent=latent))).mean()
+        np.abs(
+            fit_held_out(model.network, fields, rows, FieldFitSettings(steps=10, latent=latent))
+        ).mean()
         for latent in (0.0, 100.0)
     ]
     assert sizes[1] < sizes[0]

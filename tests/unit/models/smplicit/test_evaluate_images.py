@@ -14,10 +14,10 @@ from drapeline.models.smplicit.evaluate_images import (
     silhouette_iou,
     take_pictures,
 )
-from drapeline.models.smplicit.fit_images import FitImage
 from drapeline.models.smplicit.fit_pictures import FittedGarment
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures import CLASSES
+from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.outfits.worn import HungSheet
 from toys.gallery import TubeField, save_toy_model, training_codes
 from toys.tiny_sample import write_tiny_sample

@@ -4,13 +4,13 @@ import torch
 
 from drapeline.models.smplicit.fit_images import (
     Evidence,
-    FitImage,
     code_prior,
     image_loss,
     query_of,
     spread_codes,
 )
 from drapeline.models.smplicit.load import new_field
+from drapeline.models.smplicit.settings import FitImage
 from toys.smplicit import toy_bodies, toy_settings
 
 

@@ -9,14 +9,9 @@ from drapeline.bodies.rest_body import shape_basis
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit import fit_scans
-from drapeline.models.smplicit.fit_scans import (
-    FitScan,
-    FittedScan,
-    GarmentTerms,
-    PointsAtRest,
-    fit_to_cloth,
-)
+from drapeline.models.smplicit.fit_scans import FittedScan, GarmentTerms, PointsAtRest, fit_to_cloth
 from drapeline.models.smplicit.scan_points import FieldPoints
+from drapeline.models.smplicit.settings import FitScan
 from drapeline.outfits.worn import HungSheet
 
 STEP = 1e-3

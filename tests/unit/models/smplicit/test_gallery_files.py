@@ -10,7 +10,8 @@ from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
 from drapeline.models.smplicit.gallery import Shown, code_space, training_measures
 from drapeline.models.smplicit.gallery_files import load_gallery, posed_prototype, save_gallery
-from drapeline.models.smplicit.model import Meshing, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.settings import Meshing
 from toys.gallery import (
     TubeField,
     save_toy_model,

@@ -7,12 +7,12 @@ from drapeline.learning_data.garment_fields import unsigned_distances
 from drapeline.models.load import load
 from drapeline.models.smplicit.model import (
     REACH_M,
-    Meshing,
     NearBody,
     SmplicitModel,
     away_from_body,
     garment_of_field,
 )
+from drapeline.models.smplicit.settings import Meshing
 from toys.smplicit import tube
 from toys.smplicit_trainings import train_toy
 

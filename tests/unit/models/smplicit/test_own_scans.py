@@ -8,8 +8,9 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit import own_scans
 from drapeline.models.smplicit.fit_pictures import FittedGarment
-from drapeline.models.smplicit.fit_scans import FitScan, FittedScan, ScanFits
+from drapeline.models.smplicit.fit_scans import FittedScan, ScanFits
 from drapeline.models.smplicit.own_scans import hang_scan
+from drapeline.models.smplicit.settings import FitScan
 from drapeline.outfits.worn import HungSheet
 
 SQUARE = Mesh(np.zeros((4, 3), np.float32), np.int32([[0, 1, 2], [0, 2, 3]]))

@@ -15,7 +15,8 @@ from drapeline.manifest import damages
 from drapeline.models.training import lightning
 from drapeline.models.training.checkpoints import write_weights
 from drapeline.models.training.lightning import begin, fit, learning_rate
-from drapeline.models.training.module import TrainableModule, Training
+from drapeline.models.training.module import TrainableModule
+from drapeline.models.training.settings import Training
 from drapeline.storage import read_json
 from portability import THREADS
 
@@ -25,7 +26,8 @@ class Line(TrainableModule):
 
     def __init__(self):
         super().__init__()
-        self.settings = SimpleNamespace(training=Training(learning_rate=1.0 / 6))
+        training = Training(epochs=1, batch=1, learning_rate=1.0 / 6, schedule="constant")
+        self.settings = SimpleNamespace(training=training)
         self.x = torch.nn.Parameter(torch.tensor(3.0))
 
     def training_step(self, batch):
@@ -217,11 +219,8 @@ SEVERAL = """
 import sys
 from pathlib import Path
 
-from drapeline.models.gcvae.train_conditioning import (
-    ConditioningSettings,
-    ConditioningTraining,
-    ConditionRows,
-)
+from drapeline.models.gcvae.settings import ConditioningSettings
+from drapeline.models.gcvae.train_conditioning import ConditioningTraining, ConditionRows
 from drapeline.models.training.lightning import fit
 from drapeline.models.gcvae.conditioning import cvar_statistics
 from drapeline.models.training.batches import TrainingBatches

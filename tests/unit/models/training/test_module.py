@@ -10,10 +10,10 @@ from drapeline.models.training.module import (
     Logged,
     Position,
     TrainableModule,
-    Training,
     fastest_device,
     plain,
 )
+from drapeline.models.training.settings import Training
 
 
 class Pair(TrainableModule):
@@ -21,7 +21,8 @@ class Pair(TrainableModule):
 
     def __init__(self):
         super().__init__()
-        self.settings = SimpleNamespace(training=Training(learning_rate=0.25))
+        training = Training(epochs=1, batch=1, learning_rate=0.25, schedule="constant")
+        self.settings = SimpleNamespace(training=training)
         self.trained = torch.nn.Parameter(torch.tensor(1.0))
         self.frozen = torch.nn.Parameter(torch.tensor(2.0), requires_grad=False)
 

@@ -3,12 +3,10 @@
 import numpy as np
 
 from drapeline.geometry.mesh import vertex_normals
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.remesh import flipped_faces, remesh_table, residual
 from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
-from drapeline.registration.to_template.template_fit import (
-    FitSettings,
-    fit_to_template,
-)
+from drapeline.registration.to_template.template_fit import fit_to_template
 from toys.templates import round_skirt
 
 
@@ -44,7 +42,7 @@ def test_faces_turned_over_are_counted(template):
 
 def test_a_folded_fit_comes_out_without_turned_faces(template):
     vertices, triangles = round_skirt(around=40, rows=21)
-    fit = fit_to_template(vertices, triangles, template, FitSettings(iterations=0))
+    fit = fit_to_template(vertices, triangles, template, TemplateFitSettings(iterations=0))
     crumpled = fit.vertices.copy()
     patch = np.linalg.norm(crumpled - [0.2, 0, -0.25], axis=1) < 0.07
     crumpled[patch] = 2 * crumpled[patch].mean(axis=0) - crumpled[patch]
@@ -54,7 +52,7 @@ def test_a_folded_fit_comes_out_without_turned_faces(template):
 
 def test_a_vertex_that_meets_cloth_facing_away_goes_to_the_nearest_that_does_not(template):
     vertices, faces = template.vertices.astype(float), template.faces
-    fit = fit_to_template(vertices, faces, template, FitSettings(iterations=0))
+    fit = fit_to_template(vertices, faces, template, TemplateFitSettings(iterations=0))
     normals = vertex_normals(fit.vertices, fit.triangles)
     one = int(np.flatnonzero(template.loop < 0)[0])
     beside, corners = np.unique(faces[(faces == one).any(axis=1)], return_inverse=True)

@@ -5,20 +5,18 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import boundary_loops
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import named_loops
 from drapeline.registration.to_template.remesh import remesh_table, residual
 from drapeline.registration.to_template.remesh_table import remesh
-from drapeline.registration.to_template.template_fit import (
-    Equation3,
-    FitSettings,
-    FitTarget,
-    fit_to_template,
-)
+from drapeline.registration.to_template.template_fit import Equation3, FitTarget, fit_to_template
 from toys.templates import round_skirt
 
 
 def test_a_template_fits_onto_itself(template):
-    fit = fit_to_template(template.vertices, template.faces, template, FitSettings(iterations=0))
+    fit = fit_to_template(
+        template.vertices, template.faces, template, TemplateFitSettings(iterations=0)
+    )
     table = remesh_table(fit, template)
     np.testing.assert_allclose(remesh(template.vertices, table), template.vertices, atol=2e-3)
     assert residual(template.vertices, template.faces, template, table).flipped_faces == 0
@@ -60,7 +58,7 @@ def test_the_numbering_of_the_source_does_not_matter(template):
     vertices, triangles = round_skirt(radius=0.23, around=36, rows=15)
     order = np.random.default_rng(0).permutation(len(vertices))
     shuffled, back = vertices[order], np.argsort(order)
-    settings = FitSettings(iterations=5)
+    settings = TemplateFitSettings(iterations=5)
     first, second = (
         remesh(v, remesh_table(fit_to_template(v, f, template, settings), template))
         for v, f in ((vertices, triangles), (shuffled, back[triangles][::-1]))
@@ -90,7 +88,7 @@ def crooked(template):
 
 
 def only(term, value=1.0):
-    return FitSettings(
+    return TemplateFitSettings(
         **{
             name: value if name == term else 0.0
             for name in ("chamfer", "edge", "normal", "boundary")
@@ -144,5 +142,5 @@ def test_edge_and_normal_terms_of_shapes_that_are_known(template):
 
 def test_minimising_lowers_equation_3(template, crooked):
     vertices, triangles, loops = crooked
-    equation = Equation3(triangles, loops, FitTarget(template), FitSettings())
+    equation = Equation3(triangles, loops, FitTarget(template), TemplateFitSettings())
     assert equation(equation.minimise(vertices))[0] < 0.5 * equation(vertices)[0]

@@ -7,8 +7,8 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.registration.error_table import FILE_NAME
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.remesh_table import load_tables, remesh
-from drapeline.registration.to_template.template_fit import FitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
 from toys.templates import toy_skirt, toy_template
 
@@ -25,7 +25,7 @@ def folder(tmp_path, template):
         NamedGarment("s1", "Top", *toy_skirt(0.1, -0.4)),
         NamedGarment("s2", "Skirt", *toy_skirt(0.2, -0.7, around=26)),
     ]
-    settings = FitSettings(iterations=3)
+    settings = TemplateFitSettings(iterations=3)
     assert write_tables(tmp_path / "fits", garments, {"Skirt": template}, settings) == 2
     return tmp_path / "fits"
 
@@ -54,6 +54,6 @@ def test_a_garment_without_an_opening_is_named(tmp_path, template):
             tmp_path / "fits",
             [NamedGarment("s7", "Skirt", vertices, closed)],
             {"Skirt": template},
-            FitSettings(),
+            TemplateFitSettings(),
         )
     assert not (tmp_path / "fits").exists()

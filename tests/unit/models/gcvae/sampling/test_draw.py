@@ -16,7 +16,7 @@ from toys.gcvae_files import SETTINGS, requests
 
 
 def test_a_model_without_a_mask_cannot_be_sampled(types):
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False))
+    settings = SETTINGS.replace(training={"mask": False})
     with pytest.raises(InputError, match="without a mask branch cannot be sampled"):
         model = StaticVae(settings, toy_template()).eval()
         sample_garments(model, types, requests(), seed=0, settle=False)

@@ -8,7 +8,7 @@ import pytest
 from drapeline.dataset.tables import read_table
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.registration.error_table import COLUMNS, FILE_NAME, write_errors
-from drapeline.registration.to_template.template_fit import FitSettings
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
 from drapeline.report.models.garment4d.tables import (
     DEPARTURES,
@@ -166,7 +166,9 @@ def test_the_papers_numbers_stand_apart(metrics, tmp_path):
 
 def test_registration_is_judged_against_its_targets(metrics, tmp_path):
     garments = [NamedGarment("a", "Skirt", *toy_skirt(0.2, -0.5))]
-    write_tables(tmp_path / "fits", garments, {"Skirt": toy_template()}, FitSettings(iterations=1))
+    write_tables(
+        tmp_path / "fits", garments, {"Skirt": toy_template()}, TemplateFitSettings(iterations=1)
+    )
     rows = read_table(tmp_path / "fits" / FILE_NAME, COLUMNS)
     values = {
         "original_to_remeshed_mm": (2, 4),

@@ -1,0 +1,69 @@
+"""Settings of point clouds and of scans."""
+
+from typing import Literal
+
+from drapeline.settings import Field, Settings, SkipJsonSchema
+
+Visibility = Literal["all", "multi", "single"]
+Protocol = Literal["surface", "vertices"]
+
+
+class CloudSettings(Settings):
+    """How point clouds are sampled.
+
+    With the protocol "vertices", as in Garment4D's released code, half of the points are garment
+    vertices and half are body vertices, the same ones in every frame, covered or not; `visibility`
+    and `missing` do not apply then.
+    """
+
+    points: int = Field(1024, ge=10, le=10_000_000, description="Points per cloud.")
+    noise_m: float = Field(
+        0,
+        ge=0,
+        le=0.1,
+        description="Standard deviation of the noise on each coordinate, in metres.",
+    )
+    missing: float = Field(
+        0, ge=0, le=0.95, description="Share of the visible surface that lies in holes."
+    )
+    visibility: Visibility = Field("all", description="Cameras all around, four in a ring, or one.")
+    protocol: SkipJsonSchema[Protocol] = Field("surface", description="Where points come from.")
+    seed: SkipJsonSchema[int] = Field(
+        0, description="With the name of a sequence and the number of a frame, it tells the points."
+    )
+
+
+class ScanSettings(Settings):
+    """How a sample is scanned, and how far estimates of the body are off."""
+
+    frames: int = Field(
+        1, ge=1, le=300, description="Scans of each sample, evenly spread over its frames."
+    )
+    points: int = Field(20_000, ge=100, le=10_000_000, description="Points of a scan.")
+    noise_m: float = Field(
+        0.002,
+        ge=0,
+        le=0.1,
+        description="Standard deviation of each coordinate of a point, in metres.",
+    )
+    pose_rad: float = Field(
+        0.06,
+        ge=0,
+        le=1,
+        description=(
+            "Standard deviation of each joint's rotation about each axis in the estimate that "
+            "fits begin with."
+        ),
+    )
+    place_m: float = Field(
+        0.03,
+        ge=0,
+        le=1,
+        description="Standard deviation of each coordinate of the estimated root joint, in metres.",
+    )
+    joints_m: float = Field(
+        0.02,
+        ge=0,
+        le=1,
+        description="Standard deviation of each coordinate of predicted joints, in metres.",
+    )

@@ -1,0 +1,59 @@
+"""How bodies and outfits are drawn."""
+
+from typing import Annotated
+
+from drapeline.settings import Field, Settings
+
+_Tightness = Annotated[float, Field(ge=-5, le=5)]
+
+
+class BodySettings(Settings):
+    """How bodies are drawn and freed of self-collisions."""
+
+    shape_range: float = Field(
+        3,
+        ge=0,
+        le=5,
+        description=(
+            "Shape coefficients are drawn uniformly within plus or minus this many standard "
+            "deviations."
+        ),
+    )
+    shape_draws: int = Field(
+        5,
+        ge=1,
+        le=50,
+        description="Shapes to try before a sample whose body intersects itself is rejected.",
+    )
+    segment_gap_m: float = Field(
+        0.004,
+        ge=0,
+        le=0.05,
+        description="Distance between body parts once a self-collision is resolved, in metres.",
+    )
+
+
+class OutfitSettings(Settings):
+    """How outfits are made; see `drapeline.outfits.generate.sample_outfit`."""
+
+    edge_length_m: float = Field(
+        0.02, ge=0.005, le=0.06, description="Mean edge length of the garments in metres."
+    )
+    vertices_min: int = Field(
+        3000,
+        ge=0,
+        le=50_000,
+        description="Garments that would have fewer vertices get shorter edges.",
+    )
+    tightness_range: tuple[_Tightness, _Tightness] = Field(
+        (-1.5, 0.5), description="Both tightness values are drawn uniformly from this range."
+    )
+    elastic_probability: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description=(
+            "Probability of elastic cuffs, of elastic hems of trouser legs, and of an elastic "
+            "waist in full-body garments."
+        ),
+    )

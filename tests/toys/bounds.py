@@ -1,0 +1,14 @@
+"""Bounds of a simulation's health that nothing exceeds."""
+
+from drapeline.simulation.settings import HealthBounds
+
+NO_BOUNDS = HealthBounds(
+    inside_share_mean=1,
+    inside_share_max=1,
+    depth_m=1,
+    stretch_low=0,
+    stretch_high=10,
+    slip_m=2,
+    layer_share_mean=1,
+    self_share_mean=1,
+)
