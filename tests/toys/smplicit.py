@@ -24,7 +24,7 @@ RESOLUTION, CLUSTERS, POINTS = 32, 20, 64
 PICTURE_PX = 120
 # Of fits to pictures, and of what they find.
 QUICK = FitImage(points=4000, rays=40, starts=3, rounds=2, steps=2)
-MESHING = Meshing(0.04, 0.028)
+MESHING = Meshing(cell_m=0.04, threshold_m=0.028)
 
 
 def tube(radius_m: float, low_m: float, high_m: float, around: int = 32, rings: int = 9) -> Mesh:

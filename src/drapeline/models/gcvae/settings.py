@@ -150,7 +150,7 @@ class DvaeSettings(VaeSettings):
     training: GcvaeTraining = GcvaeTraining(epochs=3, learning_rate=0.002)
 
 
-class ConditioningTraining(Training):
+class AutoencoderTraining(Training):
     """How the autoencoder of the conditions is trained."""
 
     epochs: int = Field(
@@ -168,7 +168,7 @@ class ConditioningSettings(Settings):
     """How the autoencoder of the conditions is built and trained."""
 
     condition: int = Field(32, ge=1, le=1024, description="Numbers in cvar^z.")
-    training: ConditioningTraining = ConditioningTraining()
+    training: AutoencoderTraining = AutoencoderTraining()
 
 
 class PpcaSettings(Settings):
@@ -244,7 +244,7 @@ class GcvaeSettings(Settings):
     svae: VaeSettings = VaeSettings()
     dvae: Dvae = Dvae()
     loss: GcvaeLoss = GcvaeLoss()
-    conditioning: ConditioningTraining = ConditioningTraining()
+    conditioning: AutoencoderTraining = AutoencoderTraining()
     trainer: Trainer = Trainer()
     evaluation: Evaluation = Evaluation()
     sampling: Sampling = Sampling()

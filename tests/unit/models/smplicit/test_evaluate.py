@@ -161,7 +161,7 @@ def test_all_rows_of_a_split(model, fields, toy_body):
         model,
         fields,
         true_meshes(fields, toy_outfits()),
-        meshing=Meshing(0.04, 0.028),
+        meshing=Meshing(cell_m=0.04, threshold_m=0.028),
         fit=FIT,
         seed=0,
     )

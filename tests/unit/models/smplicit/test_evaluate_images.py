@@ -170,7 +170,9 @@ def test_iou_counts_pixels():
 def evaluated(models, pictures):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(SmplicitModel, "field", lambda self, z, *, gender, shape: TubeField(z))
-        evaluation = PictureEvaluation(models, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
+        evaluation = PictureEvaluation(
+            models, fit=QUICK, meshing=Meshing(cell_m=0.03, threshold_m=0.018), seed=0
+        )
         yield evaluation.run(pictures, "test")
 
 
@@ -215,7 +217,7 @@ def test_hung_garments_stand_beside_the_mean_code_hung_as_well(models, pictures,
         }
 
     evaluation = PictureEvaluation(
-        models, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0, hang=hang
+        models, fit=QUICK, meshing=Meshing(cell_m=0.03, threshold_m=0.018), seed=0, hang=hang
     )
     rows, shown = evaluation.run(pictures, "test")
     assert hung == 4 * len(pictures) * [["Skirt"]]
@@ -238,6 +240,8 @@ def test_hung_garments_stand_beside_the_mean_code_hung_as_well(models, pictures,
 def test_pictures_without_garments_are_refused(models, tiny):
     other = {"trousers": models["skirt"]}
     pictures = take_pictures([tiny.folder], other, **SETTINGS, seed=3)
-    evaluation = PictureEvaluation(other, fit=QUICK, meshing=Meshing(0.03, 0.018), seed=0)
+    evaluation = PictureEvaluation(
+        other, fit=QUICK, meshing=Meshing(cell_m=0.03, threshold_m=0.018), seed=0
+    )
     with pytest.raises(InputError, match="no picture of the val split .* the models trousers"):
         evaluation.run(pictures, "val")

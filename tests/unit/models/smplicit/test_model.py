@@ -45,7 +45,7 @@ def model(tmp_path_factory, fields, toy_body):
 
 
 def test_a_field_becomes_an_open_surface_and_closed_walls():
-    garment = garment_of_field(Exact(SKIRT), BOX, BODY, Meshing(0.02, 0.014))
+    garment = garment_of_field(Exact(SKIRT), BOX, BODY, Meshing(cell_m=0.02, threshold_m=0.014))
     assert len(boundary_loops(garment.sheet.faces)) == 2
     assert len(boundary_loops(garment.walls.faces)) == 0
     assert unsigned_distances(garment.sheet.vertices, SKIRT).mean() < 0.004
@@ -71,7 +71,9 @@ def test_the_way_out_is_the_normal_of_the_nearest_skin():
 
 
 def test_codes_are_decoded_on_any_body(model):
-    garment = model.decode(model.mean_code, **WEARER, meshing=Meshing(0.04, 0.028))
+    garment = model.decode(
+        model.mean_code, **WEARER, meshing=Meshing(cell_m=0.04, threshold_m=0.028)
+    )
     assert isinstance(garment.sheet, Mesh)
     assert garment.walls.vertices.shape[1] == 3
     field = model.field(model.mean_code, **WEARER)
