@@ -4,7 +4,7 @@ Room by room they are declared beside what they are for; here they get their pla
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import create_model
 
@@ -15,10 +15,10 @@ from drapeline.generation.settings import BodySettings, OutfitSettings
 from drapeline.models.garment4d.settings import Garment4dSettings
 from drapeline.models.gcvae.settings import GcvaeSettings
 from drapeline.models.smplicit.settings import SmplicitSettings
-from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES
+from drapeline.outfits.garment_types import EVEN_OUTFIT_TYPES, GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.settings import OwnGarmentFiles
 from drapeline.settings import EachOnce, Field, OneOf, Settings
-from drapeline.simulation.settings import Accelerator, HealthBounds, SimulationSettings, Solver
+from drapeline.simulation.settings import HealthBounds, SimulationSettings
 
 # Block of a config -> its settings.
 MODELS: dict[str, type[Settings]] = {
@@ -26,15 +26,12 @@ MODELS: dict[str, type[Settings]] = {
     "garment4d": Garment4dSettings,
     "smplicit": SmplicitSettings,
 }
+# Names of cloth solvers.
+Solver = Literal["blender", "xpbd"]
 _Path = Annotated[str, Field(min_length=1)]
 _Outfit = Annotated[str, OneOf(OUTFIT_TYPES)]
 _Sequence = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")]
 _Speed = Annotated[float, Field(ge=0.25, le=4)]
-# Outfits that have all types of garments equally often.
-_EVEN_TYPES = (
-    *("Tshirt+Trousers", "Dress", "Top+Skirt", "Jumpsuit"),
-    *("Tshirt+Skirt", "Dress", "Top+Trousers", "Jumpsuit"),
-)
 
 
 class Body(BodySettings):
@@ -138,7 +135,7 @@ class Simulation(Settings):
             "is about eight times as fast."
         ),
     )
-    accelerator: Accelerator = Field(
+    accelerator: Literal["cpu", "gpu", "auto"] = Field(
         "cpu",
         description=(
             "What the fast cloth solver works on, for the dataset, the learning group and outfits "
@@ -219,7 +216,7 @@ class Learning(Settings):
         True, description="Whether every other piece of a clip has left and right exchanged."
     )
     types: tuple[_Outfit, ...] = Field(
-        _EVEN_TYPES,
+        EVEN_OUTFIT_TYPES,
         min_length=1,
         description=(
             "Outfits to take turns over; with this list, all types of garments are equally "

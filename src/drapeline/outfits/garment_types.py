@@ -43,6 +43,11 @@ GARMENTS = tuple(GARMENT_TYPES)
 SKIRTS = tuple(name for name, garment_type in GARMENT_TYPES.items() if garment_type.skirt)
 # Every combination of garment types that makes an outfit. Plans depend on the order.
 OUTFIT_TYPES = ("Tshirt+Trousers", "Tshirt+Skirt", "Top+Trousers", "Top+Skirt", "Dress", "Jumpsuit")
+# With this list, all types of garments are worn equally often.
+EVEN_OUTFIT_TYPES = (
+    *("Tshirt+Trousers", "Dress", "Top+Skirt", "Jumpsuit"),
+    *("Tshirt+Skirt", "Dress", "Top+Trousers", "Jumpsuit"),
+)
 # Types that Garment4D has templates of.
 TEMPLATE_TYPES = ("Skirt", "Tshirt", "Trousers")
 

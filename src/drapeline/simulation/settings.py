@@ -1,11 +1,6 @@
 """What a user may choose about simulations."""
 
-from typing import Literal
-
 from drapeline.settings import Field, Settings
-
-Solver = Literal["blender", "xpbd"]
-Accelerator = Literal["cpu", "gpu", "auto"]
 
 
 class SimulationSettings(Settings):

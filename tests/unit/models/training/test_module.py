@@ -11,7 +11,6 @@ from drapeline.models.training.module import (
     Position,
     TrainableModule,
     fastest_device,
-    plain,
 )
 from drapeline.models.training.settings import Training
 
@@ -75,12 +74,3 @@ def test_a_loss_that_is_not_finite_stops_with_where_what_and_whose(value):
         InputError, match=rf"epoch 4, step 37.*normals 0\.25, kl {value}.* samples a, b;"
     ):
         pair.stop_if_unfinite(torch.tensor(value), terms, ["a", "b"])
-
-
-def test_tuples_become_lists_at_every_depth():
-    nested = {"widths": (1, (2, 3)), "groups": {"a": [(4,)], "b": "text"}, "mask": None}
-    assert plain(nested) == {
-        "widths": [1, [2, 3]],
-        "groups": {"a": [[4]], "b": "text"},
-        "mask": None,
-    }
