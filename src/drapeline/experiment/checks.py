@@ -9,13 +9,12 @@ from drapeline.errors import InputError
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
 from drapeline.outfits.static_plan import StaticPlan
-from drapeline.registration.settings import LEVELS
 
 # A shape space needs a mean and a direction.
 _SPACE_GARMENTS = 2
-# Numbers for each level of the meshes, or of points.
+# How many numbers there are, one for each level of meshes or of points.
 _LENGTHS = {
-    **{f"gcvae.{model}.network.widths": LEVELS for model in ("svae", "dvae")},
+    **{f"gcvae.{model}.network.widths": 6 for model in ("svae", "dvae")},
     **{
         f"garment4d.posed.network.{points}_{key}": 3
         for points in ("garment", "body")

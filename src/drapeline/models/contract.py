@@ -2,7 +2,7 @@
 
 A model has a folder of its own, `models/<name>/`, and imports no other model. The folder has
 
-- `settings.py`: frozen dataclasses for the model's block of the config;
+- `settings.py`: the model's block of the config, as a `drapeline.settings.Settings`;
 - `train.py`: from data and settings to the folder of a training, for networks by
   `training.lightning.fit`, which resumes trainings and writes checkpoints;
 - `load.py`: trained modules from the checkpoints in that folder, without executing anything;

@@ -4,8 +4,6 @@ from typing import Annotated
 
 from drapeline.settings import Field, Settings
 
-# Of the hierarchies of meshes that garments are pooled on.
-LEVELS = 6
 _Weight = Annotated[float, Field(ge=0, le=1_000_000)]
 
 

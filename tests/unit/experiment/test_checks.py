@@ -17,6 +17,7 @@ from drapeline.experiment.checks import (
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.outfits.static_plan import StaticPlan
+from drapeline.registration.to_body.hierarchy import LEVELS
 
 ROOT = Path(__file__).parents[3]
 SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
@@ -25,6 +26,12 @@ SHARES = {"val_share": 0, "test_share": 0.2}
 
 def settings(**given):
     return fill_settings(given, SCHEMA, "x.yaml")
+
+
+def test_networks_have_widths_for_all_levels_of_the_hierarchies():
+    for model in ("svae", "dvae"):
+        assert len(settings()["gcvae"][model]["network"]["widths"]) == LEVELS
+    refuse_contradictions(settings())
 
 
 @pytest.mark.parametrize(
@@ -41,6 +48,14 @@ def settings(**given):
         (
             {"simulation": {"settings": {"steps_min": 30}}},
             r"simulation.settings.steps_min is 30, expected at most steps_max, which is 14$",
+        ),
+        (
+            {"gcvae": {"dvae": {"network": {"widths": [8] * 5}}}},
+            r"gcvae.dvae.network.widths is \[8, .*\], expected 6 numbers, one for each level$",
+        ),
+        (
+            {"garment4d": {"posed": {"network": {"body_counts": [8]}}}},
+            r"garment4d.posed.network.body_counts is \[8\], expected 3 numbers, one for each level$",
         ),
         (
             {"outfits": {"tightness_range": [0.5, -1.5]}},

@@ -17,12 +17,12 @@ import numpy as np
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import edge_counts, edges
-from drapeline.registration.settings import LEVELS
 from drapeline.registration.to_body.segments import SEGMENTS, vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.storage import load_npz, save_npz
 
 POOLINGS = ("segments", "uniform")
+LEVELS = 6
 _BEFORE_LAST = 56
 # Weight of the length's term. Both terms are squared metres of distance times square metres of
 # surface; at 1 the quadric error would hardly count.
