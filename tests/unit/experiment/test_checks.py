@@ -55,7 +55,7 @@ def test_networks_have_widths_for_all_levels_of_the_hierarchies():
         ),
         (
             {"garment4d": {"posed": {"network": {"body_counts": [8]}}}},
-            r"garment4d.posed.network.body_counts is \[8\], expected 3 numbers, one for each level$",
+            r"garment4d.posed.network.body_counts is \[8\], expected 3 numbers, one for each level",
         ),
         (
             {"outfits": {"tightness_range": [0.5, -1.5]}},
