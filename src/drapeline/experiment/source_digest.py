@@ -2,7 +2,7 @@
 
 What counts are the definitions that a script reaches by name: functions, classes, their methods,
 constants, and what modules do when they are imported. Where a file ends does not matter, nor do
-comments, docstrings and the annotations of plain functions.
+comments, docstrings, the annotations of plain functions and the sentences of settings.
 """
 
 import ast
@@ -576,7 +576,8 @@ def _binds(statement: ast.stmt) -> list[str]:
 
 
 def _strip(body: list[ast.stmt], imports: list[list[str]]) -> list[ast.stmt]:
-    """Statements without what has no effect: docstrings, imports of the package, annotations.
+    """Statements without what has no effect: docstrings, imports of the package, annotations, and
+    the sentences of settings.
 
     Args:
         body: is changed.
@@ -592,6 +593,9 @@ def _strip(body: list[ast.stmt], imports: list[list[str]]) -> list[ast.stmt]:
             continue
         if isinstance(statement, (*_FUNCTIONS, ast.ClassDef)):
             statement.body = _without_docstring(statement.body)
+        match statement:
+            case ast.AnnAssign(value=ast.Call(func=ast.Name("Field"), keywords=told) as field):
+                field.keywords = [one for one in told if one.arg != "description"]
         if isinstance(statement, _FUNCTIONS) and _is_plain(statement):
             _remove_annotations(statement)
         for part in (statement, *getattr(statement, "handlers", getattr(statement, "cases", []))):

@@ -275,6 +275,15 @@ def test_annotations_count_where_a_decorator_may_read_them(package):
     assert changed(package, replaced(kernels, "int32", "int64")) == {"one"}
 
 
+def test_sentences_of_settings_do_not_count_but_defaults_do(package):
+    sizes = package / "sizes.py"
+    field = '    width: int = Field(4, ge=1, description="Width.")\n'
+    sizes.write_text(f"from pydantic import BaseModel, Field\n\n\nclass Size(BaseModel):\n{field}")
+    (package.parents[1] / "one.py").write_text("from drapeline.sizes import Size\n\nSize()\n")
+    assert changed(package, replaced(sizes, "Width.", "How wide it is.")) == set()
+    assert changed(package, replaced(sizes, "Field(4", "Field(5")) == {"one"}
+
+
 def test_imports_for_type_checkers_alone_do_not_count(package):
     (package / "acting.py").write_text("print(1)\n")
     replaced(
