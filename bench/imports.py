@@ -70,7 +70,7 @@ def sentence(results: Path) -> str:
             users.update({name: count for name in PACKAGES if name in modules})
     torch, both = (
         import_seconds(f"import {name}")[0]
-        for name in ("torch", "drapeline.models.training.lightning_parts")
+        for name in ("torch", "drapeline.models.training.lightning")
     )
     return (
         f"The {jobs} jobs of the experiment take {total:.0f} s to import their modules; the goal is"

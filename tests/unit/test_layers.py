@@ -78,7 +78,7 @@ def test_imports_go_one_way(path):
             allowed = part in {"models", "torch"} or path.name == "bake.py"
             assert allowed, f"{path.name} imports torch"
         if names[0] in {"pytorch_lightning", "lightning"}:
-            assert path.name == "lightning_parts.py", f"{path.name} imports Lightning"
+            assert path.name == "lightning.py", f"{path.name} imports Lightning"
         assert names[0] != "snakemake", f"{path.name} knows Snakemake"
 
 

@@ -51,7 +51,6 @@ def test_the_lock_pins_every_dependency_of_the_package():
 DISTRIBUTIONS = {
     "PIL": "pillow",
     "igl": "libigl",
-    "lightning_utilities": "lightning-utilities",
     "mathutils": "bpy",
     "pxr": "bpy",
     "pytorch_lightning": "pytorch-lightning",

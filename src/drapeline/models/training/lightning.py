@@ -14,22 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from pytorch_lightning import Callback, LightningModule, Trainer
+from pytorch_lightning.callbacks import ModelCheckpoint, TQDMProgressBar
+from pytorch_lightning.loggers import TensorBoardLogger
+from pytorch_lightning.plugins import TorchCheckpointIO
+from pytorch_lightning.plugins.environments import LightningEnvironment
 from torch.utils.data import DataLoader
 
 from drapeline.errors import DamagedFile
 from drapeline.manifest import write_manifest
 from drapeline.models.training.batches import Batch, TrainingBatches
 from drapeline.models.training.checkpoints import read_weights, write_weights
-from drapeline.models.training.lightning_parts import (
-    Callback,
-    LightningEnvironment,
-    LightningModule,
-    ModelCheckpoint,
-    TensorBoardLogger,
-    TorchCheckpointIO,
-    TQDMProgressBar,
-    Trainer,
-)
 from drapeline.models.training.module import (
     BEST,
     LAST,
