@@ -3,10 +3,10 @@
     python tests/compare_results.py BEFORE AFTER [--renamed OLD=NEW ...] [--skip PATTERN ...]
 
 Prints the arrays that differ or stand on one side alone, then a count; exits with 1 if there are
-any. Arrays are those of .npz, .npy, .mat, .f32, .pc2 and .pc16 files, tensors of checkpoints, and
-pixels of pictures. A refactoring changes none of them. `--renamed` replaces text in the names of
-BEFORE (paths, keys of arrays), for files that have moved; `--skip` leaves out names that match a
-glob pattern.
+any. Arrays are those of .npz, .npy, .mat, .f32, .pc2 and .pc16 files, tensors of .safetensors and
+.ckpt files, and pixels of pictures. A refactoring changes none of them. `--renamed` replaces text
+in the names of BEFORE (paths, keys of arrays), for files that have moved; `--skip` leaves out names
+that match a glob pattern.
 """
 
 import argparse
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import safetensors.torch
 import scipy.io
 import torch
 from PIL import Image, ImageSequence
@@ -49,6 +50,9 @@ def _arrays(path: Path) -> Iterator[tuple[str, np.ndarray]]:
     elif suffix == ".mat":
         values = scipy.io.loadmat(path, simplify_cells=True)
         yield from _leaves({key: value for key, value in values.items() if key[0] != "_"})
+    elif suffix == ".safetensors":
+        for name, tensor in safetensors.torch.load_file(path).items():
+            yield f"/{name}", tensor.numpy()
     elif suffix == ".ckpt":
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
         # The trainer's callbacks name the folder that a training ran in.

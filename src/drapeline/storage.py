@@ -529,14 +529,20 @@ def read_json(path: str | Path, form: Any = object) -> Any:
     """
     path = Path(path)
     with refuse_damage(path, "JSON"):
-        value = json.loads(
-            path.read_bytes().decode("utf-8-sig"),
-            parse_constant=_refuse_constant,
-            parse_float=_finite,
-            parse_int=_bounded,
-        )
+        value = parse_json(path.read_bytes().decode("utf-8-sig"))
         _check_form(path, value, form, "the file")
     return value
+
+
+def parse_json(text: str) -> Any:
+    """The value of a text of JSON.
+
+    Raises:
+        ValueError: it is not JSON, or a number is not finite or too large.
+    """
+    return json.loads(
+        text, parse_constant=_refuse_constant, parse_float=_finite, parse_int=_bounded
+    )
 
 
 def _refuse_constant(word: str) -> None:

@@ -76,7 +76,7 @@ from drapeline.models.smplicit.load_displacement import load_displacement
 from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.models.smplicit.released import load_released
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.motions.deepmimic import read_deepmimic
 from drapeline.motions.importing import frame_count, import_motion
@@ -513,12 +513,11 @@ def _make_ppca(folder: Path) -> None:
 def _make_conditioning(folder: Path) -> None:
     weights = StaticVae(SETTINGS, toy_template()).conditioning.state_dict()
     state = {f"autoencoder.{name}": value for name, value in weights.items()}
-    content = {"state_dict": state, "drapeline": {"checkpoint_type": "conditioning"}}
-    torch.save(content, folder / "best.ckpt")
+    write_checkpoint(folder / BEST, state, {"checkpoint_type": "conditioning"})
 
 
 def _load_conditioning(folder: Path) -> None:
-    path = folder / "best.ckpt"
+    path = folder / BEST
     load_conditioning(read_checkpoint(path), StaticVae(SETTINGS, toy_template()).conditioning, path)
 
 
@@ -556,7 +555,7 @@ def _make_stages(folder: Path) -> None:
     for name, stage in (("canonical", canonical), ("posed", posed)):
         out = folder / name
         out.mkdir()
-        torch.save({"state_dict": stage.state_dict(), "drapeline": stage.about()}, out / BEST)
+        write_checkpoint(out / BEST, stage.state_dict(), stage.checkpoint_metadata())
     save_posed_files(out, sequences, posed.settings.skinning)
 
 
@@ -565,7 +564,7 @@ def _make_field_model(folder: Path) -> None:
     model = new_field("skirt", data, bodies(), toy_settings())
     out = folder / "skirt"
     out.mkdir()
-    torch.save({"state_dict": model.state_dict(), "drapeline": model.about()}, out / "best.ckpt")
+    write_checkpoint(out / BEST, model.state_dict(), model.checkpoint_metadata())
     save_model_files(out, model, data, bodies())
 
 
@@ -729,9 +728,7 @@ def _make_displacements(folder: Path) -> None:
     data = collect_skirts(folder / "data", write_moving_skirts(folder, body()), body())
     network = toy_displacement(data, body())
     (folder / "model").mkdir()
-    torch.save(
-        {"state_dict": network.state_dict(), "drapeline": network.about()}, folder / "model" / BEST
-    )
+    write_checkpoint(folder / "model" / BEST, network.state_dict(), network.checkpoint_metadata())
 
 
 def _use_displacements(folder: Path) -> None:
@@ -886,8 +883,8 @@ def _loaders() -> Iterator[Loader]:
     yield Loader(
         "static_checkpoint",
         _make_svae,
-        lambda f: load_codec(f / "svae" / "best.ckpt"),
-        "svae/best.ckpt",
+        lambda f: load_codec(f / "svae" / BEST),
+        f"svae/{BEST}",
     )
     yield Loader(
         "static_codes",
@@ -895,7 +892,7 @@ def _loaders() -> Iterator[Loader]:
         lambda f: load_training_codes(f / "svae"),
         "svae/training_codes.npz",
     )
-    yield Loader("ppca", _make_ppca, lambda f: load(f / "ppca"), "ppca/best.ckpt")
+    yield Loader("ppca", _make_ppca, lambda f: load(f / "ppca"), f"ppca/{BEST}")
     yield Loader("conditioning", _make_conditioning, _load_conditioning)
     yield Loader(
         "canonical_stage",
@@ -911,7 +908,7 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader("fitting_model", _make_field_model, lambda f: load(f / "skirt"), "skirt/*")
     yield Loader(
-        "field_checkpoint", _make_field_model, lambda f: load_field(f / "skirt"), "skirt/best.ckpt"
+        "field_checkpoint", _make_field_model, lambda f: load_field(f / "skirt"), f"skirt/{BEST}"
     )
     yield Loader(
         "field_codes",

@@ -410,6 +410,48 @@ def _npy(data: bytes, rng: Rng) -> bytes:
     return _npy_bytes(_other_array(np.lib.format.read_array(io.BytesIO(data)), rng))
 
 
+# ---- safetensors ----------------------------------------------------------------------------
+
+
+def _safetensors_header(data: bytes, rng: Rng) -> bytes:
+    """Another value somewhere in the header, or another text for it."""
+    size = int.from_bytes(data[:8], "little")
+    kinds = (_json_value, _json_value, _json_value, _json_nan, _json_deep, _number)
+    return _with_header(kinds[rng.integers(len(kinds))](data[8 : 8 + size], rng), data[8 + size :])
+
+
+def _safetensors_metadata(data: bytes, rng: Rng) -> bytes:
+    """Another value in what a network is built from, which is JSON within the header's."""
+    size = int.from_bytes(data[:8], "little")
+    header = json.loads(data[8 : 8 + size])
+    kinds = (_json_value, _json_value, _json_value, _json_nan, _json_deep)
+    text = header["__metadata__"]["drapeline"].encode()
+    text = kinds[rng.integers(len(kinds))](text, rng)
+    header["__metadata__"]["drapeline"] = text.decode(errors="replace")
+    return _with_header(json.dumps(header).encode(), data[8 + size :])
+
+
+def _safetensors_tensor(data: bytes, rng: Rng) -> bytes:
+    """Another tensor in place of one, in a sound file."""
+    import safetensors.torch
+    import torch
+
+    size = int.from_bytes(data[:8], "little")
+    metadata = json.loads(data[8 : 8 + size])["__metadata__"]
+    tensors = safetensors.torch.load(data)
+    _change_entry(tensors, rng)
+    kept = {
+        name: x.clone(memory_format=torch.contiguous_format)
+        for name, x in tensors.items()
+        if isinstance(x, torch.Tensor)
+    }
+    return safetensors.torch.save(kept, metadata)
+
+
+def _with_header(header: bytes, rest: bytes) -> bytes:
+    return len(header).to_bytes(8, "little") + header + rest
+
+
 # ---- pickles and checkpoints ----------------------------------------------------------------
 
 
@@ -596,7 +638,8 @@ _OF_FORMAT: dict[str, tuple[Mutation, ...]] = {
     ".npz": _NPZ,
     ".npy": (_npy,),
     ".pkl": _PICKLE,
-    **dict.fromkeys((".ckpt", ".pth"), _CHECKPOINT),
+    ".safetensors": (_safetensors_header, _safetensors_metadata, _safetensors_tensor),
+    ".pth": _CHECKPOINT,
     **dict.fromkeys((".pc2", ".pc16", ".mdd", ".f32"), _CACHE),
     ".mat": (_mat_tag, _mat_tag, _mat_inside),
     ".png": (_huge_image, _header_number),

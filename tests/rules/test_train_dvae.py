@@ -160,7 +160,7 @@ def test_a_variant_is_trained_on_poses_and_the_static_code(
         },
         wildcards={} if fitted else {"dvae": variant},
     )
-    model = load_codec(tmp_path / "dvae" / "best.ckpt")
+    model = load_codec(tmp_path / "dvae" / "best.safetensors")
     garments = load_dynamic_garments(data, static, frames)
     batch = as_tensors(garments.batch(garments.rows("test")))
     assert batch["cvar"].shape == (8, 13 + 72 * frames + 6)

@@ -35,7 +35,7 @@ def test_a_variant_is_trained_and_decodes_held_out_garments(
     run_rule, stages, tmp_path, caplog, variant, checkpoint_type
 ):
     folder = train_static(run_rule, stages, tmp_path, variant)
-    model, data = load_codec(folder / "best.ckpt"), StaticData(stages["data"])
+    model, data = load_codec(folder / "best.safetensors"), StaticData(stages["data"])
     assert model.checkpoint_type == checkpoint_type
     settings = json.loads((folder / "settings.json").read_text())
     batch = as_tensors(data.batch(data.rows("test")))
@@ -105,7 +105,7 @@ def test_meshes_are_encoded_on_their_wearers(stages, fitted):
         "tightness": data.tightness[row] * [-1, 1],  # stored with the gender's sign
     }
     codes = fitted.encode([mesh, mesh], name, **wearer)
-    (known,) = encode_garments(load_codec(fitted.folder / "best.ckpt"), data, [row]).mean
+    (known,) = encode_garments(load_codec(fitted.folder / "best.safetensors"), data, [row]).mean
     assert codes.mean.shape == codes.log_variance.shape == (2, fitted.latent)
     np.testing.assert_array_equal(codes.mean[0], codes.mean[1])
     # The registration of the mesh is not quite the one that it was made of.
@@ -132,7 +132,7 @@ def test_what_cannot_be_decoded_is_refused_in_one_sentence(fitted, changed, mess
 
 
 def test_a_training_that_cannot_go_on_says_so_in_one_sentence(run_rule, stages, tmp_path):
-    with pytest.raises(SystemExit, match=r"drapeline: .*best\.ckpt: no such file"):
+    with pytest.raises(SystemExit, match=r"drapeline: .*best\.safetensors: no such file"):
         run_rule(
             "train_svae",
             input={**stages, "conditioning": tmp_path / "nothing"},

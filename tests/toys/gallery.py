@@ -12,6 +12,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.models.smplicit.files import TRAINING_CODES, TrainingCodes, body_file
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldNetwork, FieldSettings
+from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
@@ -90,7 +91,7 @@ def save_toy_model(folder: Path, body: BodyModel, codes: TrainingCodes) -> None:
     folder.mkdir(parents=True)
     basis = rest_basis(dict.fromkeys(GENDERS, body))[:, ::400].astype(np.float32)
     network = GarmentField("skirt", SETTINGS, torch.from_numpy(basis), len(codes.z))
-    torch.save({"state_dict": network.state_dict(), "drapeline": network.about()}, folder / BEST)
+    write_checkpoint(folder / BEST, network.state_dict(), network.checkpoint_metadata())
     save_npz(folder / TRAINING_CODES, **codes._asdict())
     for gender in GENDERS:
         save_body(body_file(folder, gender), body)

@@ -37,12 +37,6 @@ def train_toys(
     return folder / name
 
 
-def column(folder: Path, name: str) -> list[float]:
-    """A column of a training's history."""
-    header, *rows = (folder / "history.tsv").read_text().splitlines()
-    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
-
-
 def stage_windows(stage: Stage, sequences: BodySequences) -> Windows:
     """Windows that a stage is trained on."""
     training = stage.settings.training

@@ -14,6 +14,8 @@ from drapeline.models.gcvae.sampling.draw import draw_requests
 from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.vae import GarmentVae, StaticVae
+from drapeline.models.training.checkpoints import write_checkpoint
+from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topology_codes
 from drapeline.seeding import rng_for
@@ -127,9 +129,8 @@ def save_model(
     With garments, what their training would leave of them as well.
     """
     model = model or shaken(StaticVae(SETTINGS, toy_template()))
-    checkpoint = {"state_dict": model.state_dict(), "drapeline": model.about()}
     folder.mkdir(parents=True)
-    torch.save(checkpoint, folder / "best.ckpt")
+    write_checkpoint(folder / BEST, model.state_dict(), model.checkpoint_metadata())
     if garments is not None:
         save_static_files(folder, model, garments, toy_topology())
     return model

@@ -7,6 +7,7 @@ import torch
 from drapeline.models.gcvae.settings import ConditioningSettings
 from drapeline.models.gcvae.train_conditioning import train_conditioning
 from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
 from portability import THREADS
 
 CONDITIONING = ConditioningSettings(condition=4, training={"epochs": 12, "batch": 8})
@@ -23,9 +24,9 @@ def train_condition(folder: Path, garments, settings: ConditioningSettings = CON
     return folder
 
 
-def weights(folder: Path, name: str = "last.ckpt") -> dict[str, torch.Tensor]:
-    """Of a checkpoint of a finished training."""
-    return read_checkpoint(folder / name)["state_dict"]
+def weights(folder: Path) -> dict[str, torch.Tensor]:
+    """Those that a finished training leaves."""
+    return read_checkpoint(folder / BEST).weights
 
 
 def assert_same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> None:
@@ -33,12 +34,6 @@ def assert_same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor])
     assert first.keys() == second.keys()
     for key, value in first.items():
         torch.testing.assert_close(value, second[key], msg=key)
-
-
-def column(folder: Path, name: str) -> list[float]:
-    """Of the history of a finished training, an epoch each."""
-    header, *rows = (folder / "history.tsv").read_text().splitlines()
-    return [float(row.split("\t")[header.split("\t").index(name)]) for row in rows]
 
 
 def checkpoint_under_way(progress: Path) -> Path:

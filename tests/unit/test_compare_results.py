@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from safetensors.torch import save_file
 
 from compare_results import array_hashes, differences, main
 
@@ -21,8 +22,9 @@ def folders(tmp_path):
         (folder / "Skirt.pc16").write_bytes(bytes(range(20)))
         torch.save(
             {"state_dict": {"w": torch.ones(3)}, "callbacks": {name: torch.zeros(1)}},
-            folder / "best.ckpt",
+            folder / "last.ckpt",
         )
+        save_file({"w": torch.ones(3)}, folder / "best.safetensors")
         Image.new("RGB", (4, 4), (255, 0, 0)).save(folder / "still.png")
         (folder / "about.json").write_text(json.dumps({"made": name}))
     return tmp_path / "before", tmp_path / "after"
@@ -30,7 +32,7 @@ def folders(tmp_path):
 
 def test_equal_arrays_are_counted_and_other_files_do_not_matter(folders, capsys):
     assert main(list(map(str, folders))) == 0
-    assert "6 arrays are the same to the bit, 0 are not" in capsys.readouterr().out
+    assert "7 arrays are the same to the bit, 0 are not" in capsys.readouterr().out
 
 
 def change_npz(folder):
@@ -46,7 +48,11 @@ def change_cache(folder):
 
 
 def change_weights(folder):
-    torch.save({"state_dict": {"w": torch.tensor([1, 1, 1 + 1e-7])}}, folder / "best.ckpt")
+    save_file({"w": torch.tensor([1, 1, 1 + 1e-7])}, folder / "best.safetensors")
+
+
+def change_state(folder):
+    torch.save({"state_dict": {"w": torch.tensor([1, 1, 1 + 1e-7])}}, folder / "last.ckpt")
 
 
 def change_picture(folder):
@@ -59,7 +65,8 @@ def change_picture(folder):
         (change_npz, "garment.npz:x"),
         (change_npy, "rows.npy:"),
         (change_cache, "Skirt.pc16:"),
-        (change_weights, "best.ckpt:/state_dict/w"),
+        (change_weights, "best.safetensors:/w"),
+        (change_state, "last.ckpt:/state_dict/w"),
         (change_picture, "still.png:0"),
     ],
 )
@@ -78,6 +85,14 @@ def test_what_is_missing_is_named_on_its_side_and_moved_files_can_be_matched(fol
     assert "only before: rows.npy:" in out
     assert "only after: lines.npy:" in out
     assert main([str(before), str(after), "--renamed", "rows=lines"]) == 0
+
+
+def test_weights_are_the_same_in_whichever_form_they_are_stored(folders):
+    before, after = folders
+    (before / "best.safetensors").unlink()
+    (after / "last.ckpt").unlink()
+    renamed = ["--renamed", "last.ckpt:/state_dict/=best.safetensors:/"]
+    assert main([str(before), str(after), *renamed]) == 0
 
 
 def test_empty_folders_are_no_success(tmp_path):

@@ -43,14 +43,18 @@ def test_verify_says_what_is_damaged_and_makes_nothing(tmp_path):
     project = copy_project(tmp_path)
     model = project / "results/tiny/gcvae/svae"
     model.mkdir(parents=True)
-    (model / "best.ckpt").write_text("weights")
+    (model / "best.safetensors").write_text("weights")
     write_manifest(model)
     verify = ["verify", "--cores", "1", *CONFIG]
     for content, code, said in (
         ("weights", 0, "drapeline: all files are as they were written (1 compared)"),
-        ("weight", 1, "1 file is damaged (results/tiny/gcvae/svae/best.ckpt: 6 bytes, expected 7"),
+        (
+            "weight",
+            1,
+            "1 file is damaged (results/tiny/gcvae/svae/best.safetensors: 6 bytes, expected 7",
+        ),
     ):
-        (model / "best.ckpt").write_text(content)
+        (model / "best.safetensors").write_text(content)
         run = snakemake(project, *verify)
         text = " ".join((run.stdout + run.stderr).split())
         assert (run.returncode != 0) == code, text

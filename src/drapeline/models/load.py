@@ -55,7 +55,7 @@ def load(folder: str | Path) -> TrainedModel:
         InputError: a file is missing or damaged, or the model is of another kind.
     """
     path = stage_folder(folder) / BEST
-    kind = read_checkpoint(path)["drapeline"]["checkpoint_type"]
+    kind = read_checkpoint(path).metadata["checkpoint_type"]
     if kind not in _MODELS:
         raise InputError(f"{path}: holds a '{kind}' network, expected {' or '.join(_MODELS)}")
     return _MODELS[kind](folder)

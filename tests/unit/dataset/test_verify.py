@@ -12,7 +12,7 @@ def results(tmp_path, toy_body):
     sample = write_tiny_sample(tmp_path, toy_body).folder
     model = tmp_path / "gcvae" / "svae"
     model.mkdir(parents=True)
-    (model / "best.ckpt").write_text("weights")
+    (model / "best.safetensors").write_text("weights")
     write_manifest(model)
     for folder in (sample, model):
         (folder / ".snakemake_timestamp").touch()
@@ -25,13 +25,15 @@ def test_what_is_as_it_was_written_is_counted(results):
 
 
 def test_damage_is_named_with_what_to_delete(results):
-    (results / "gcvae" / "svae" / "best.ckpt").write_text("Weights")
+    (results / "gcvae" / "svae" / "best.safetensors").write_text("Weights")
     cache = results / "samples" / "00001" / "extras" / "Body.pc16"
     cache.write_bytes(cache.read_bytes()[:100])
     with pytest.raises(InputError) as caught:
         verify_results(results)
     message = str(caught.value)
-    assert message.startswith(f"2 files are damaged ({results}/gcvae/svae/best.ckpt: its SHA-256")
+    assert message.startswith(
+        f"2 files are damaged ({results}/gcvae/svae/best.safetensors: its SHA-256"
+    )
     assert f"{cache}: 100 bytes, expected " in message
     model, sample = results / "gcvae" / "svae", results / "samples" / "00001"
     assert f"; delete {model}, {sample} and give the command again" in message

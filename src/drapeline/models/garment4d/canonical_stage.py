@@ -125,9 +125,9 @@ class CanonicalStage(Stage):
         """Remembered in training: points and their true labels are the same in every epoch."""
         return self._memory.of(window_keys(batch)) if self.training else SEARCH_ANEW
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """With `out_of_fold_alpha`, which the posed stage is trained on."""
-        return {**super().about(), "out_of_fold_alpha": self.out_of_fold_alpha}
+        return {**super().checkpoint_metadata(), "out_of_fold_alpha": self.out_of_fold_alpha}
 
 
 class PointNetStage(CanonicalStage):

@@ -30,25 +30,23 @@ def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
     """
     path = Path(folder) / BEST
     checkpoint = read_checkpoint(path)
-    about = checkpoint["drapeline"]
+    found = checkpoint.metadata["checkpoint_type"]
     types = [cls.checkpoint_type for cls in expected]
-    if about["checkpoint_type"] not in types:
-        raise InputError(
-            f"{path}: holds a '{about['checkpoint_type']}' network, expected {' or '.join(types)}"
-        )
+    if found not in types:
+        raise InputError(f"{path}: holds a '{found}' network, expected {' or '.join(types)}")
     with building(path):
-        stage = _build(about)
+        stage = _build(checkpoint.metadata)
     load_state(stage, checkpoint, path)
     return stage.eval()
 
 
-def _build(about: Mapping[str, Any]) -> Stage:
-    cls = _STAGES[about["checkpoint_type"]]
-    settings = cls.SETTINGS(**about["settings"])
-    if "canonical" in about:
-        return cls(settings, _build(about["canonical"]))
-    arrays = {key: value.numpy() for key, value in about["space"].items()}
+def _build(metadata: Mapping[str, Any]) -> Stage:
+    cls = _STAGES[metadata["checkpoint_type"]]
+    settings = cls.SETTINGS(**metadata["settings"])
+    if "canonical" in metadata:
+        return cls(settings, _build(metadata["canonical"]))
+    arrays = {key: value.numpy() for key, value in metadata["space"].items()}
     check_arrays(arrays, SPACE_ARRAYS)
-    stage = cls(settings, GarmentSpace(**arrays), about["label"])
-    stage.out_of_fold_alpha = about.get("out_of_fold_alpha", {})
+    stage = cls(settings, GarmentSpace(**arrays), metadata["label"])
+    stage.out_of_fold_alpha = metadata.get("out_of_fold_alpha", {})
     return stage

@@ -177,9 +177,9 @@ class PosedStage(Stage):
             "canonical_weights": tensors_digest(self.canonical.state_dict()),
         }
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """With what the canonical network is built from."""
-        return {**super().about(), "canonical": self.canonical.about()}
+        return {**super().checkpoint_metadata(), "canonical": self.canonical.checkpoint_metadata()}
 
 
 class MgnStage(PosedStage):

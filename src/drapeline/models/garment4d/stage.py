@@ -81,7 +81,7 @@ class Stage(TrainableModule):
         terms, error = self.losses(batch)
         self.log_means("val", {**terms, self.ERROR: error}, len(batch["names"]))
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """All that is needed to build the module again, as plain values and tensors."""
         return {
             "checkpoint_type": self.checkpoint_type,

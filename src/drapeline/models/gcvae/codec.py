@@ -172,7 +172,7 @@ class GarmentCodec(torch.nn.Module, ABC):
         """(V, 3, B) normalised offsets -> metres."""
         return normalised * self.offset_std[..., None] + self.offset_mean[..., None]
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """Everything needed to build it again, as plain values and tensors."""
         return {
             "checkpoint_type": self.checkpoint_type,

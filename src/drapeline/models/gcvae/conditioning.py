@@ -1,7 +1,6 @@
 """The conditioning autoencoder Gamma, whose middle layer the networks are conditioned on."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -9,6 +8,7 @@ from torch import nn
 
 from drapeline.errors import InputError
 from drapeline.models.layers.linear import linear
+from drapeline.models.training.checkpoints import Checkpoint
 
 
 class ConditioningAutoencoder(nn.Module):
@@ -68,9 +68,7 @@ def cvar_statistics(cvar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return cvar.mean(axis=0).astype(np.float32), np.where(std > 0.05, std, 1).astype(np.float32)
 
 
-def load_conditioning(
-    checkpoint: dict[str, Any], into: ConditioningAutoencoder, path: Path
-) -> None:
+def load_conditioning(checkpoint: Checkpoint, into: ConditioningAutoencoder, path: Path) -> None:
     """Copy trained weights into an autoencoder.
 
     Args:
@@ -84,7 +82,7 @@ def load_conditioning(
     prefix = "autoencoder."
     state = {
         key.removeprefix(prefix): value
-        for key, value in checkpoint["state_dict"].items()
+        for key, value in checkpoint.weights.items()
         if key.startswith(prefix)
     }
     try:

@@ -23,7 +23,7 @@ from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.layers.mesh_graph import scaled_laplacian
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
-from drapeline.models.training.checkpoints import write_weights
+from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST, SETTINGS
 from drapeline.registration.to_body.super_body import mirror_of
 from drapeline.registration.to_body.topology import TOPOLOGIES
@@ -247,8 +247,7 @@ def save_fit(
         complete: adds files to the folder, which has all others by then.
     """
     with atomic_folder(folder) as scratch:
-        checkpoint = {"state_dict": ppca.state_dict(), "drapeline": ppca.about()}
-        write_weights(scratch / BEST, checkpoint)
+        write_checkpoint(scratch / BEST, ppca.state_dict(), ppca.checkpoint_metadata())
         write_json(
             scratch / SETTINGS,
             {

@@ -24,15 +24,15 @@ def load_codec(path: str | Path) -> GarmentCodec:
         InputError: see `read_checkpoint`; or the checkpoint is of another type of network.
     """
     checkpoint = read_checkpoint(path)
-    about = checkpoint["drapeline"]
-    checkpoint_type = about["checkpoint_type"]
+    metadata = checkpoint.metadata
+    checkpoint_type = metadata["checkpoint_type"]
     if checkpoint_type not in _CLASSES:
         raise InputError(
             f"{path}: holds a '{checkpoint_type}' network, expected {' or '.join(_CLASSES)}"
         )
     cls = _CLASSES[checkpoint_type]
     with building(path):
-        template = BodyTemplate.from_tensors(about["body_template"])
-        model = cls(cls.SETTINGS(**about["settings"]), template)
+        template = BodyTemplate.from_tensors(metadata["body_template"])
+        model = cls(cls.SETTINGS(**metadata["settings"]), template)
     load_state(model, checkpoint, path)
     return model.eval()

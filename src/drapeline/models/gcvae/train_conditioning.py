@@ -74,7 +74,7 @@ class ConditioningTraining(TrainableModule):
         loss = self.autoencoder.loss(batch["cvar"])
         self.log_means("val", {"loss": loss}, len(batch["cvar"]))
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """Type and settings; the statistics are among the weights."""
         return {"checkpoint_type": self.checkpoint_type, "settings": self.settings.plain()}
 

@@ -88,7 +88,7 @@ class DisplacementField(TrainableModule):
         self.codes = torch.nn.Parameter(torch.zeros(garments, sizes.code))
         self.register_buffer("place_basis", place_basis)
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """Settings and sizes for the checkpoint."""
         return {
             "checkpoint_type": self.checkpoint_type,

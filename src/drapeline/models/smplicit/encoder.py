@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional
 
 from drapeline.errors import InputError
-from drapeline.models.training.checkpoints import read_weights
+from drapeline.models.training.checkpoints import read_torch_file
 
 _BLOCKS = 2  # per stage
 
@@ -80,7 +80,7 @@ def load_encoder_weights(encoder: ImageEncoder, path: str | Path) -> None:
         InputError: the file is missing, is not readable as plain weights, or has other names or
             shapes.
     """
-    state = read_weights(path)
+    state = read_torch_file(path)
     if not isinstance(state, dict):
         raise InputError(f"{path}: holds no weights by name, expected those of a ResNet-18")
     state = {name: value for name, value in state.items() if not name.startswith("fc.")}

@@ -27,14 +27,15 @@ def load_field(folder: str | Path) -> GarmentField:
         InputError: the checkpoint is missing, damaged, or of another model.
     """
 
-    def build(about: Mapping[str, Any]) -> GarmentField:
-        if about["name"] not in list(FIELD_MODELS):
+    def build(metadata: Mapping[str, Any]) -> GarmentField:
+        name = metadata["name"]
+        if name not in list(FIELD_MODELS):
             raise InputError(
-                f"the model is named {about['name']!r:.100}, expected {' or '.join(FIELD_MODELS)}"
+                f"the model is named {name!r:.100}, expected {' or '.join(FIELD_MODELS)}"
             )
-        settings = FieldSettings(**about["settings"])
-        basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
-        return GarmentField(about["name"], settings, basis, about["rows"], start=False)
+        settings = FieldSettings(**metadata["settings"])
+        basis = torch.zeros(BASIS_ROWS, metadata["clusters"], 3)
+        return GarmentField(name, settings, basis, metadata["rows"], start=False)
 
     return load_network(Path(folder) / BEST, GarmentField.checkpoint_type, build)
 

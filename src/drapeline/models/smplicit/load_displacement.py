@@ -26,10 +26,10 @@ def load_displacement(folder: str | Path) -> DisplacementField:
         InputError: the checkpoint is missing, damaged, or of another model.
     """
 
-    def build(about: Mapping[str, Any]) -> DisplacementField:
-        settings = DisplacementSettings(**about["settings"])
-        basis = torch.zeros(BASIS_ROWS, about["clusters"], 3)
-        return DisplacementField(about["name"], settings, basis, about["garments"])
+    def build(metadata: Mapping[str, Any]) -> DisplacementField:
+        settings = DisplacementSettings(**metadata["settings"])
+        basis = torch.zeros(BASIS_ROWS, metadata["clusters"], 3)
+        return DisplacementField(metadata["name"], settings, basis, metadata["garments"])
 
     return load_network(Path(folder) / BEST, DisplacementField.checkpoint_type, build)
 

@@ -72,7 +72,7 @@ class GarmentField(TrainableModule):
         """Where distances are clipped, metres."""
         return self.settings.loss.d_max_m
 
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """Settings and sizes for the checkpoint."""
         return {
             "checkpoint_type": self.checkpoint_type,

@@ -7,7 +7,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.models.smplicit.decoder import Decoder
-from drapeline.models.training.checkpoints import read_weights, write_weights
+from drapeline.models.training.checkpoints import read_torch_file, write_torch_file
 
 # There, the layers that see points are convolutions over them, with one more dimension.
 _STYLE_LAYERS = ("fc0_cloth", "fc1_cloth")
@@ -26,7 +26,7 @@ def load_released(path: str | Path) -> Decoder:
     Raises:
         InputError: the file is missing, executes code, or lacks a weight of the expected shape.
     """
-    state = read_weights(path)
+    state = read_torch_file(path)
     if not isinstance(state, dict):
         raise InputError(f"{path}: holds no weights by name, expected a checkpoint of SMPLicit")
     state = {
@@ -65,7 +65,7 @@ def export_released(path: str | Path, decoder: Decoder, unit_m: float) -> None:
         decoder: of the released sizes, if the released code is to load it.
         unit_m: metres per unit of the decoder's distances.
     """
-    write_weights(path, released_weights(decoder, unit_m))
+    write_torch_file(path, released_weights(decoder, unit_m))
 
 
 def released_weights(decoder: Decoder, unit_m: float) -> Mapping[str, torch.Tensor]:

@@ -24,10 +24,13 @@ from torch.utils.data import DataLoader
 from drapeline.errors import DamagedFile
 from drapeline.manifest import write_manifest
 from drapeline.models.training.batches import Batch, TrainingBatches
-from drapeline.models.training.checkpoints import read_weights, write_weights
+from drapeline.models.training.checkpoints import (
+    read_torch_file,
+    write_checkpoint,
+    write_torch_file,
+)
 from drapeline.models.training.module import (
     BEST,
-    LAST,
     RATE_SHARE,
     SETTINGS,
     Logged,
@@ -50,6 +53,8 @@ for _name in ("pytorch_lightning", "lightning_fabric"):
     _chatter.parent, _chatter.propagate = LOGGER, True
 
 HISTORY = "history.tsv"
+# Of a training under way, in Lightning's form.
+LAST_STATE, BEST_STATE = "last.ckpt", "best.ckpt"
 CURVES = "tensorboard"
 
 
@@ -126,7 +131,7 @@ class _AtomicCheckpoints(TorchCheckpointIO):
         self, checkpoint: dict[str, Any], path: str | Path, storage_options: Any = None
     ) -> None:
         """Replace a checkpoint as a whole, or leave it as it is."""
-        write_weights(path, checkpoint)
+        write_torch_file(path, checkpoint)
 
 
 class _Loop(LightningModule):
@@ -144,10 +149,6 @@ class _Loop(LightningModule):
     def load_state_dict(self, *args: Any, **kwargs: Any) -> Any:
         """Into the network."""
         return self.trained.load_state_dict(*args, **kwargs)
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Add everything needed to rebuild the network."""
-        checkpoint["drapeline"] = self.trained.about()
 
     def train_dataloader(self) -> DataLoader:
         """This process's share of the training batches."""
@@ -222,7 +223,7 @@ def fit(
     Args:
         module: to train.
         data: batches to train and validate on.
-        folder: gets `best.ckpt`, `last.ckpt`, `history.tsv`, `settings.json`, `tensorboard`, and
+        folder: gets `best.safetensors`, `history.tsv`, `settings.json`, `tensorboard`, and
             `manifest.tsv` with the sums of all of them.
         progress: folder for a training under way, which is resumed if its settings are `settings`.
         epochs: of training.
@@ -256,7 +257,9 @@ def fit(
     module.position = None
     if engine.is_global_zero:
         with atomic_folder(folder) as scratch:
-            for name in (LAST, BEST, HISTORY, SETTINGS):
+            best = read_torch_file(under_way / BEST_STATE)["state_dict"]
+            write_checkpoint(scratch / BEST, best, module.checkpoint_metadata())
+            for name in (HISTORY, SETTINGS):
                 shutil.copyfile(under_way / name, scratch / name)
             copy_folder(under_way / CURVES, scratch / CURVES)
             if complete is not None:
@@ -274,10 +277,10 @@ def newest_readable(under_way: Path, module: TrainableModule) -> Path | None:
         under_way: folder of the training.
         module: that is trained.
     """
-    there = [path for path in (under_way / LAST, under_way / BEST) if path.exists()]
+    there = [path for path in (under_way / LAST_STATE, under_way / BEST_STATE) if path.exists()]
     for number, path in enumerate(there, 1):
         try:
-            _check_resumable(path, read_weights(path), module)
+            _check_resumable(path, read_torch_file(path), module)
             return path
         except DamagedFile as error:
             instead = f"is resumed from {there[number]}" if there[number:] else "begins anew"
@@ -330,7 +333,7 @@ def _trainer(under_way: Path, epochs: int, monitor: str, options: Mapping[str, A
             enable_version_counter=False,
             save_on_train_epoch_end=True,
         )
-        for name, value in ((BEST, monitor), (LAST, None))
+        for name, value in ((BEST_STATE, monitor), (LAST_STATE, None))
     ]
     return Trainer(
         max_epochs=epochs,

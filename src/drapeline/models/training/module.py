@@ -15,7 +15,7 @@ from drapeline.models.training.batches import Batch
 from drapeline.models.training.settings import Training
 
 # Files in the folder of a training.
-LAST, BEST, SETTINGS = "last.ckpt", "best.ckpt", "settings.json"
+BEST, SETTINGS = "best.safetensors", "settings.json"
 # Key of a group of parameters whose learning rate is a share of the training's.
 RATE_SHARE = "rate_share"
 
@@ -75,7 +75,7 @@ class TrainableModule(torch.nn.Module, ABC):
         """Log the results of one batch of the validation rows."""
 
     @abstractmethod
-    def about(self) -> dict[str, Any]:
+    def checkpoint_metadata(self) -> dict[str, Any]:
         """Everything needed to rebuild the module, as plain values and tensors."""
 
     def optimizer(self) -> torch.optim.Optimizer:

@@ -9,7 +9,8 @@ from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetS
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.training.batches import as_tensors
 from toys.garment4d import CANONICAL, PLAIN
-from toys.garment4d_stages import batch_of, build_canonical, column, stage_windows, train_toys
+from toys.garment4d_stages import batch_of, build_canonical, stage_windows, train_toys
+from toys.histories import column
 
 
 def test_the_error_that_is_logged_is_that_of_canonical_garments(trained_canonical, sequences):

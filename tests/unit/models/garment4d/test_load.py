@@ -7,7 +7,10 @@ from drapeline.errors import DamagedFile, InputError
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from toys.garment4d_stages import batch_of, column
+from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
+from drapeline.models.training.module import BEST
+from toys.garment4d_stages import batch_of
+from toys.histories import column
 
 
 def test_a_loaded_stage_says_what_was_validated_last(trained_posed, trained_canonical, sequences):
@@ -35,8 +38,8 @@ def test_networks_of_other_types_and_missing_ones_are_refused(trained_canonical,
 def test_a_template_whose_faces_name_vertices_that_are_not_there_is_refused(
     trained_canonical, tmp_path
 ):
-    saved = torch.load(trained_canonical / "best.ckpt", weights_only=True)
-    saved["drapeline"]["space"]["faces"][0, 0] = 100_000
-    torch.save(saved, tmp_path / "best.ckpt")
-    with pytest.raises(DamagedFile, match=r"best\.ckpt: .*'faces' names number 100000"):
+    saved = read_checkpoint(trained_canonical / BEST)
+    saved.metadata["space"]["faces"][0, 0] = 100_000
+    write_checkpoint(tmp_path / BEST, *saved)
+    with pytest.raises(DamagedFile, match=rf"{BEST}: .*'faces' names number 100000"):
         load_stage(tmp_path, CanonicalStage)

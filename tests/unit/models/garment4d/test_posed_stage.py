@@ -13,8 +13,10 @@ from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
 from toys.garment4d import POSED
-from toys.garment4d_stages import batch_of, column
+from toys.garment4d_stages import batch_of
+from toys.histories import column
 
 
 def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, sequences):
@@ -31,8 +33,8 @@ def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, s
 
 
 def test_the_canonical_network_is_not_trained_further(trained_posed, trained_canonical):
-    before = read_checkpoint(trained_canonical / "best.ckpt")["state_dict"]
-    after = read_checkpoint(trained_posed / "last.ckpt")["state_dict"]
+    before = read_checkpoint(trained_canonical / BEST).weights
+    after = read_checkpoint(trained_posed / BEST).weights
     for key, value in before.items():
         torch.testing.assert_close(after[f"canonical.{key}"], value, msg=key)
 

@@ -7,15 +7,16 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.models.garment4d.settings import CanonicalSettings, CanonicalStageSettings
 from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
 from toys.garment4d import PLAIN
 
 
 def test_settings_come_from_plain_values_and_go_back(trained_canonical):
-    about = read_checkpoint(trained_canonical / "best.ckpt")["drapeline"]
-    settings = CanonicalStageSettings(**about["settings"])
+    found = read_checkpoint(trained_canonical / BEST).metadata["settings"]
+    settings = CanonicalStageSettings(**found)
     assert settings == CanonicalStageSettings(**PLAIN)
     assert json.loads((trained_canonical / "settings.json").read_text())["loss"] == {
-        **about["settings"]["loss"]
+        **found["loss"]
     }
     assert settings.training.sources == ("simulated", "skinned")
 

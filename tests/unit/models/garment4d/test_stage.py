@@ -68,10 +68,10 @@ def test_initial_weights_depend_on_the_seed_alone(data):
 
 
 def test_checkpoints_hold_what_a_stage_is_built_from(toy, data):
-    about = toy.about()
-    assert (about["checkpoint_type"], about["label"]) == ("toy", data.label)
-    assert ToyStage.SETTINGS(**about["settings"]) == toy.settings
-    torch.testing.assert_close(about["space"]["mean"], torch.from_numpy(data.space.mean))
+    metadata = toy.checkpoint_metadata()
+    assert (metadata["checkpoint_type"], metadata["label"]) == ("toy", data.label)
+    assert ToyStage.SETTINGS(**metadata["settings"]) == toy.settings
+    torch.testing.assert_close(metadata["space"]["mean"], torch.from_numpy(data.space.mean))
 
 
 def test_batches_are_told_by_window_and_by_sequence():

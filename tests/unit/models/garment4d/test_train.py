@@ -12,6 +12,7 @@ from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.stage import Stage
 from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
 from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data
 from toys.garment4d_stages import build_canonical, train_toys
 from toys.paper import printed
@@ -26,7 +27,7 @@ def test_weights_stay_in_32_bits_when_products_are_taken_in_16(tmp_path, sequenc
     for precision in ("32-true", "bf16-mixed"):
         stage = build_canonical(sequences, shortened(CANONICAL, 1))
         out = train_toys(tmp_path, precision, stage, sequences, precision=precision)
-        ends.append(read_checkpoint(out / "last.ckpt")["state_dict"])
+        ends.append(read_checkpoint(out / BEST).weights)
     key = "network.encoder.coefficients.weight"
     assert not torch.equal(ends[0][key], ends[1][key])
     assert {value.dtype for value in ends[1].values() if value.is_floating_point()} == {
@@ -58,7 +59,7 @@ def test_two_trainings_end_with_the_same_weights(tmp_path, folder, opened, toy_b
         sequences = open_toy_data(folder / "data", toy_body, 30)
         stage = build_canonical(sequences, shortened(values, 2))
         out = train_toys(tmp_path, name, stage, sequences)
-        ends.append(read_checkpoint(out / "last.ckpt")["state_dict"])
+        ends.append(read_checkpoint(out / BEST).weights)
     for key, value in ends[0].items():
         torch.testing.assert_close(value, ends[1][key], msg=key)
 

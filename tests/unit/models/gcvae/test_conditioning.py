@@ -12,6 +12,8 @@ from drapeline.models.gcvae.conditioning import (
     cvar_statistics,
     load_conditioning,
 )
+from drapeline.models.training.checkpoints import Checkpoint
+from drapeline.models.training.module import BEST
 
 INPUTS, MIDDLE = 6, 4
 
@@ -84,16 +86,15 @@ def autoencoder(middle, seed):
 
 
 def test_trained_weights_are_copied_into_an_autoencoder_of_the_same_size(gamma):
-    checkpoint = {
-        "state_dict": {f"autoencoder.{key}": value for key, value in gamma.state_dict().items()}
-        | {"position": torch.zeros(1)}  # of the training, not of the autoencoder
-    }
+    weights = {f"autoencoder.{key}": value for key, value in gamma.state_dict().items()}
+    # With what is of the training and not of the autoencoder.
+    checkpoint = Checkpoint(weights | {"position": torch.zeros(1)}, {})
     into = autoencoder(MIDDLE, seed=5).double()
-    load_conditioning(checkpoint, into, Path("best.ckpt"))
+    load_conditioning(checkpoint, into, Path(BEST))
     for key, value in gamma.state_dict().items():
         torch.testing.assert_close(into.state_dict()[key], value, rtol=0, atol=0)
-    with pytest.raises(InputError, match=r"best\.ckpt.*another size"):
-        load_conditioning(checkpoint, autoencoder(MIDDLE + 1, seed=5), Path("best.ckpt"))
+    with pytest.raises(InputError, match=f"{BEST}.*another size"):
+        load_conditioning(checkpoint, autoencoder(MIDDLE + 1, seed=5), Path(BEST))
 
 
 def test_a_condition_that_hardly_varies_in_training_is_not_blown_up():

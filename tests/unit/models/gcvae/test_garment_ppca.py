@@ -14,6 +14,7 @@ from drapeline.models.gcvae.garment_ppca import (
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.training.batches import as_tensors
+from drapeline.models.training.module import BEST
 from toys.gcvae import ToyGarments, toy_template
 
 
@@ -84,11 +85,11 @@ def test_a_saved_fit_is_loaded_again_and_needs_no_training(tmp_path, cls):
     model.fit(garments)
     save_fit(tmp_path / "fit", model)
     assert sorted(path.name for path in (tmp_path / "fit").iterdir()) == [
-        "best.ckpt",
+        BEST,
         "manifest.tsv",
         "settings.json",
     ]
-    again = load_codec(tmp_path / "fit" / "best.ckpt")
+    again = load_codec(tmp_path / "fit" / BEST)
     assert type(again) is cls
     assert (again.latent, again.seed) == (8, 3)
     batch = as_tensors(garments.batch(garments.rows("test")))

@@ -12,7 +12,8 @@ from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraini
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import read_torch_file
+from drapeline.models.training.module import BEST
 from portability import THREADS
 from toys.gcvae import ToyGarments, toy_template
 from toys.gcvae_trainings import (
@@ -23,6 +24,7 @@ from toys.gcvae_trainings import (
     train_condition,
     weights,
 )
+from toys.histories import column
 from toys.paper import printed
 
 SETTINGS = VaeSettings(
@@ -58,7 +60,7 @@ def train(tmp_path, conditioning):
 
 
 def test_the_conditioning_autoencoder_is_frozen_in_the_vae(train, conditioning):
-    before, after = weights(conditioning, "best.ckpt"), weights(train("svae"))
+    before, after = weights(conditioning), weights(train("svae"))
     for key, value in before.items():
         name = key.replace("autoencoder.", "conditioning.")
         torch.testing.assert_close(after[name], value)
@@ -67,9 +69,8 @@ def test_the_conditioning_autoencoder_is_frozen_in_the_vae(train, conditioning):
 def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path):
     folder = train("model")
     assert sorted(p.name for p in folder.iterdir()) == [
-        "best.ckpt",
+        "best.safetensors",
         "history.tsv",
-        "last.ckpt",
         "manifest.tsv",
         "settings.json",
         "tensorboard",
@@ -81,7 +82,7 @@ def test_a_training_leaves_a_loadable_model_and_its_history(train, tmp_path):
     assert {"epoch", "val_selection", "val_surface_error_mm", "val_mask_iou"} <= set(
         header.split("\t")
     )
-    model, batch = load_codec(folder / "best.ckpt"), as_tensors(ToyGarments().batch(np.arange(5)))
+    model, batch = load_codec(folder / BEST), as_tensors(ToyGarments().batch(np.arange(5)))
     assert type(model) is StaticVae
     code = model.encode(batch)
     with torch.inference_mode():
@@ -127,16 +128,11 @@ def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, model):
     with pytest.raises(Killed):
         train("killed", settings, DiesAfter(16), cls)
     assert not (tmp_path / "killed").exists()
-    assert 0 < read_checkpoint(checkpoint_under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
+    assert 0 < read_torch_file(checkpoint_under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
     resumed, whole = (train(name, settings, cls=cls) for name in ("killed", "whole"))
     assert_same(weights(resumed), weights(whole))
-    assert_same(weights(resumed, "best.ckpt"), weights(whole, "best.ckpt"))
-    for a, b in zip(
-        (resumed / "history.tsv").read_text().splitlines(),
-        (whole / "history.tsv").read_text().splitlines(),
-        strict=True,
-    ):
-        assert a.split("\t")[0] == b.split("\t")[0]
+    for name in ("epoch", "val_selection"):
+        assert column(resumed, name) == pytest.approx(column(whole, name))
 
 
 def test_other_settings_begin_anew(train, tmp_path):

@@ -3,7 +3,8 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.models.smplicit.load import load_field, new_field
-from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
+from drapeline.models.training.module import BEST
 from toys.smplicit import toy_bodies, toy_settings
 from toys.smplicit_trainings import train_toy
 
@@ -26,19 +27,19 @@ def test_a_new_model_depends_on_its_seed_alone(fields, toy_body):
 
 
 def test_other_networks_are_refused(tmp_path, trained):
-    checkpoint = read_checkpoint(trained / "best.ckpt")
-    checkpoint["drapeline"]["checkpoint_type"] = "static"
-    torch.save(checkpoint, tmp_path / "best.ckpt")
+    checkpoint = read_checkpoint(trained / BEST)
+    checkpoint.metadata["checkpoint_type"] = "static"
+    write_checkpoint(tmp_path / BEST, *checkpoint)
     with pytest.raises(InputError, match="holds a 'static' network, expected smplicit"):
         load_field(tmp_path)
-    with pytest.raises(InputError, match=r"best\.ckpt: no such file"):
+    with pytest.raises(InputError, match=rf"{BEST}: no such file"):
         load_field(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("name", ["../evil", ["skirt"], None])
 def test_a_model_of_no_known_name_is_refused(tmp_path, trained, name):
-    checkpoint = read_checkpoint(trained / "best.ckpt")
-    checkpoint["drapeline"]["name"] = name
-    torch.save(checkpoint, tmp_path / "best.ckpt")
-    with pytest.raises(InputError, match=r"best\.ckpt: the model is named .*, expected upper or"):
+    checkpoint = read_checkpoint(trained / BEST)
+    checkpoint.metadata["name"] = name
+    write_checkpoint(tmp_path / BEST, *checkpoint)
+    with pytest.raises(InputError, match=rf"{BEST}: the model is named .*, expected upper or"):
         load_field(tmp_path)

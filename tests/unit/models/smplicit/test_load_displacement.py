@@ -6,6 +6,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.models.smplicit.load_displacement import load_displacement
 from drapeline.models.training.checkpoints import read_checkpoint
+from drapeline.models.training.module import BEST
 from toys.displacement import CLUSTERS
 from toys.displacement_trainings import toy_displacement, train_toy_displacement
 from toys.smplicit_trainings import train_toy
@@ -16,7 +17,7 @@ def test_the_best_weights_are_loaded(tmp_path, displacements, toy_body):
     network = load_displacement(trained)
     assert network.name == "skirt"
     assert not network.training
-    state = read_checkpoint(trained / "best.ckpt")["state_dict"]
+    state = read_checkpoint(trained / BEST).weights
     for name, value in network.state_dict().items():
         assert torch.equal(value, state[name]), name
 
@@ -29,7 +30,7 @@ def test_clusters_are_those_that_it_was_made_with(displacements, toy_body):
 
 
 def test_other_files_are_refused(tmp_path, fields, toy_body):
-    with pytest.raises(InputError, match=r"best.ckpt: no such file"):
+    with pytest.raises(InputError, match=rf"{BEST}: no such file"):
         load_displacement(tmp_path / "nowhere")
     other = train_toy(tmp_path, fields, toy_body, epochs=1)
     with pytest.raises(InputError, match="holds a 'smplicit' network, expected smplicit_displ"):

@@ -13,9 +13,13 @@ import torch
 from drapeline.errors import InputError
 from drapeline.manifest import damages
 from drapeline.models.training import lightning
-from drapeline.models.training.checkpoints import write_weights
+from drapeline.models.training.checkpoints import (
+    read_checkpoint,
+    read_torch_file,
+    write_torch_file,
+)
 from drapeline.models.training.lightning import begin, fit, learning_rate
-from drapeline.models.training.module import TrainableModule
+from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.models.training.settings import Training
 from drapeline.storage import read_json
 from portability import THREADS
@@ -40,8 +44,8 @@ class Line(TrainableModule):
     def optimizer(self):
         return torch.optim.SGD(self.parameters(), lr=0.0)
 
-    def about(self):
-        return {}
+    def checkpoint_metadata(self):
+        return {"checkpoint_type": "line", "start": torch.tensor(3.0)}
 
 
 class One:
@@ -61,10 +65,9 @@ def train_line(line, folder, epochs):
         trainer={"accelerator": "cpu"},
         threads=THREADS,
     )
-    return [
-        torch.load(folder / "out" / name, weights_only=True)["state_dict"]["x"].item()
-        for name in ("best.ckpt", "last.ckpt")
-    ]
+    best = read_checkpoint(folder / "out" / BEST)
+    assert best.metadata == {"checkpoint_type": "line", "start": torch.tensor(3.0)}
+    return [best.weights["x"].item(), line.x.item()]
 
 
 def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
@@ -90,13 +93,13 @@ def cut_off(path):
 
 
 def without_optimizers(path):
-    found = torch.load(path, weights_only=True)
+    found = read_torch_file(path)
     del found["optimizer_states"]
     torch.save(found, path)
 
 
 def of_another_network(path):
-    found = torch.load(path, weights_only=True)
+    found = read_torch_file(path)
     torch.save({**found, "state_dict": {"x": torch.zeros(7)}}, path)
 
 
@@ -148,14 +151,14 @@ def test_a_full_disk_leaves_the_checkpoint_before(tmp_path, monkeypatch):
         saved += 1
         if saved == 4:  # the last one of the second epoch
             monkeypatch.setattr(Path, "write_bytes", no_room)
-        write_weights(path, values)
+        write_torch_file(path, values)
 
-    monkeypatch.setattr(lightning, "write_weights", fills_up)
+    monkeypatch.setattr(lightning, "write_torch_file", fills_up)
     with pytest.raises(InputError, match=r"last\.ckpt: cannot be written \(No space left"):
         train_line(Line(), tmp_path, 6)
     (under_way,) = (tmp_path / "progress").iterdir()
-    assert torch.load(under_way / "last.ckpt", weights_only=True)["epoch"] == 0
-    assert torch.load(under_way / "best.ckpt", weights_only=True)["epoch"] == 1
+    assert read_torch_file(under_way / "last.ckpt")["epoch"] == 0
+    assert read_torch_file(under_way / "best.ckpt")["epoch"] == 1
     assert not list(under_way.glob(".*"))
 
 
@@ -282,12 +285,10 @@ def train_on(folder, devices, **environment):
 def test_two_processes_train_one_network_and_write_one_folder(tmp_path, environment):
     printed, losses = train_on(tmp_path / "two", 2, **environment)
     folder = tmp_path / "two"
-    names = {"best.ckpt", "last.ckpt", "history.tsv", "settings.json", "manifest.tsv"}
+    names = {BEST, "history.tsv", "settings.json", "manifest.tsv"}
     assert {path.name for path in (folder / "out").iterdir()} == names | {"tensorboard"}
     assert not list(damages(folder / "out", sums=True))
     assert not (folder / "progress").exists()
-    steps = torch.load(folder / "out" / "last.ckpt", weights_only=True)["global_step"]
-    assert steps == 2 * 2  # 35 rows, in two batches of 8 or 9 on each of two
     log = (folder / "log").read_text()
     assert log.count("epoch 1 of 2") == log.count("epoch 2 of 2") == 1
     assert "Traceback" not in log

@@ -31,7 +31,7 @@ class Pair(TrainableModule):
     def validation_step(self, batch):
         pass
 
-    def about(self):
+    def checkpoint_metadata(self):
         return {}
 
 
