@@ -4,6 +4,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.portable)
     longest = {"test_end_to_end.py": 0, "test_workflow.py": 1}
     items.sort(key=lambda item: longest.get(item.path.name, len(longest)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
+    """Leave out the files that need torch where it is not installed, see `run_installs.py`."""
+    report = yield
+    if (
+        report.failed
+        and not find_spec("torch")
+        and "No module named 'torch'" in report.longreprtext
+    ):
+        report.outcome, report.longrepr = (
+            "skipped",
+            (str(collector.path), 0, "Skipped: needs torch"),
+        )
+    return report
 
 
 @pytest.hookimpl(wrapper=True)

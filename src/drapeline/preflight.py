@@ -52,7 +52,7 @@ def find_problems(folder, version=None, system=None, libraries=None, free_gb=Non
     problems = []
     if tuple(version) != (3, 11):
         problems.append(
-            "Python {}.{} is running, but Blender's wheel needs exactly Python 3.11;"
+            "Python {}.{} is running, but the locked versions are those for Python 3.11;"
             " choose it with 'make PYTHON=/path/to/python3.11'.".format(*version)
         )
     if system == "Linux":

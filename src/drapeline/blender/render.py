@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Matrix
 from PIL import Image
 
-from drapeline.blender.scene import add_material, add_mesh, new_scene
+from drapeline.blender.scene import add_material, add_mesh, new_scene, shader_node
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
@@ -99,9 +99,9 @@ def render_colour(path: Path, parts: Sequence[ScenePart], frame: int, camera: Ca
     lamp.rotation_euler = (0.5, 0.6, 0.0)
     scene.collection.objects.link(lamp)
     scene.world = bpy.data.worlds.new("sky")
-    scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.8, 0.85, 0.95, 1)
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.7
+    sky = shader_node(scene.world, "ShaderNodeBackground")
+    sky.inputs["Color"].default_value = (0.8, 0.85, 0.95, 1)
+    sky.inputs["Strength"].default_value = 0.7
     eye = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     eye.data.sensor_width = _SENSOR_MM
     eye.data.lens = camera.intrinsics[0, 0] * _SENSOR_MM / camera.width

@@ -40,11 +40,18 @@ def add_material(
         roughness: 0 for a mirror, 1 for chalk.
     """
     material = bpy.data.materials.new(thing.name)
-    material.use_nodes = True
-    shader = material.node_tree.nodes["Principled BSDF"]
+    shader = shader_node(material, "ShaderNodeBsdfPrincipled")
     shader.inputs["Base Color"].default_value = (*linear_colour, 1.0)
     shader.inputs["Roughness"].default_value = roughness
     thing.data.materials.append(material)
+
+
+def shader_node(owner: bpy.types.Material | bpy.types.World, kind: str) -> bpy.types.Node:
+    """The one node of a kind, such as "ShaderNodeBackground", of a new material or world."""
+    if owner.node_tree is None:  # until Blender 5, which gives all of them their nodes
+        owner.use_nodes = True
+    (node,) = (node for node in owner.node_tree.nodes if node.bl_idname == kind)
+    return node
 
 
 def new_scene() -> bpy.types.Scene:

@@ -1,7 +1,8 @@
 """Write samples as CLOTH3D folders, with extra files in a subfolder."""
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,7 +104,7 @@ def write_sample(
         "self_collision": _self_collision(record),
         "outfit": description,
         "simulation": status,
-        "versions": {"drapeline": __version__, **{name: version(name) for name in _PACKAGES}},
+        "versions": {"drapeline": __version__, **_package_versions()},
     }
     with atomic_folder(folder) as scratch:
         (scratch / EXTRAS).mkdir()
@@ -141,6 +142,15 @@ def summarise_health(health: Mapping[str, np.ndarray]) -> dict[str, dict[str, fl
                     "max": float(values.max()),
                 }
     return summary
+
+
+def _package_versions() -> dict[str, str]:
+    """Of the packages that are installed; a sample can be made without torch."""
+    found = {}
+    for name in _PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
 
 
 def _motion(record: BodySequence) -> dict[str, Any]:

@@ -100,5 +100,5 @@ def elastic_shrinkage(
         points = vertices[member]
         radius = np.linalg.norm(points - points.mean(axis=0), axis=1).mean()
         wanted = (away[member].mean() - gap_m) / max(radius, 1e-6)
-        share[member] = elastic[member] * np.clip(wanted + 0.05, 0.05, _MOST_GATHERED)
+        share[member] = elastic[member] * float(np.clip(wanted + 0.05, 0.05, _MOST_GATHERED))
     return share

@@ -194,9 +194,8 @@ def summary(arrays: Mapping[str, np.ndarray]) -> dict[str, float]:
 
 def _mean_over_frames(values: np.ndarray) -> np.ndarray:
     """Mean of the numbers in each column of (N, ...), NaN where there is none."""
-    known = ~np.isnan(values)
-    count = known.sum(axis=0)
-    total = np.where(known, values, 0).sum(axis=0)
+    count = (~np.isnan(values)).sum(axis=0)
+    total = np.nansum(values, axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 

@@ -77,7 +77,8 @@ def body_frames(
         for shape in (garment_shape, record.shape)
     ]
     for step in range(shape_frames + 1):
-        share = _smoothstep(np.float32(step / shape_frames))
+        u = np.float32(step / shape_frames)
+        share = float(u * u) * (3 - 2 * float(u))  # NumPy 1 and 2 promote plain floats alike
         yield (1 - share) * rest[0] + share * rest[1]
     moving = posed_vertices(body, record.shape, poses[1:], path[1:])[0]
     # Self-collision corrections of the first frame come in gradually.

@@ -35,9 +35,13 @@ def vertices(thing):
     evaluated.to_mesh_clear()
     return points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
 
+def principled(thing):
+    nodes = [n for m in thing.data.materials if m.node_tree for n in m.node_tree.nodes]
+    return next((n for n in nodes if n.bl_idname == "ShaderNodeBsdfPrincipled"), None)
+
 def material_colour(thing):
-    tree = thing.data.materials[0].node_tree if thing.data.materials else None
-    return list(tree.nodes["Principled BSDF"].inputs[0].default_value)[:3] if tree else []
+    shader = principled(thing)
+    return list(shader.inputs["Base Color"].default_value)[:3] if shader else []
 
 def corner_colour(thing):
     if "colour" not in thing.data.attributes:
@@ -50,10 +54,10 @@ def pixel(thing, path):
     scene = bpy.context.scene
     for other in bpy.data.objects:
         other.hide_render = other != thing
-    thing.data.materials[0].node_tree.nodes["Principled BSDF"].inputs[
-        "Specular IOR Level"].default_value = 0
+    principled(thing).inputs["Specular IOR Level"].default_value = 0
     scene.world = bpy.data.worlds.new("white")
-    scene.world.use_nodes = True
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1, 1, 1, 1)
     points = vertices(thing)
     eye = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))

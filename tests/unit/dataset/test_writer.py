@@ -1,10 +1,13 @@
 import errno
 import tracemalloc
+from importlib.metadata import PackageNotFoundError
 
 import numpy as np
 import pytest
 
+from drapeline import __version__
 from drapeline.bodies.model import load_body, posed_vertices
+from drapeline.dataset import writer
 from drapeline.dataset.info_mat import SampleInfo, read_info
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import body_fingerprint, read_meta
@@ -95,6 +98,21 @@ def test_meta_tells_where_the_sample_comes_from(tiny):
     assert meta["outfit"]["garments"][1]["parameters"] == {"length": 0.5}
     assert meta["simulation"]["attempts"] == [{"steps": 14}]
     assert meta["health"]["inside_share"] == pytest.approx({"mean": 0.005, "min": 0.0, "max": 0.01})
+
+
+def test_a_sample_can_be_written_where_torch_is_not_installed(tmp_path, toy_body, monkeypatch):
+    def version(name):
+        if name == "torch":
+            raise PackageNotFoundError(name)
+        return "1.2"
+
+    monkeypatch.setattr(writer, "version", version)
+    tiny = write_tiny_sample(tmp_path, toy_body, frames=1)
+    assert read_meta(tiny.folder)["versions"] == {
+        "drapeline": __version__,
+        "numpy": "1.2",
+        "scipy": "1.2",
+    }
 
 
 def test_a_rejected_sample_says_why_and_holds_no_meshes(tmp_path, toy_body):

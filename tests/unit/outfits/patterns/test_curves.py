@@ -25,7 +25,8 @@ def test_a_ring_of_a_round_tube_is_a_regular_polygon():
 def test_a_limb_loop_turns_as_told():
     loops = [limb_loop(round_tube([0.1] * 3), 0.01, 0.0, np.pi, 16, turn) for turn in (1, -1)]
     np.testing.assert_allclose(loops[0][1:], loops[1][1:][::-1], atol=1e-9)
-    area = [np.cross(a, np.roll(a, -1, axis=0)).sum() for a in loops]
+    x, y = np.moveaxis(loops, 2, 0)
+    area = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
     assert area[0] == pytest.approx(-area[1])
 
 

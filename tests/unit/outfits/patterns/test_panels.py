@@ -26,8 +26,9 @@ def test_texture_panels_lie_flat_without_overlaps(garments, name):
         high = np.floor(triangle.max(axis=0) * size - 0.5).astype(int) + 1
         x, y = (np.arange(low[k], high[k]) for k in (0, 1))
         p = (np.stack(np.meshgrid(x, y, indexing="ij"), -1) + 0.5) / size
-        sides = [np.cross(triangle[k - 2] - triangle[k], p - triangle[k]) / twice for k in range(3)]
-        covered[np.ix_(x, y)] += (np.array(sides) > 1e-9).all(axis=0)
+        along, to = np.roll(triangle, -1, axis=0) - triangle, p[..., None, :] - triangle
+        sides = (along[:, 0] * to[..., 1] - along[:, 1] * to[..., 0]) / twice
+        covered[np.ix_(x, y)] += (sides > 1e-9).all(axis=-1)
     assert covered.max() == 1
     assert covered.mean() > 0.25
 
