@@ -1,6 +1,7 @@
 """Fixtures that every test may use."""
 
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -35,15 +36,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
     """Leave out the files that need torch where it is not installed, see `run_installs.py`."""
     report = yield
-    if (
-        report.failed
-        and not find_spec("torch")
-        and "No module named 'torch'" in report.longreprtext
-    ):
-        report.outcome, report.longrepr = (
-            "skipped",
-            (str(collector.path), 0, "Skipped: needs torch"),
-        )
+    needed = re.search(r"No module named '(torch|anny|smplx)\b", report.longreprtext)
+    if needed and not find_spec("torch"):
+        report.outcome, report.longrepr = "skipped", (str(collector.path), 0, "Skipped: no torch")
     return report
 
 
@@ -81,6 +76,7 @@ def toy_body() -> BodyModel:
 @pytest.fixture(scope="session")
 def baked_bodies() -> dict[str, BodyModel]:
     """The real baked bodies; baked on first use (a minute or two) and kept for later runs."""
+    pytest.importorskip("anny", reason="needs torch, as the baking of bodies does")
     from drapeline.bodies import bake
 
     code = Sources(Path(drapeline.__file__).parents[1]).digest(bake.__file__)

@@ -1,19 +1,25 @@
 """Install drapeline with pip into empty environments and use it there: `make test-install`.
 
-The reader on every Python of `READER` that this machine has, and each extra on the Python that runs
-this script. Takes packages from where pip is set up to take them.
+The reader on every Python of `READER` that this machine has, each extra on the Python that runs
+this script, and on the Python of the newer Blender the unit tests of all that needs no torch. Takes
+packages from where pip is set up to take them.
 """
 
 import os
+import re
 import subprocess
 import sys
 import time
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from toys.installed import PIPELINE, READ, TORCH, copy_library, write_files
+from toys.installed import PIPELINE, READ, ROOT, TORCH, copy_library, write_files
 
 READER = ("3.10", "3.11", "3.12", "3.13")
+NEWER_BLENDER = "3.13"
+NEED_TORCH = {"torch", "anny", "pytorch-lightning", "smplx", "torch-geometric"}
 # pyenv keeps each version in a folder, where it is found even if it is not the chosen one.
 FOLDERS = [*os.get_exec_path(), *map(str, Path.home().glob(".pyenv/versions/*/bin"))]
 
@@ -30,23 +36,37 @@ def find_python(version: str) -> str | None:
     return None
 
 
-def use(python: str, library: str, program: str, *arguments: Path) -> bool:
-    """Install the library, or `library[extra]`, into an empty environment and use it."""
+def use(python: str, packages: Sequence[str], *arguments: str | Path, cwd: Path) -> bool:
+    """Install packages into an empty environment and start its Python there."""
     started = time.perf_counter()
     with TemporaryDirectory() as folder:
         subprocess.run([python, "-m", "venv", folder], check=True)
         inside = f"{folder}/bin/python"
         kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
         for command in (
-            [inside, "-m", "pip", "install", "--quiet", library],
-            [inside, "-c", program, *map(str, arguments)],
+            [inside, "-m", "pip", "install", "--quiet", *packages],
+            [inside, *map(str, arguments)],
         ):
-            done = subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True)
+            done = subprocess.run(command, cwd=cwd, env=kept, capture_output=True, text=True)
             if done.returncode:
                 print(done.stdout, done.stderr, sep="\n")
                 return False
     print(f"fine ({time.perf_counter() - started:.0f} s)")
     return True
+
+
+def without_torch() -> list[str]:
+    """Requirements of the pipeline and of its tests, but for those that need torch."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    asked = [*extras["torch"], *extras["pipeline"], *extras["dev"]]
+    return [one for one in asked if re.match(r"[\w-]+", one)[0] not in {*NEED_TORCH, "drapeline"}]
+
+
+def locked_torch() -> str:
+    """The locked version, of which there is a build without CUDA where the project is tested."""
+    lock = (ROOT / "requirements.lock").read_text()
+    return re.search(r"^torch==.*$", lock, re.MULTILINE)[0]
 
 
 def main() -> int:
@@ -61,13 +81,23 @@ def main() -> int:
             if python is None:
                 print("not on this machine")
                 continue
-            failed |= not use(python, library, READ, files["samples"], files["body"])
+            read = ("-c", READ, files["samples"], files["body"])
+            failed |= not use(python, [library], *read, cwd=Path(folder))
         for what, *use_it in (
             ("[torch]", TORCH, files["samples"], files["model"]),
             ("[pipeline]", PIPELINE),
         ):
             print(f"pip install .{what}: ", end="", flush=True)
-            failed |= not use(sys.executable, f"{library}{what}", *use_it)
+            packages = [f"{library}{what}", locked_torch()]
+            failed |= not use(sys.executable, packages, "-c", *use_it, cwd=Path(folder))
+        print(f"unit tests without torch on Python {NEWER_BLENDER}: ", end="", flush=True)
+        python = find_python(NEWER_BLENDER)
+        if python is None:
+            print("not on this machine")
+        else:
+            pytest = ("-m", "pytest", "-q", "-n", "2", "-p", "no:cacheprovider")
+            rooms = [path for path in sorted((ROOT / "tests" / "unit").iterdir()) if path.is_dir()]
+            failed |= not use(python, [library, *without_torch()], *pytest, *rooms, cwd=ROOT)
     return int(failed)
 
 
