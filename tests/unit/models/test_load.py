@@ -1,9 +1,8 @@
-from dataclasses import replace
-
 import pytest
 import torch
 
 from drapeline.errors import InputError
+from drapeline.models.gcvae.settings import DvaeSettings
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import DynamicVae
 from drapeline.models.load import load
@@ -27,7 +26,8 @@ def test_a_static_model_is_told_by_its_checkpoint(tmp_path):
 
 
 def test_a_model_of_garments_in_motion_is_refused(tmp_path):
-    settings = replace(SETTINGS, training=replace(SETTINGS.training, mask=False, version="posed"))
+    moving = SETTINGS.replace(training={"mask": False, "version": "posed"})
+    settings = DvaeSettings(**moving.plain())
     save_model(tmp_path / "dvae", shaken(DynamicVae(settings, toy_template())))
     with pytest.raises(InputError, match=rf"{BEST}: holds a 'dynamic' network, expected static"):
         load(tmp_path / "dvae")
