@@ -19,7 +19,7 @@ _UNMEASURED = frozenset({"", "-", "NA", "nan"})
 
 
 class Column(NamedTuple):
-    """What a column of a table holds.
+    """A column of a table.
 
     Attributes:
         kind: `str`, `int` or `float`.
@@ -37,14 +37,14 @@ class Column(NamedTuple):
 
     @property
     def expected(self) -> str:
-        """What its values are, in words."""
+        """Its values in words."""
         if self.allowed:
             return f"one of {', '.join(self.allowed)}"
         finite = "a finite number" if self.kind is float else _WORDS[self.kind]
         return finite if self.low == -math.inf else f"{finite}, at least {self.low:g}"
 
     def holds(self, values: pd.Series) -> pd.Series:
-        """Whether each value may stand in the column."""
+        """True for each value that may stand in the column."""
         if self.allowed:
             return values.isin(self.allowed)
         if self.kind is str:

@@ -1,4 +1,4 @@
-"""What a metric and a variant are, in every table, figure and text, and what was measured."""
+"""Metrics and variants as tables, figures and texts show them, and measures of garments."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -35,7 +35,7 @@ class Metric(NamedTuple):
 
 
 class Variant(NamedTuple):
-    """What has been measured: a model, one of its settings, a baseline or the truth.
+    """A row of tables: a model, one of its settings, a baseline or the truth.
 
     Attributes:
         title: of its rows.

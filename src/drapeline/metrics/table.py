@@ -99,7 +99,7 @@ def summarise(
 
 
 def _by_source(measured: Sequence[Measured]) -> dict[str, Sequence[Measured]]:
-    """What was measured, under "" all of it and, where there are several, under each source."""
+    """All measures under "" and, where there are several sources, those of each under its name."""
     sources = sorted({one.source for one in measured})
     parts = {name: [one for one in measured if one.source == name] for name in sources}
     return {"": measured, **(parts if len(parts) > 1 else {})}

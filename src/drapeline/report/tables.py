@@ -1,7 +1,7 @@
 """Tables of metrics, and pages that are lists of sections."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,7 +55,7 @@ def read_test_metrics(path: str | Path, models: Sequence[str] = ()) -> Table:
 
 
 def printed(model: str, values: Mapping[tuple[str, str], Mapping[str, float | None]]) -> Table:
-    """What a paper prints: (variant, garment) -> metric -> value, or None."""
+    """Numbers of a paper, given (variant, garment) -> metric -> value, or None."""
     rows = (
         {"model": model, "variant": name, "garment": garment, "metric": key, "value": value}
         for (name, garment), numbers in values.items()
@@ -80,7 +80,7 @@ def with_mean_of_types(measured: Table) -> Table:
 
 @dataclass(frozen=True)
 class MetricTable:
-    """What a table shows of the metrics, and how.
+    """A table of metrics: its rows and columns, and what it marks.
 
     A paper's numbers stand in columns of their own, named and shaded as theirs. The best number of
     a column is green, or bold in Markdown, where two or more compete.
@@ -136,7 +136,7 @@ class MetricTable:
         return {"variant": self.variants, "garment": self.garments, "metric": self.metrics}
 
     def _chosen(self, table: Table) -> Table:
-        """What is shown of a table, its names in the order of the rows and columns."""
+        """The rows that are shown, with names in the order of the table's rows and columns."""
         names = self._names | {"variant": _matching(self.variants, table["variant"])}
         if "source" in table:
             by_source = "source" in (*self.down, self.across)
@@ -154,7 +154,7 @@ class MetricTable:
         for name, value in key.items():
             if name == "variant":
                 shown = variant(part["model"].iloc[0], value)
-                titles |= {"Garments": shown.group} if grouped else {}
+                titles |= {"Group": shown.group} if grouped else {}
                 titles[_HEADINGS[name]] = shown.title
             else:
                 titles[_HEADINGS[name]] = self._title(name, value)
@@ -167,29 +167,35 @@ class MetricTable:
 
     def _numbers(self, part: Table, shown: Sequence[str]) -> dict[str, object]:
         cells: dict[str, object] = {}
-        found = {getattr(row, self.across): row for row in part.itertuples()}
+        measured = {getattr(row, self.across): row for row in part.itertuples()}
         for name in shown:
-            row = found.get(name)
+            row = measured.get(name)
             cells[self._title(self.across, name)] = self._cell(row) if row else Cell("-", "number")
         if self.count:
-            counts = [str(found[name].n) if name in found else "-" for name in shown]
-            if self.across == "metric":
-                counts = [str(int(part["n"].max())) if len(part) else "-"]
-            same = counts[:1] if len(set(counts)) == 1 else counts
-            cells[self.count] = Cell(" / ".join(same), "number")
+            counts = {name: int(row.n) for name, row in measured.items()}
+            cells[self.count] = Cell(self._count(counts, shown), "number")
         return cells
 
+    def _count(self, counts: Mapping[str, int], shown: Sequence[str]) -> str:
+        """Over how many garments a row's means are: of all types, or of each column."""
+        if not counts:
+            return "-"
+        apart = [str(counts.get(name, "-")) for name in shown]
+        if self.across == "metric" or ALL in counts or len(set(apart)) == 1:
+            return str(counts.get(ALL, max(counts.values())))
+        return " / ".join(apart)
+
     def _cell(self, row: NamedTuple) -> Cell:
-        known = metric(row.metric)
-        known = known._replace(digits=self.digits.get(row.metric, known.digits))
+        shown = metric(row.metric)
+        shown = shown._replace(digits=self.digits.get(row.metric, shown.digits))
         ends = [] if pd.isna(row.low) or pd.isna(row.high) else [row.low, row.high]
-        return Cell(known.text(row.value, *ends), "number", *(["good"] if row.leads else []))
+        return Cell(shown.text(row.value, *ends), "number", *(["good"] if row.leads else []))
 
     def _printed_numbers(self, part: Table, shown: Sequence[str]) -> dict[str, object]:
-        found = {getattr(row, self.across): f"{row.value:g}" for row in part.itertuples()}
+        texts = {getattr(row, self.across): f"{row.value:g}" for row in part.itertuples()}
         return {
             f"{self._title(self.across, name)}, {self.paper}": Cell(
-                found.get(name, "-"), "number", "theirs"
+                texts.get(name, "-"), "number", "theirs"
             )
             for name in shown
         }
@@ -203,7 +209,7 @@ class Section(NamedTuple):
         table: of the metrics, or what makes the rows of one.
         about: paragraph between heading and table, or nothing.
         below: paragraph below the table, or nothing.
-        by_source: whether the samples of each cloth solver have a table as well.
+        by_source: whether the samples of each cloth solver have a `MetricTable` as well.
     """
 
     title: str
@@ -216,11 +222,12 @@ class Section(NamedTuple):
         """Heading, paragraphs and tables."""
         parts = [f"<h2>{self.title}</h2>", f"<p>{self.about}</p>" if self.about else ""]
         parts.append(html_table(self._rows(measured)))
-        for source in sorted(set(measured["source"]) - {""} if self.by_source else ()):
-            own = measured[measured["source"] == source].assign(source="")
-            rows = self._rows(own)
-            if rows:
-                parts += [f"<h3>On the samples of {source} alone</h3>", html_table(rows)]
+        if self.by_source:
+            alone = replace(self.table, printed=None)
+            for source in sorted(set(measured["source"]) - {""}):
+                rows = alone.rows(measured[measured["source"] == source].assign(source=""))
+                if rows:
+                    parts += [f"<h3>On the samples of {source} alone</h3>", html_table(rows)]
         parts.append(f"<p>{self.below}</p>" if self.below else "")
         return "\n".join(filter(None, parts))
 
@@ -281,14 +288,15 @@ def _matching(names: Sequence[str], found: pd.Series) -> list[str]:
 
 
 def _leaders(chosen: Table) -> pd.Series:
-    """Which rows are the best of their column and group, of two or more that compete."""
-    known = [variant(*key) for key in zip(chosen["model"], chosen["variant"], strict=True)]
+    """Whether each row is the best of its column and group, of two or more that compete."""
+    titled = [variant(*key) for key in zip(chosen["model"], chosen["variant"], strict=True)]
     better = chosen["metric"].astype(object).map(lambda name: metric(name).better)
     rank = chosen["value"].where(better != LARGER, -chosen["value"])
-    competes = np.array([one.competes for one in known], dtype=bool)
+    competes = np.array([each.competes for each in titled], dtype=bool)
     rank = rank.where(competes & (better != "").to_numpy())
-    groups = pd.Series([one.group for one in known], index=chosen.index, dtype=object)
-    by = rank.groupby(
-        [chosen["metric"], chosen["garment"], chosen["source"], groups], observed=True
-    )
-    return rank.eq(by.transform("min")) & (by.transform("count") > 1)
+    groups = pd.Series([each.group for each in titled], index=chosen.index, dtype=object)
+    by = [chosen["metric"], chosen["garment"], chosen["source"], groups]
+    best = rank.eq(rank.groupby(by, observed=True).transform("min"))
+    compete = rank.groupby(by, observed=True).transform("count")
+    # Where most are alike, as shares of zero are, none leads.
+    return best & (2 * best.groupby(by, observed=True).transform("sum") <= compete)

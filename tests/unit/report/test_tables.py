@@ -73,6 +73,9 @@ def test_the_best_of_a_column_is_marked_where_two_or_more_compete(read):
     assert good(truth) == set()  # nothing competes with it
     assert good(lbs) == {"Right labels (%)"}
     assert good(posed) == {"Inside the body (%)"}
+    # Two of two are alike: none leads.
+    alike = [metric_row(name, "all", ERROR, 5.0) for name in ("lbs", "posed")]
+    assert not any(map(good, MetricTable(["lbs", "posed"], [ERROR]).rows(read(*alike))))
     unmarked = MetricTable(["lbs", "posed"], metrics, best=False)
     assert not any(map(good, unmarked.rows(measured)))
 
@@ -87,7 +90,10 @@ def test_what_is_compared_within_a_group_leads_within_it(read):
     )
     names = [f"smplicit_{name}" for name in (*values, "skirt_mean_code")]
     rows = MetricTable(names, ["surface_to_true_mm"]).rows(measured)
-    assert [row["Garments"] for row in rows[1:]] == ["5"] * 3 or rows[0]["Model"]
+    assert [(row["Group"], row["Model"]) for row in rows[1:3]] == [
+        ("Upper body: t-shirts and tops", "SMPLicit, mean code"),
+        ("Skirts", "SMPLicit, fitted code"),
+    ]
     assert [bool(good(row)) for row in rows] == [True, False, True, False]
 
 
@@ -110,6 +116,16 @@ def test_a_papers_numbers_stand_in_columns_of_their_own(read):
     ]
     assert all("theirs" in row["Skirt, P"].classes for row in rows)
     assert [good(row) for row in rows] == [set(), set(), {"Skirt"}]
+
+
+def test_what_a_paper_alone_has_measured_is_in_no_table_of_a_solver(read, tmp_path):
+    theirs = printed("garment4d", {("mgn", "all"): {ERROR: 71.66}})
+    table = MetricTable(["mgn", "posed"], [ERROR], printed=theirs, paper="P")
+    measured = read(
+        *(metric_row("posed", "all", ERROR, 1.0, source=name) for name in ("", "blender", "xpbd"))
+    )
+    write_sections(tmp_path / "p.html", "T", [], [Section("E", table, by_source=True)], measured)
+    assert (tmp_path / "p.html").read_text().count("71.66") == 1
 
 
 def test_variants_with_a_number_rise(read):
@@ -148,6 +164,8 @@ def test_rows_may_be_of_each_solver(read):
     table = MetricTable(["posed"], [ERROR], down=("source", "metric", "variant"))
     (row,) = table.rows(read(*rows))
     assert (row["Samples"], row["Measure"]) == ("Xpbd", "Vertex error (mm)")
+    (row,) = MetricTable(["posed"], [ERROR], across="source").rows(read(*rows))
+    assert list(row) == ["Model", "Xpbd", "Garments"]
 
 
 def test_other_models_are_left_out(read):

@@ -1,4 +1,4 @@
-"""What a dataset holds: figures, and tables 1 and 2 of the CLOTH3D paper beside its own.
+"""Contents of a dataset: figures, and tables 1 and 2 of the CLOTH3D paper beside its own.
 
 The paper's numbers describe other data: they are marked and stand in a column of their own.
 """

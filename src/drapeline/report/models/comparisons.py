@@ -41,11 +41,16 @@ def write_representations(path: str | Path, metrics: str | Path) -> None:
     codes = MetricTable(
         sorted(names, key=lambda name: name not in coded),
         ["code_numbers"],
-        (*TEMPLATE_TYPES, ALL),
+        TEMPLATE_TYPES,
         across="garment",
         count="",
     )
-    distances = replace(codes, digits=dict.fromkeys(_WAYS, 2), count="Garments")
+    distances = replace(
+        codes,
+        garments=(*TEMPLATE_TYPES, ALL),
+        digits=dict.fromkeys(_WAYS, 2),
+        count="Garments",
+    )
     write_sections(
         path,
         "The same garments through all codes",

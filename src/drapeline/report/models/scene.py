@@ -1,4 +1,4 @@
-"""Where pictures of a dressed body are taken from, and garments, clouds and errors in them."""
+"""Pictures of dressed bodies: the camera, and garments, clouds and errors before it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

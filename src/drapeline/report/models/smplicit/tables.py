@@ -12,7 +12,7 @@ _MOVED = tuple(name for name in variants(MODEL) if name.startswith(f"{MODEL}_dis
 _HELD = tuple(name for name in variants(MODEL) if name not in {*_PICTURED, *_MOVED})
 # Of pictures, whose garments are few and away by centimetres.
 _WHOLE = dict.fromkeys(("segmentation_accuracy", "surface_to_true_mm", "true_to_surface_mm"), 0)
-_held = partial(MetricTable, _HELD, count="Number")
+_held = partial(MetricTable, _HELD)
 _SECTIONS = (
     Section(
         "The open surface",
