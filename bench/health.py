@@ -8,10 +8,9 @@ from side_by_side import cpu_seconds
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import read_record
 from drapeline.dataset.shards import samples_of_shards
-from drapeline.dataset.tables import read_table
 from drapeline.geometry.mesh import edges
 from drapeline.simulation.health import HealthGarment, HealthMonitor
-from drapeline.storage import read_json
+from drapeline.storage import read_json, read_rows
 
 _SAMPLES = 4
 
@@ -43,7 +42,9 @@ def sentence(results: Path) -> str:
         status = read_json(results / f"simulation/{sample.id}/status.json")
         if status["solver"]["name"] == "blender" and len(status["attempts"]) == 1:
             health += health_seconds(sample)
-            (row,) = read_table(results / f"benchmarks/simulate_outfit/{sample.id}.tsv")
+            _, (row,) = read_rows(
+                results / f"benchmarks/simulate_outfit/{sample.id}.tsv", "a benchmark"
+            )
             jobs += float(row["cpu_time"])
             count += 1
             if count == _SAMPLES:
@@ -60,7 +61,7 @@ def sentence(results: Path) -> str:
 def _learning(results: Path, shard: Path) -> str:
     made = [folder for folder in samples_of_shards([shard]) if read_record(folder).accepted]
     fast = sum(health_seconds(Sample(folder)) for folder in made)
-    (row,) = read_table(results / f"benchmarks/simulate_learning/{shard.name}.tsv")
+    _, (row,) = read_rows(results / f"benchmarks/simulate_learning/{shard.name}.tsv", "a benchmark")
     whole = float(row["cpu_time"])
     return (
         f" With the fast solver it takes {fast / whole:.1%} of a job of the learning group:"

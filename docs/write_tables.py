@@ -9,102 +9,39 @@ RESULTS is the folder of results within the checkout that made them.
 import argparse
 import re
 import subprocess
-from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from drapeline.dataset.card import markdown_table
 from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.dataset.splits import SPLITS
-from drapeline.dataset.tables import read_table
 from drapeline.metrics.fitted_scans import CLASSES, COMMON
-from drapeline.metrics.table import ALL, HIGH, LOW, find_value, read_metrics
-from drapeline.models.smplicit.variants import FIELD_MODELS
+from drapeline.metrics.registry import variants
+from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES
 from drapeline.report.dataset.health import MEASURES
-from drapeline.report.times import step_times
+from drapeline.report.registration_table import SUMMARY
+from drapeline.report.tables import MetricTable, garment_title, read_test_metrics
+from drapeline.report.times import job_times
+from drapeline.schema import read_table
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/reference/results.md"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
-NAMES = {"Tshirt": "t-shirt"} | {name: name.lower() for name in GARMENTS if name != "Tshirt"}
-STATIC = {
-    "static_ppca": "masked PPCA (ours)",
-    "svae": "garment VAE",
-    "pca": "PCA of offsets",
-    "mean_garment": "mean garment of the type",
-    "nearest_cvar": "nearest training garment in the conditions",
-}
-DYNAMIC = {
-    "dynamic_ppca_settled": "masked PPCA (ours), pushed out of the body",
-    "dynamic_ppca": "masked PPCA (ours)",
-    "dvae_unposed_4": "garment VAE",
-    "skinned_static": "garment at rest, skinned",
-    "skinned_mean": "mean garment of the type, skinned",
-}
-CANONICAL = {
-    "canonical": "canonical stage",
-    "regression": "regression alone, which it starts from",
-    "pointnet": "PN++ (baseline)",
-    "mean_garment": "mean garment of the type",
-    "pca": "true coefficients (lower bound)",
-}
-LABELS = {
-    "canonical": CANONICAL["canonical"],
-    "label_by_vertex": "most common training label at the nearest vertex of the body",
-    "one_label": "most common training label",
-}
-POSED = {
-    "lbs": "interpolated skinning",
-    "untrained": "posed stage, untrained",
-    "mgn": "MGN* (baseline)",
-    "posed": "posed stage, as trained",
-    "ours": "our final step",
-}
-CODES = {
-    "static_ppca": "masked PPCA (ours)",
-    "garment4d_pca": "PCA of Garment4D's templates",
-    "body_pca": "PCA of offsets",
-    "smplicit": "SMPLicit, fitted code",
-    "svae": "garment VAE",
-    "body_registered": "registered to the body, no code",
-    "template_registered": "registered to the template, no code",
-}
-FIELD_VARIANTS = {
-    "fitted": "fitted code",
-    "nearest_cut": "nearest training garment in z_cut",
-    "nearest_style": "nearest training garment in z_style",
-    "mean_code": "mean code",
-}
-PICTURES = {
-    "smplicit_images_hung": "hung: of three outfits the one most like the picture (ours)",
-    "smplicit_images_nearest_hung": "training code with the least loss, hung as well",
-    "smplicit_images_mean_code_hung": "mean code of the class, hung as well",
-    "smplicit_images_fitted": "fitted code, skinned",
-    "smplicit_images_fitted_in_pair": "the same with two people in a picture, one behind the other",
-    "smplicit_images_nearest": "training code with the least loss, skinned",
-    "smplicit_images_mean_code": "mean code of the class, skinned",
-}
-SCANS = {
-    "smplicit_scan_start": "SMPLicit, mean code on the estimated body",
-    "smplicit_scan_nearest": "SMPLicit, training code with the least loss",
-    "smplicit_scan_code": "SMPLicit, fitted code",
-    "smplicit_scan_joint": "SMPLicit, code and body fitted jointly",
-    "smplicit_scan_nearest_hung": "SMPLicit, training code with the least loss, hung",
-    "smplicit_scan_hung": "SMPLicit, code fitted again to cloth that hangs",
-    "static_ppca_scan": "masked PPCA (ours), fitted code",
-    "svae_scan": "garment VAE, fitted code",
-    "garment4d_scan_pca": "PCA of Garment4D's templates, fitted",
-    "garment4d_scan_posed": "Garment4D's networks",
-    "smplicit_scan_hung_moved": "SMPLicit, hung, then moved to the points",
-    "smplicit_scan_moved": "SMPLicit, skinned, then moved to the points",
-    "static_ppca_scan_moved": "masked PPCA (ours), skinned, then moved to the points",
-    "svae_scan_moved": "garment VAE, skinned, then moved to the points",
-    "garment4d_scan_moved": "PCA of Garment4D's templates, skinned, then moved to the points",
-    "garment4d_scan_ours": "Garment4D's networks, then moved to the points",
-}
+STATIC = ("static_ppca", "svae", "pca", "mean_garment", "nearest_cvar")
+DYNAMIC = (
+    *("dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4"),
+    *("skinned_static", "skinned_mean"),
+)
+POSED = ("lbs", "untrained", "mgn", "posed", "ours")
+HELD = ("fitted", "nearest_cut", "nearest_style", "mean_code")
+SURFACES = ("surface_to_true_mm", "true_to_surface_mm")
 # Stage -> the files whose rules belong to it.
 STAGES = {
     "bodies, motion, outfits": ("bodies", "outfits"),
@@ -118,62 +55,65 @@ STAGES = {
     "scans": ("scans",),
 }
 
-# Table over all garments -> its rows, and its columns: metric, decimals and factor.
-BY_METRIC = {
-    "static": (
-        STATIC,
-        {
-            "surface error mm": ("surface_error_mm", 2, 1.0),
-            "normals deg": ("normal_error_deg", 1, 1.0),
-            "mask IoU": ("mask_iou", 3, 1.0),
-        },
+by_type = partial(MetricTable, across="garment", count="")
+METRIC_TABLES = {
+    "static": MetricTable(STATIC, ("surface_error_mm", "normal_error_deg", "mask_iou"), count=""),
+    "static_by_type": by_type(STATIC, ["surface_error_mm"], GARMENTS),
+    "dynamic": MetricTable(
+        DYNAMIC, ("surface_error_mm", "normal_error_deg", "inside_share"), count=""
     ),
-    "dynamic": (
-        DYNAMIC,
-        {
-            "surface error mm": ("surface_error_mm", 1, 1.0),
-            "normals deg": ("normal_error_deg", 1, 1.0),
-            "inside the body %": ("inside_share", 2, 100.0),
-        },
+    "dynamic_by_type": by_type(DYNAMIC, ["surface_error_mm"], GARMENTS),
+    "canonical": by_type(
+        ("canonical", "regression", "pointnet", "mean_garment", "pca"),
+        ["canonical_error_mm"],
+        TEMPLATE_TYPES,
     ),
-    "representations": (
-        CODES,
-        {
-            "numbers": ("code_numbers", 0, 1.0),
-            "to the truth mm": ("surface_to_true_mm", 2, 1.0),
-            "back mm": ("true_to_surface_mm", 2, 1.0),
-        },
+    "labels": by_type(
+        ("canonical", "label_by_vertex", "one_label"), ["segmentation_accuracy"], TEMPLATE_TYPES
     ),
-    "smplicit_images": (
-        PICTURES,
-        {
-            "silhouette IoU": ("silhouette_iou", 2, 1.0),
-            "better than the mean code %": ("better_than_mean_share", 0, 100.0),
-            "labels right %": ("segmentation_accuracy", 0, 100.0),
-            "to the truth mm": ("surface_to_true_mm", 0, 1.0),
-            "back mm": ("true_to_surface_mm", 0, 1.0),
-        },
+    "posed": by_type(POSED, ["vertex_error_mm"], TEMPLATE_TYPES),
+    "posed_surface": by_type(POSED, ["predicted_to_true_mm"], TEMPLATE_TYPES),
+    "posed_surface_back": by_type(POSED, ["true_to_predicted_mm"], TEMPLATE_TYPES),
+    "acceleration": by_type(("still", *POSED), ["acceleration_error_m_s2"], TEMPLATE_TYPES),
+    "contact": by_type(("truth", *POSED), ["inside_share"], TEMPLATE_TYPES),
+    "by_solver": MetricTable(
+        (*DYNAMIC, "regression", "canonical", "untrained", "posed", "ours"),
+        ("surface_error_mm", "canonical_error_mm", "vertex_error_mm"),
+        (*TEMPLATE_TYPES, ALL),
+        down=("metric", "garment", "variant"),
+        across="source",
+        best=False,
+        count="Number",
+    ),
+    "smplicit": MetricTable(
+        [name for name in variants("smplicit") if name.endswith(HELD) and "images" not in name],
+        (*SURFACES, "normal_error_deg", "openings_right"),
+        count="",
+    ),
+    "smplicit_images": MetricTable(
+        [name for name in variants("smplicit") if name.startswith("smplicit_images_")],
+        ("silhouette_iou", "better_than_mean_share", "segmentation_accuracy", *SURFACES),
+        digits=dict.fromkeys(("segmentation_accuracy", *SURFACES), 0),
+        count="",
+    ),
+    "scans": MetricTable(
+        [name for name in variants("scan") if not name.startswith("scan_body_")],
+        SURFACES,
+        best=False,
+    ),
+    "scans_by_class": by_type(
+        [name for name in variants("scan") if not name.startswith("scan_body_")],
+        ["surface_to_true_mm"],
+        (*CLASSES, COMMON),
+        best=False,
+    ),
+    "representations": MetricTable(
+        sorted(variants("representation"), key=lambda name: name.endswith("_registered")),
+        ("code_numbers", *SURFACES),
+        digits=dict.fromkeys(SURFACES, 2),
+        count="",
     ),
 }
-# Table with a column per garment type -> its rows, types, metric, decimals and factor.
-BY_TYPE = {
-    "static_by_type": (STATIC, GARMENTS, "surface_error_mm", 1, 1.0),
-    "dynamic_by_type": (DYNAMIC, GARMENTS, "surface_error_mm", 1, 1.0),
-    "canonical": (CANONICAL, TEMPLATE_TYPES, "canonical_error_mm", 1, 1.0),
-    "labels": (LABELS, TEMPLATE_TYPES, "segmentation_accuracy", 1, 100.0),
-    "posed": (POSED, TEMPLATE_TYPES, "vertex_error_mm", 1, 1.0),
-    "posed_surface": (POSED, TEMPLATE_TYPES, "predicted_to_true_mm", 1, 1.0),
-    "posed_surface_back": (POSED, TEMPLATE_TYPES, "true_to_predicted_mm", 1, 1.0),
-    "acceleration": (
-        {"still": "a garment that never moves"} | POSED,
-        TEMPLATE_TYPES, "acceleration_error_m_s2", 2, 1.0,
-    ),
-    "contact": (
-        {"truth": "ground truth itself"} | POSED, TEMPLATE_TYPES, "inside_share", 2, 100.0
-    ),
-}  # fmt: skip
-
-Table = list[dict[str, str]]
 
 
 class Results:
@@ -188,65 +128,13 @@ class Results:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.metrics = [row for row in read_metrics(folder / "metrics.tsv") if row.split == "test"]
+        self.metrics = read_test_metrics(folder / "metrics.tsv")
         samples = sorted(path for path in (folder / "samples").iterdir() if path.is_dir())
         records = map(read_record, samples)
         self.records: list[SampleRecord] = [record for record in records if record.accepted]
         group = folder / "learning" / "samples"
         shards = sorted(group.iterdir()) if group.is_dir() else []
         self.learning = list(map(read_record, samples_of_shards(shards)))
-
-    def value(
-        self,
-        variant: str,
-        garment: str,
-        metric: str,
-        digits: int,
-        scale: float = 1.0,
-        source: str = "",
-    ) -> str:
-        """A metric with its interval, or a dash."""
-        found = [
-            find_value(self.metrics, variant, "test", garment, metric + end, source)
-            for end in ("", LOW, HIGH)
-        ]
-        if found[0] is None:
-            return "-"
-        numbers = [f"{scale * row.value:.{digits}f}" for row in found if row]
-        interval = f" ({numbers[1]} to {numbers[2]})" if len({*numbers[1:]}) == 2 else ""
-        return numbers[0] + interval
-
-    def by_metric(
-        self, variants: Mapping[str, str], columns: Mapping[str, tuple[str, int, float]]
-    ) -> Table:
-        """A row for each model that was measured, over all garments."""
-        return [
-            {"model": name}
-            | {title: self.value(variant, ALL, *column) for title, column in columns.items()}
-            for variant, name in variants.items()
-            if any(self.has(variant, column[0]) for column in columns.values())
-        ]
-
-    def by_type(
-        self,
-        variants: Mapping[str, str],
-        types: Sequence[str],
-        metric: str,
-        digits: int,
-        scale: float,
-    ) -> Table:
-        """A row for each model that was measured, a column for each garment type."""
-        found = {row.garment for row in self.metrics if row.metric == metric}
-        return [
-            {"model": name}
-            | {NAMES[g]: self.value(variant, g, metric, digits, scale) for g in types if g in found}
-            for variant, name in variants.items()
-            if self.has(variant, metric)
-        ]
-
-    def has(self, variant: str, metric: str) -> bool:
-        """Whether a model was measured."""
-        return any((row.variant, row.metric) == (variant, metric) for row in self.metrics)
 
 
 def _span(numbers: Sequence[int]) -> str:
@@ -262,10 +150,10 @@ def origin(results: Results) -> str:
         ["git", "rev-parse", "--short", "HEAD"],
         cwd=results.folder, capture_output=True, text=True, check=True,
     ).stdout.strip()  # fmt: skip
-    seeds = sorted({row.seed for row in results.metrics})
-    held_out = max((row.n for row in results.metrics if row.variant == "static_ppca"), default=0)
-    posed = [row for row in results.metrics if (row.variant, row.split) == ("posed", "test")]
-    moving = sorted({row.n for row in posed if not row.source})
+    metrics = results.metrics[results.metrics["source"] == ""]
+    seeds = sorted(metrics["seed"].unique())
+    held_out = metrics.loc[metrics["variant"] == "static_ppca", "n"].max()
+    moving = sorted(metrics.loc[metrics["variant"] == "posed", "n"].unique())
     return (
         f"Commit {commit}, seed {', '.join(map(str, seeds))}, one training of each model."
         f" {len(results.records)} samples by Blender, and"
@@ -277,55 +165,24 @@ def origin(results: Results) -> str:
     )
 
 
-def by_solver(results: Results) -> str:
-    """Garments in motion, measured on the samples of each cloth solver."""
-    sources = sorted({row.source for row in results.metrics} - {""})
-    wanted = [
-        *((name, "surface error mm", variant, ALL, "surface_error_mm")
-          for variant, name in DYNAMIC.items()),
-        *((f"{name}, {NAMES[garment]}", title, variant, garment, metric)
-          for garment in TEMPLATE_TYPES
-          for variant, name, title, metric in (
-              ("regression", "regression alone", "M1 mm", "canonical_error_mm"),
-              ("canonical", "Garment4D, canonical stage", "M1 mm", "canonical_error_mm"),
-              ("untrained", "Garment4D, posed stage, untrained", "M2 mm", "vertex_error_mm"),
-              ("posed", "Garment4D, posed stage", "M2 mm", "vertex_error_mm"),
-              ("ours", "our final step", "M2 mm", "vertex_error_mm"),
-          )),
-    ]  # fmt: skip
-    table = []
-    for name, title, variant, garment, metric in wanted:
-        cells = {}
-        for source in sources:
-            row = find_value(results.metrics, variant, "test", garment, metric, source)
-            text = results.value(variant, garment, metric, 1, source=source).split(" ")[0]
-            cells[source] = f"{text} (of {row.n})" if row else "-"
-        table.append({"model": name, "measure": title} | cells)
-    return markdown(table)
-
-
 def registration(results: Results) -> str:
     """From the garment to offsets and back, by type."""
-    rows = read_table(results.folder / "report" / "registration.tsv")
+    errors = read_table(results.folder / "report" / "registration.tsv", SUMMARY)
+    errors = errors[errors["source"] == "static"]
     shown = {
-        "garment to rebuilt mm": "garment_to_rebuilt_mean_mm",
-        "rebuilt to garment mm": "rebuilt_to_garment_mean_mm",
-        "area lost %": "area_lost_percent",
+        "Garment to rebuilt (mm)": "garment_to_rebuilt_mean_mm",
+        "Rebuilt to garment (mm)": "rebuilt_to_garment_mean_mm",
+        "Area lost (%)": "area_lost_percent",
     }
-    found = {(row["garment"], row["metric"]): row for row in rows if row["source"] == "static"}
-    table = []
-    for garment in GARMENTS:
-        if (garment, "area_lost_percent") not in found:
-            continue
-        cells = {title: found[garment, metric] for title, metric in shown.items()}
-        table.append(
-            {"garment": NAMES[garment], "garments": cells["area lost %"]["garments"]}
-            | {
-                title: f"{float(cell['mean']):.2f} (worst {float(cell['max']):.2f})"
-                for title, cell in cells.items()
-            }
-        )
-    return markdown(table)
+    return markdown(
+        {"Garment": garment_title(garment), "Garments": part["garments"].iloc[0]}
+        | {
+            title: f"{row['mean']:.2f} (worst {row['max']:.2f})"
+            for title, metric in shown.items()
+            for _, row in part[part["metric"] == metric].iterrows()
+        }
+        for garment, part in errors.groupby("garment", sort=False)
+    )
 
 
 def learning_group(results: Results) -> str:
@@ -337,7 +194,7 @@ def learning_group(results: Results) -> str:
         worn = Counter(name for record in accepted for name in record.meta["garments"])
         table.append(
             {"split": split, "samples": str(len(planned)), "accepted": str(len(accepted))}
-            | {NAMES[garment]: str(worn[garment]) for garment in GARMENTS}
+            | {garment_title(garment): str(worn[garment]) for garment in GARMENTS}
         )
     return markdown(table)
 
@@ -375,71 +232,27 @@ def _health(records: Sequence[SampleRecord]) -> str:
     return markdown(table)
 
 
-def smplicit(results: Results) -> str:
-    """Held-out garments at rest: a row for each model and what it is compared with."""
-    columns = {
-        "to the truth mm": ("surface_to_true_mm", 1, 1.0),
-        "back mm": ("true_to_surface_mm", 1, 1.0),
-        "normals deg": ("normal_error_deg", 1, 1.0),
-        "openings right %": ("openings_right", 0, 100.0),
-    }
-    rows = []
-    for model in FIELD_MODELS:
-        variants = {f"smplicit_{model}_{key}": name for key, name in FIELD_VARIANTS.items()}
-        rows += [
-            {"garments": model, **row, "openings right %": row["openings right %"].split(" ")[0]}
-            for row in results.by_metric(variants, columns)
-        ]
-    return markdown(rows)
-
-
-def scans(results: Results) -> str:
-    """All models fitted to the same scans, in both directions and by class."""
-    table = []
-    for variant, name in SCANS.items():
-        found = find_value(results.metrics, variant, "test", ALL, "surface_to_true_mm")
-        if found is not None:
-            to_true, back = (
-                results.value(variant, ALL, metric, 1)
-                for metric in ("surface_to_true_mm", "true_to_surface_mm")
-            )
-            by_class = {
-                part: results.value(variant, part, "surface_to_true_mm", 1).split(" ")[0]
-                for part in (*CLASSES, COMMON)
-                if any(one.garment == part for one in results.metrics)
-            }
-            row = {"fit": name, "garments": str(found.n), "to the truth mm": to_true}
-            table.append(row | {"back mm": back} | by_class)
-    return markdown(table)
-
-
 def times(results: Results) -> str:
     """Processor time and memory of each stage."""
-    steps = step_times([results.folder / "benchmarks", ROOT / "resources" / "benchmarks"])
-    table, whole = [], defaultdict(float)
-    for stage, files in STAGES.items():
-        rules = set().union(*(rules_of(name) for name in files))
-        found = [step for step in steps if step.rule in rules]
-        if not found:
-            continue
-        jobs = sum(len(step.seconds) for step in found)
-        # One core each; Snakemake's count of processor time misses the last half minute of a job.
-        seconds = sum(sum(step.seconds) for step in found)
-        memory = max(step.memory_mb or 0.0 for step in found)
-        longest = max(max(step.seconds) for step in found)
-        whole["jobs"] += jobs
-        whole["seconds"] += seconds
-        table.append(
-            {
-                "stage": stage,
-                "jobs": str(jobs),
-                "seconds": f"{seconds:.0f}",
-                "longest job s": f"{longest:.0f}",
-                "peak memory MB": f"{memory:.0f}",
-            }
-        )
-    total = {"stage": "all", "jobs": f"{whole['jobs']:.0f}"}
-    return markdown([*table, total | {"seconds": f"{whole['seconds']:.0f}"}])
+    jobs = job_times([results.folder / "benchmarks", ROOT / "resources" / "benchmarks"])
+    stage_of = {
+        rule: stage for stage, files in STAGES.items() for name in files for rule in rules_of(name)
+    }
+    # One core each; Snakemake's count of processor time misses the last half minute of a job.
+    by = jobs.assign(stage=pd.Categorical(jobs["rule"].map(stage_of), STAGES)).groupby(
+        "stage", observed=True
+    )
+    table = pd.DataFrame(
+        {
+            "jobs": by.size(),
+            "seconds": by["s"].sum().map("{:.0f}".format),
+            "longest job s": by["s"].max().map("{:.0f}".format),
+            "peak memory MB": by["memory_mb"].max().map("{:.0f}".format),
+        }
+    )
+    whole = {"jobs": by.size().sum(), "seconds": f"{by['s'].sum().sum():.0f}"}
+    rows = [{"stage": stage, **row} for stage, row in table.to_dict("index").items()]
+    return markdown([*rows, {"stage": "all"} | whole])
 
 
 def rules_of(file: str) -> set[str]:
@@ -448,31 +261,26 @@ def rules_of(file: str) -> set[str]:
     return set(re.findall(r"^rule (\w+):", text, re.MULTILINE))
 
 
-def markdown(rows: Table) -> str:
-    """Rows as a table in Markdown, with the columns of all rows in order of appearance."""
-    if not rows:
-        return "Not measured.\n"
-    columns = list(dict.fromkeys(column for row in rows for column in row))
-    lines = [columns, ["---"] * len(columns)]
-    lines += [[row.get(column, "") for column in columns] for row in rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+def markdown(rows: Iterable[Mapping[str, object]]) -> str:
+    """Rows as a table in Markdown; the best numbers are bold."""
+    texts = [
+        {
+            title: f"**{cell}**" if "good" in getattr(cell, "classes", ()) else cell
+            for title, cell in row.items()
+        }
+        for row in rows
+    ]
+    return f"{markdown_table(texts)}\n" if texts else "Not measured.\n"
 
 
 TABLES: dict[str, Callable[[Results], str]] = {
     **{
         table.__name__: table
-        for table in (
-            *(origin, times, health, health_learning, learning_group, registration),
-            *(smplicit, scans, by_solver),
-        )
+        for table in (origin, times, health, health_learning, learning_group, registration)
     },
     **{
-        name: lambda results, given=given: markdown(results.by_metric(*given))
-        for name, given in BY_METRIC.items()
-    },
-    **{
-        name: lambda results, given=given: markdown(results.by_type(*given))
-        for name, given in BY_TYPE.items()
+        name: lambda results, table=table: markdown(table.rows(results.metrics))
+        for name, table in METRIC_TABLES.items()
     },
 }
 

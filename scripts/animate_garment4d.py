@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.metrics.reconstructions import first_reconstructions, load_reconstruction
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.garment4d.steps import animate_steps
+from drapeline.report.models.garment4d.figures import animate_steps
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from drapeline.bodies.model import load_body
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.metrics.baselines import static_baseline_summary
+from drapeline.metrics.measured_baselines import static_baseline_summary
 from drapeline.metrics.static import Truth
 from drapeline.metrics.table import write_metrics
 from drapeline.outfits.garment_types import GARMENTS

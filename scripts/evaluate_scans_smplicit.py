@@ -8,7 +8,7 @@ from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.generation.moving_sheets import make_hang
 from drapeline.metrics.fitted_scans import BODY, save_fitted_scans
-from drapeline.metrics.table import write_metrics
+from drapeline.metrics.table import join, write_metrics
 from drapeline.models.compare_scans import (
     body_rows,
     compare_scan_fits,
@@ -43,7 +43,7 @@ with rule_log(snakemake.log[0]):
         "scan_body_fitted": [known.body for known in scans],
         "scan_body_joint": [fitter.bodies[known.scan.name] for known in scans],
     }
-    write_metrics(made.metrics, [*rows, *body_rows(scans, states, bodies, **about)])
+    write_metrics(made.metrics, join([rows, body_rows(scans, states, bodies, **about)]))
     shown = {}
     for known in scans:
         scan = known.scan

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.registration.to_template.garment_space import load_space
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.garment4d.spaces import plot_explained, plot_modes
+from drapeline.report.models.garment4d.figures import plot_explained, plot_modes
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.gcvae.views import worn_view
-from drapeline.report.models.views import plot_views
+from drapeline.report.models.scene import plot_views
 from drapeline.rule_log import rule_log
 from drapeline.seeding import rng_for
 

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from drapeline.dataset.collect import accepted_records
 from drapeline.report.dataset.health import MEASURES, plot_measure, plot_speed, write_health_page
-from drapeline.report.dataset.records import accepted_records
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

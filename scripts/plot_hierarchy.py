@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.registration.to_body.hierarchy import POOLINGS, load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.registration.hierarchy_sheet import plot_hierarchies, plot_topologies
+from drapeline.report.registration_sheets import plot_hierarchies, plot_topologies
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.dataset.learning_sheet import plot_learning
+from drapeline.report.dataset.gallery import plot_learning
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from drapeline.frames import GENDERS
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.registration.registration_sheet import plot_registration
+from drapeline.report.registration_sheets import plot_registration
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from drapeline.models.garment4d.dressed import propose_garment
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.garment4d.skinning import SkinnedTwice, plot_neighbours
+from drapeline.report.models.garment4d.figures import SkinnedTwice, plot_neighbours
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.dataset.records import accepted_records
+from drapeline.dataset.collect import accepted_records
 from drapeline.report.dataset.statistics import (
     plot_actions,
     plot_bodies,

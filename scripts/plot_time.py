@@ -2,19 +2,13 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.times import step_times, write_times
+from drapeline.report.times import job_times, write_times
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    steps = step_times(snakemake.params.folders)
-    write_times(
-        steps,
-        figure=snakemake.output.figure,
-        table=snakemake.output.table,
-        page=snakemake.output.page,
-    )
-    for step in steps:
-        log.info("%s: %d jobs, %.1f s", step.rule, len(step.seconds), step.total_s)
+    jobs, made = job_times(snakemake.params.folders), snakemake.output
+    write_times(jobs, figure=made.figure, table=made.table, page=made.page)
+    log.info("%d jobs, %.1f s", len(jobs), jobs["s"].sum())

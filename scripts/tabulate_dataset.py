@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.dataset.paper_tables import write_paper_tables
+from drapeline.report.dataset.statistics import write_paper_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

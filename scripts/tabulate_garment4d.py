@@ -4,7 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.registration.error_table import FILE_NAME
-from drapeline.report.models.garment4d.tables import write_beside_paper, write_garment4d_page
+from drapeline.report.models.garment4d.tables import (
+    write_garment4d_beside_paper,
+    write_garment4d_page,
+)
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -18,4 +21,4 @@ with rule_log(snakemake.log[0]):
         [Path(fits) / FILE_NAME for fits in given.fits],
         snakemake.params.departures,
     )
-    write_beside_paper(snakemake.output.table, given.metrics)
+    write_garment4d_beside_paper(snakemake.output.table, given.metrics)

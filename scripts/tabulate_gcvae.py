@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.models.gcvae.tables import write_beside_paper, write_gcvae_page
+from drapeline.report.models.gcvae.tables import write_gcvae_beside_paper, write_gcvae_page
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:
@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     write_gcvae_page(snakemake.output.page, snakemake.input[0])
-    write_beside_paper(snakemake.output.table, snakemake.input[0])
+    write_gcvae_beside_paper(snakemake.output.table, snakemake.input[0])

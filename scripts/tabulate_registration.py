@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.registration.registration_table import write_registration_tables
+from drapeline.report.registration_table import write_registration_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.models.scans import write_scans_page
+from drapeline.report.models.comparisons import write_scans_page
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

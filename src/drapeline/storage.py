@@ -15,7 +15,7 @@ import tempfile
 import time
 import zipfile
 import zlib
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from itertools import zip_longest
@@ -644,3 +644,22 @@ def read_rows(path: str | Path, expected: str) -> tuple[list[str], list[dict[str
                 )
             rows.append(dict(zip_longest(heading, fields, fillvalue="")))
     return heading, rows
+
+
+def write_rows(
+    path: str | Path, rows: Sequence[Mapping[str, Any]], columns: Iterable[str] = ()
+) -> None:
+    """Write a tab-separated table; line breaks and tabs within a value become spaces.
+
+    Args:
+        path: the `.tsv`.
+        rows: column -> value; what a row lacks is empty.
+        columns: the first ones, whether or not there are rows; others follow in order of
+            appearance.
+    """
+    names = list(dict.fromkeys((*columns, *(name for row in rows for name in row))))
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
+        writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
+        writer.writerow(names)
+        for row in rows:
+            writer.writerow([" ".join(str(row.get(name, "")).split()) for name in names])

@@ -30,7 +30,6 @@ from drapeline.dataset.record import outfit_text, read_record
 from drapeline.dataset.scans import read_body_parameters, read_frames
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans, save_scans
 from drapeline.dataset.settings import CloudSettings
-from drapeline.dataset.tables import read_table, write_table
 from drapeline.dataset.writer import write_sample
 from drapeline.experiment.checks import refuse_contradictions
 from drapeline.experiment.config import fill_settings
@@ -101,8 +100,9 @@ from drapeline.registration.to_template.garment_space import load_space
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.remesh_table import RemeshTable, load_tables
 from drapeline.report.models.smplicit.gallery_page import read_gallery_tables
+from drapeline.schema import Column, Schema, read_table
 from drapeline.seeding import rng_for
-from drapeline.storage import save_npz
+from drapeline.storage import save_npz, write_rows
 from fuzz.runs import Loader
 from toys.bodies import toy_body
 from toys.displacement import collect_skirts, write_moving_skirts
@@ -110,7 +110,7 @@ from toys.displacement_trainings import toy_displacement
 from toys.garment4d import CANONICAL, POSED, open_toy_data, save_toy_data
 from toys.gcvae import toy_template
 from toys.gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
-from toys.metric_rows import metric_row
+from toys.metric_rows import metric_row, metric_table
 from toys.motion_files import (
     amc_text,
     asf_text,
@@ -400,6 +400,9 @@ def _make_topology(folder: Path) -> None:
     )
 
 
+TABLE = Schema("a table", {"id": Column(), "value": Column(float)})
+
+
 def _make_tables(folder: Path) -> None:
     corner = np.array([[0, 1, 2], [2, 2, 0]], dtype=np.int32)
     share = np.array([[0.25, 0.5, 0.25], [0.5, 0.5, 0.0]], dtype=np.float32)
@@ -608,7 +611,7 @@ def _use_gallery(folder: Path) -> None:
 
 def _make_gallery_tables(folder: Path) -> None:
     for name in ("garments", "correlations", "regressions"):
-        write_table(folder / f"{name}.tsv", [{"model": "skirt", "name": "001", "value": 0.5}] * 2)
+        write_rows(folder / f"{name}.tsv", [{"model": "skirt", "name": "001", "value": 0.5}] * 2)
 
 
 def _make_held_out(folder: Path) -> None:
@@ -690,7 +693,7 @@ def _make_manifest(folder: Path) -> None:
 
 def _make_metrics(folder: Path) -> None:
     rows = [metric_row("ours", garment, "surface_error_mm", 3.0) for garment in ("Top", "Skirt")]
-    write_metrics(folder / "metrics.tsv", rows)
+    write_metrics(folder / "metrics.tsv", metric_table(rows))
 
 
 def _make_sources(folder: Path) -> None:
@@ -829,8 +832,8 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader(
         "table",
-        lambda f: write_table(f / "t.tsv", [{"id": "1", "value": 2.5}] * 3),
-        lambda f: read_table(f / "t.tsv", ["id", "value"]),
+        lambda f: write_rows(f / "t.tsv", [{"id": "1", "value": 2.5}] * 3),
+        lambda f: read_table(f / "t.tsv", TABLE),
     )
     yield Loader("manifest", _make_manifest, lambda f: list(damages(f, sums=True)), "*.tsv")
     yield Loader("metrics", _make_metrics, lambda f: read_metrics(f / "metrics.tsv"))

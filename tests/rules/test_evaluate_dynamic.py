@@ -88,7 +88,9 @@ def test_evaluate_dynamic_measures_held_out_frames(run_rule, stages, tmp_path):
         wildcards={"dynamic": "dvae_unposed_4"},
     )
     rows = read_metrics(tmp_path / "dvae.tsv")
-    assert {(r.model, r.variant, r.split) for r in rows} == {("dvae", "dvae_unposed_4", "test")}
+    assert {(r.model, r.variant, r.split) for r in rows.itertuples()} == {
+        ("dvae", "dvae_unposed_4", "test")
+    }
     error = find_value(rows, "dvae_unposed_4", "test", "all", "surface_error_mm")
     assert error.n == 6  # every second of six frames, of two garments
     assert find_value(rows, "dvae_unposed_4", "test", "Skirt", "kl_nat") is not None

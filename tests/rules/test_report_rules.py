@@ -6,6 +6,8 @@ from PIL import Image
 from drapeline.dataset.collect import collect_dataset
 from drapeline.metrics.table import collect_metrics
 from drapeline.report.dataset.health import MEASURES
+from drapeline.report.registration_table import SUMMARY
+from drapeline.schema import make_table, write_table
 from toys.tiny_sample import write_tiny_sample
 
 
@@ -59,7 +61,9 @@ def test_write_overview_shows_stills_numbers_and_samples(run_rule, dataset, tmp_
     still.parent.mkdir()
     Image.new("RGB", (48, 64), "grey").save(still)
     registration, metrics = tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
-    registration.write_text("metric\tgarments\ttotal\ngarment_to_rebuilt_mean_mm\t4\t2\n")
+    errors = {"source": "static", "garment": "Skirt", "metric": "garment_to_rebuilt_mean_mm"}
+    errors |= {"garments": 4, "mean": 0.5, "median": 0.5, "max": 0.5, "total": 2.0, "unit": "mm"}
+    write_table(registration, make_table(SUMMARY, [errors]), SUMMARY)
     collect_metrics(metrics, [])
     run_rule(
         "write_overview",

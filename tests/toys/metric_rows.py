@@ -1,9 +1,15 @@
-"""Rows of the table of metrics with made-up values."""
+"""Tables of metrics with made-up values."""
 
-from drapeline.metrics.table import HIGH, LOW, UNITS, MetricRow
+from drapeline.metrics.table import METRICS, unit_of
+from drapeline.schema import make_table
 
 
 def metric_row(variant, garment, metric, value, *, model="garment4d", split="test", n=5, source=""):
     """A row of a model; its unit is the metric's."""
-    unit = UNITS[metric.removesuffix(LOW).removesuffix(HIGH)]
-    return MetricRow(model, variant, split, garment, metric, value, unit, n, 0, source)
+    values = (model, variant, split, garment, metric, value, unit_of(metric), n, 0, source)
+    return dict(zip(METRICS.columns, values, strict=True))
+
+
+def metric_table(rows):
+    """The table of some rows."""
+    return make_table(METRICS, rows)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drapeline.geometry.mesh import Mesh
-from drapeline.report.models.views import view_picture
+from drapeline.report.models.scene import view_picture
 from toys.gcvae import tube, tube_faces
 
 TUBE = Mesh((2 * tube() - [0, 0, 0.6]).astype(np.float32), tube_faces(False))

@@ -13,7 +13,7 @@ from toys.imported_modules import imported_modules
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
 CORE = {
-    *("errors", "seeding", "npy", "pickles", "storage", "manifest", "rule_log", "frames"),
+    *("errors", "seeding", "npy", "pickles", "storage", "schema", "manifest", "rule_log", "frames"),
     *("settings", "setting_schema"),
 }
 # Each part may import itself and what stands to its right.
@@ -73,12 +73,15 @@ def test_imports_go_one_way(path):
             assert names[1] in MAY_IMPORT[part] or of_settings, f"{path.name} imports {name}"
         if names[0] in {"bpy", "bmesh", "mathutils", "pxr"}:
             assert part == "blender", f"{path.name} imports {name} outside blender/"
-        # Both take seconds to import, which is why hardly any job does.
+        # These take seconds to import, which is why hardly any job does.
         if names[0] == "torch":
             allowed = part in {"models", "torch"} or path.name == "bake.py"
             assert allowed, f"{path.name} imports torch"
         if names[0] in {"pytorch_lightning", "lightning"}:
             assert path.name == "lightning.py", f"{path.name} imports Lightning"
+        if names[0] == "pandas":
+            allowed = part in {"schema", "report"} or path.parent.name == "metrics"
+            assert allowed, f"{path.name} imports pandas, and not a table by its schema"
         assert names[0] != "snakemake", f"{path.name} knows Snakemake"
 
 

@@ -32,6 +32,7 @@ from drapeline.storage import (
     save_npz,
     sweep,
     write_json,
+    write_rows,
 )
 
 
@@ -584,3 +585,17 @@ def test_unusable_tables_are_named(tmp_path, content, message):
     path.write_bytes(content)
     with pytest.raises(InputError, match=rf"a\.tsv: .*{message}"):
         read_rows(path, "a table")
+
+
+def test_a_table_keeps_one_line_per_row(tmp_path):
+    write_rows(tmp_path / "t.tsv", [{"a": "two\nlines\tand a tab"}, {"a": 1, "b": "x"}])
+    assert (tmp_path / "t.tsv").read_text() == "a\tb\ntwo lines and a tab\t\n1\tx\n"
+    assert read_rows(tmp_path / "t.tsv", "a table") == (
+        ["a", "b"],
+        [{"a": "two lines and a tab", "b": ""}, {"a": "1", "b": "x"}],
+    )
+
+
+def test_columns_may_be_named_before_there_are_rows(tmp_path):
+    write_rows(tmp_path / "t.tsv", [], ["b", "a"])
+    assert (tmp_path / "t.tsv").read_text() == "b\ta\n"

@@ -29,6 +29,7 @@ from drapeline.storage import read_json
 from toys.cloth import Follower, dress
 from toys.cloth_solvers import cloth_solvers
 from toys.imported_modules import imported_modules
+from toys.metric_rows import metric_table
 from toys.snakemake_run import PARTS, ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
@@ -131,11 +132,13 @@ write_metrics(
 )
 """
 TOY_EVALUATION = """
-from drapeline.metrics.table import MetricRow, write_metrics
+from drapeline.metrics.metric import Measured
+from drapeline.metrics.table import summarise, write_metrics
 from drapeline.models.toy.model import MODEL
 
-value = MetricRow(MODEL, MODEL, "test", "all", "surface_error_mm", 12.5, "mm", 1, 0)
-write_metrics(snakemake.output[0], [value])
+measured = [Measured("s00001", "Skirt", {"surface_error_mm": 12.5})]
+rows = summarise(measured, model=MODEL, variant=MODEL, split="test", seed=0)
+write_metrics(snakemake.output[0], rows)
 """
 
 TOY_SOLVER = """
@@ -386,9 +389,9 @@ def test_a_models_metrics_come_into_the_table(extended, inputs):
     results = extended / "results/tiny"
     for name in inputs["collect_metrics"]:
         if not name.endswith("toy.tsv"):
-            write_metrics(extended / name, [])
+            write_metrics(extended / name, metric_table([]))
     for name in ("gcvae", "garment4d"):
-        write_metrics(results / f"metrics/representations_{name}.tsv", [])
+        write_metrics(results / f"metrics/representations_{name}.tsv", metric_table([]))
     for name in ("toy/model", "static/data"):
         (results / name).mkdir(parents=True)
     run = snakemake(
@@ -398,7 +401,8 @@ def test_a_models_metrics_come_into_the_table(extended, inputs):
         *("--", "results/tiny/metrics.tsv", "results/tiny/report/representations.html"),
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    found = {(row.model, row.variant): row for row in read_metrics(results / "metrics.tsv")}
+    rows = read_metrics(results / "metrics.tsv").itertuples()
+    found = {(row.model, row.variant): row for row in rows}
     assert found["toy", "toy"].value == 12.5
     assert set(found) == {("toy", "toy"), ("representation", "toy_flat")}
     assert "toy_flat" in (results / "report/representations.html").read_text()

@@ -8,9 +8,10 @@ from drapeline.dataset.card import dataset_card
 from drapeline.dataset.record import SAMPLE_MANIFEST, SampleRecord, read_record
 from drapeline.dataset.splits import SPLITS
 from drapeline.dataset.statistics import action_table, garment_table, overview_table
-from drapeline.dataset.tables import write_table
+from drapeline.dataset.tables import ACTIONS, GARMENTS_WORN, OVERVIEW, SAMPLES, STATUS
 from drapeline.errors import InputError
 from drapeline.manifest import FileSum, damages, read_manifest, write_manifest
+from drapeline.schema import make_table, write_table
 from drapeline.storage import atomic_folder, copy_folder
 
 _LOW_PERCENTILES = ("_p01", "_p01_m", "_p05", "_p05_m")  # the smallest value of these is the worst
@@ -40,10 +41,15 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
         repeated = next(name for name in ids if ids.count(name) > 1)
         raise InputError(f"{output}: sample {repeated} is given twice, expected each id once")
     accepted = [record for record in records if record.accepted]
+    statistics = {
+        "statistics_overview": (OVERVIEW, overview_table(accepted)),
+        "statistics_actions": (ACTIONS, action_table(accepted)),
+        "statistics_garments": (GARMENTS_WORN, garment_table(accepted)),
+    }
     tables = {
-        "statistics_overview": overview_table(accepted),
-        "statistics_actions": action_table(accepted),
-        "statistics_garments": garment_table(accepted),
+        "status": (STATUS, map(status_row, records)),
+        "samples": (SAMPLES, map(sample_row, accepted)),
+        **statistics,
     }
     sums = {
         f"{record.meta['split']}/{record.meta['id']}/{file}": wanted
@@ -55,13 +61,23 @@ def collect_dataset(folders: Iterable[str | Path], output: str | Path) -> list[S
             (scratch / split).mkdir()
         for record in accepted:
             copy_folder(record.folder, scratch / record.meta["split"] / record.meta["id"])
-        write_table(scratch / "status.tsv", [status_row(record) for record in records])
-        write_table(scratch / "samples.tsv", [sample_row(record) for record in accepted])
-        for name, rows in tables.items():
-            write_table(scratch / f"{name}.tsv", rows)
-        (scratch / "README.md").write_text(dataset_card(records, tables))
+        for name, (schema, rows) in tables.items():
+            write_table(scratch / f"{name}.tsv", make_table(schema, rows), schema)
+        shown = {name: rows for name, (_, rows) in statistics.items()}
+        (scratch / "README.md").write_text(dataset_card(records, shown))
         write_manifest(scratch, known=sums)
     return records
+
+
+def accepted_records(dataset: str | Path) -> list[SampleRecord]:
+    """Records of the accepted samples of a collected dataset, by id.
+
+    Raises:
+        InputError: the folder is no dataset, or a record is unusable.
+    """
+    dataset = Path(dataset)
+    folders = [path for split in SPLITS for path in (dataset / split).glob("*") if path.is_dir()]
+    return sorted((read_record(folder) for folder in folders), key=lambda r: r.meta["id"])
 
 
 def _checked_manifest(folder: Path) -> dict[str, FileSum]:
@@ -104,10 +120,10 @@ def sample_row(record: SampleRecord) -> dict[str, Any]:
         "source": meta["motion"]["source"],
         "frames": meta["motion"]["frames"],
         "vertices": sum(garment["vertices"] for garment in meta["garments"].values()),
-        "floor_penetration_m": f"{meta['motion']['floor_penetration_m']:.4f}",
-        "foot_sliding_m_s": f"{meta['motion']['foot_sliding_m_s']:.4f}",
-        "megabytes": f"{record.cloth3d_bytes / 1e6:.2f}",
-        "megabytes_with_extras": f"{record.total_bytes / 1e6:.2f}",
+        "floor_penetration_m": meta["motion"]["floor_penetration_m"],
+        "foot_sliding_m_s": meta["motion"]["foot_sliding_m_s"],
+        "megabytes": record.cloth3d_bytes / 1e6,
+        "megabytes_with_extras": record.total_bytes / 1e6,
     }
     for name, values in meta["health"].items():
         row[f"{name}_mean"] = f"{values['mean']:.6g}"

@@ -1,39 +1,75 @@
-"""Tab-separated tables with a heading."""
+"""Schemas of the tables of a collected dataset."""
 
-import csv
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from drapeline.dataset.splits import SPLITS
+from drapeline.schema import Column, Schema
 
-from drapeline.errors import DamagedFile
-from drapeline.storage import atomic_file, read_rows
-
-
-def write_table(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as tab-separated values, with the columns of all rows in order of appearance."""
-    columns = list(dict.fromkeys(column for row in rows for column in row))
-    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
-        writer = csv.DictWriter(
-            stream, columns, restval="", delimiter="\t", lineterminator="\n", quotechar='"'
-        )
-        writer.writeheader()
-        writer.writerows(
-            {key: " ".join(str(value).split()) for key, value in row.items()} for row in rows
-        )
-
-
-def read_table(path: str | Path, columns: Iterable[str] = ()) -> list[dict[str, str]]:
-    """Rows of a tab-separated table; a table without rows need not have columns.
-
-    Args:
-        path: the `.tsv`.
-        columns: those that must be there.
-
-    Raises:
-        InputError: the file is missing, is no such table, or lacks a column.
-    """
-    heading, rows = read_rows(path, "a tab-separated table")
-    missing = [column for column in columns if column not in heading]
-    if rows and missing:
-        raise DamagedFile(path, f"lacks column {', '.join(missing)}; it has {', '.join(heading)}")
-    return rows
+_COUNT = Column(int, low=0)
+_SPLIT = Column(allowed=SPLITS)
+STATUS = Schema(
+    "a table of all samples",
+    {
+        "sample": Column(),
+        "status": Column(),
+        "reason": Column(),
+        "attempts": _COUNT,
+        "split": _SPLIT,
+        "sequence": Column(),
+        "garments": Column(),
+        "self_collision": Column(),
+        "thinned": _COUNT,
+        "redrawn": _COUNT,
+        "removed_segments": Column(),
+    },
+    key=("sample",),
+)
+# The mean and the worst value of each measure of health follow.
+SAMPLES = Schema(
+    "a table of accepted samples",
+    {
+        "sample": Column(),
+        "split": _SPLIT,
+        "gender": Column(allowed=("female", "male")),
+        "garments": Column(),
+        "fabrics": Column(),
+        "action": Column(),
+        "sequence": Column(),
+        "subject": Column(),
+        "source": Column(),
+        "frames": _COUNT,
+        "vertices": _COUNT,
+        "floor_penetration_m": Column(float, text=".4f"),
+        "foot_sliding_m_s": Column(float, text=".4f"),
+        "megabytes": Column(float, text=".2f"),
+        "megabytes_with_extras": Column(float, text=".2f"),
+    },
+    key=("sample",),
+    more=True,
+)
+OVERVIEW = Schema(
+    "an overview of a dataset",
+    {"measure": Column(), "all": Column(), **{split: Column() for split in SPLITS}},
+    key=("measure",),
+)
+ACTIONS = Schema(
+    "a table of actions",
+    {
+        "action": Column(),
+        "sequences": _COUNT,
+        "frames": _COUNT,
+        "percent": Column(float, text=".2f"),
+    },
+    key=("action",),
+)
+# Counts by fabric stand beside these.
+GARMENTS_WORN = Schema(
+    "a table of garments",
+    {
+        "garment": Column(),
+        "count": _COUNT,
+        "female": _COUNT,
+        "male": _COUNT,
+        "vertices": Column(),
+    },
+    key=("garment",),
+    more=True,
+)

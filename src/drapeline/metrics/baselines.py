@@ -1,4 +1,4 @@
-"""Predictions of garments in rest pose that need no network, and their metrics.
+"""Predictions of garments in rest pose that need no network.
 
 The mean garment and the nearest neighbour know only a garment's type and conditioning variables;
 PCA, like an autoencoder, is given the garment itself and reconstructs it from a small code.
@@ -8,17 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
-from drapeline.metrics.static import (
-    StaticRows,
-    Truth,
-    measure_predictions,
-    measure_truth,
-    static_summary,
-)
-from drapeline.metrics.table import MetricRow
-from drapeline.outfits.garment_types import GARMENTS
-from drapeline.rule_log import progress
 
 PCA_ROWS_MAX = 4000
 _BLOCK = 8192  # columns
@@ -196,43 +185,3 @@ def static_baselines(
         "nearest_cvar": nearest,
         "pca": lambda row: pca.rebuild(offsets[row]),
     }
-
-
-def static_baseline_summary(
-    truth: Truth, garments: StaticRows, splits: Sequence[str], *, components: int, seed: int
-) -> list[MetricRow]:
-    """Metrics of the baselines, fitted to the training split, and of the ground truth itself.
-
-    Args:
-        splits: to measure on.
-        components: of the PCA, at most.
-        seed: of the intervals.
-    """
-    everything = np.arange(len(garments.garment))
-    predictors = static_baselines(
-        garments.offsets,
-        garments.mask,
-        garments.garment,
-        garments.cvar(everything),
-        garments.rows("train"),
-        types=len(GARMENTS),
-        components=components,
-    )
-    found = []
-    for split in splits:
-        rows = garments.rows(split)
-        measured = {"registered": measure_truth(truth, rows)}
-        for name, predict in predictors.items():
-            guessed = ((row, predict(row)) for row in progress(rows.tolist(), label=name))
-            measured[name] = measure_predictions(truth, guessed)
-        for name, measures in measured.items():
-            found += static_summary(
-                garments,
-                rows,
-                measures,
-                model="truth" if name == "registered" else "baseline",
-                variant=name,
-                split=split,
-                seed=seed,
-            )
-    return found

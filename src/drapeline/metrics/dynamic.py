@@ -1,16 +1,14 @@
 """Predicted garments in motion, measured against their simulated ground truth."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.metrics.garment import garment_measures, garment_mesh, inside_measures
-from drapeline.metrics.table import MetricRow, by_source, summary_rows
+from drapeline.metrics.metric import Measured
 from drapeline.registration.to_body.topology import Topology
-from drapeline.seeding import rng_for
 
 CONTACT_STEP = 5  # of the frames in which contact with the body is measured
 
@@ -63,42 +61,8 @@ def measure_inside(
     return measured
 
 
-class Measured(NamedTuple):
-    """Metrics of the frames of one garment.
-
-    Attributes:
-        sample, garment: name and type.
-        source: cloth solver that moved it.
-        rows: metric -> value, per frame.
-    """
-
-    sample: str
-    garment: str
-    source: str
-    rows: Sequence[Mapping[str, float]]
-
-
-def moving_summary(
-    measured: Sequence[Measured],
-    *,
-    model: str,
-    variant: str,
-    split: str,
-    seed: int,
-) -> list[MetricRow]:
-    """Rows of the table of metrics over all frames; samples are resampled as a whole."""
-    return [
-        row
-        for source, own in by_source(measured).items()
-        for row in summary_rows(
-            rng_for(seed, "intervals", variant, split, source),
-            [row for garment in own for row in garment.rows],
-            [garment.garment for garment in own for _ in garment.rows],
-            [garment.sample for garment in own for _ in garment.rows],
-            model=model,
-            variant=variant,
-            split=split,
-            seed=seed,
-            source=source,
-        )
-    ]
+def measured_in_motion(
+    moving: MovingGarment, measures: Sequence[Mapping[str, float]]
+) -> list[Measured]:
+    """Measures of frames of one garment; those of one sample are dependent."""
+    return [Measured(moving.sample, moving.name, values, moving.source) for values in measures]

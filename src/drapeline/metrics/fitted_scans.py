@@ -50,7 +50,7 @@ def save_fitted_scans(path: str | Path, found: Mapping[str, Fits]) -> None:
 
 
 def load_fitted_scans(path: str | Path) -> dict[str, dict[str, dict[str, Mesh]]]:
-    """What `save_fitted_scans` wrote.
+    """Read what `save_fitted_scans` wrote.
 
     Raises:
         InputError: the file is missing, lacks an array or names none of a fit.

@@ -135,7 +135,7 @@ def distances_mm(points: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 
 class BodyInside:
-    """What is inside a body, which is indexed once for any number of garments.
+    """Measures of points inside a body, which is indexed once for any number of garments.
 
     Args:
         body: (V, 3) vertices, metres; the mesh may have open ends.
@@ -170,7 +170,7 @@ class BodyInside:
         return depth
 
     def measures(self, points: np.ndarray) -> dict[str, float]:
-        """How much of a garment with vertices (P, 3) in the same pose is inside.
+        """Share and depth of a garment's vertices (P, 3) in the same pose that are inside.
 
         Returns:
             `inside_share` of the points, `inside_1cm_share` deeper than `DEEP_M`, and

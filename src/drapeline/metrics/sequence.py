@@ -5,7 +5,7 @@ windows that repeat frames. Vertices are those of a garment template, in metres,
 reference that prediction and truth share.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +13,7 @@ from scipy.spatial import KDTree
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import area_distance_mm, inside_measures, surface_distances_mm
-from drapeline.metrics.table import MetricRow, by_source, summary_rows
-from drapeline.seeding import rng_for
 
-MODEL = "garment4d"
 FPS = 30.0
 CONTACT_EVERY = 5
 
@@ -31,22 +28,6 @@ class MovingBody(NamedTuple):
 
     vertices: Callable[[int], np.ndarray]
     faces: np.ndarray
-
-
-class Measured(NamedTuple):
-    """Measures of one sequence, or of one garment in a scan or picture of it.
-
-    Attributes:
-        sequence: its name; what has the same name is resampled together.
-        garment: its type.
-        measures: metric -> value; NaN where a metric is not defined.
-        source: cloth solver that moved the garment, if one did.
-    """
-
-    sequence: str
-    garment: str
-    measures: Mapping[str, float]
-    source: str = ""
 
 
 def vertex_errors_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -176,35 +157,3 @@ def canonical_measures(
     if original is not None:
         measures["canonical_to_original_mm"] = area_distance_mm(predicted, original)
     return measures
-
-
-def sequence_summary(
-    measured: Sequence[Measured], *, variant: str, split: str, seed: int, model: str = MODEL
-) -> list[MetricRow]:
-    """Rows of the table of metrics: means over sequences, with intervals from resampling them.
-
-    Each sequence has the same weight, however long it is. Where several solvers moved the garments
-    there are rows of all and of each.
-
-    Args:
-        measured: sequences of a split by one variant.
-        variant: name in the table.
-        split: of the sequences.
-        seed: recorded in the rows; also draws the intervals.
-        model: name in the table.
-    """
-    return [
-        row
-        for source, own in by_source(measured).items()
-        for row in summary_rows(
-            rng_for(seed, "intervals", model, variant, split, source),
-            [one.measures for one in own],
-            [one.garment for one in own],
-            [one.sequence for one in own],
-            model=model,
-            variant=variant,
-            split=split,
-            seed=seed,
-            source=source,
-        )
-    ]

@@ -11,9 +11,8 @@ from drapeline.metrics.garment import (
     garment_mesh,
     shape_measures,
 )
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.metric import Measured
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.seeding import rng_for
 
 # Offsets (V, 3) in metres, and mask (V,) or None from a model that predicts none.
 Prediction = tuple[np.ndarray, np.ndarray | None]
@@ -89,24 +88,13 @@ class StaticRows(Protocol):
         """(n, C) conditions."""
 
 
-def static_summary(
-    garments: StaticRows,
-    rows: np.ndarray,
-    measures: Sequence[Mapping[str, float]],
-    *,
-    model: str,
-    variant: str,
-    split: str,
-    seed: int,
-) -> list[MetricRow]:
-    """Rows of the table of metrics; garments of one outfit are resampled together."""
-    return summary_rows(
-        rng_for(seed, "intervals", variant, split),
-        measures,
-        [GARMENTS[garment_index] for garment_index in garments.garment[rows]],
-        garments.outfit[rows],
-        model=model,
-        variant=variant,
-        split=split,
-        seed=seed,
-    )
+def measured_at_rest(
+    garments: StaticRows, rows: np.ndarray, measures: Sequence[Mapping[str, float]]
+) -> list[Measured]:
+    """Measures of rows of the dataset, with their types; those of one outfit are dependent."""
+    return [
+        Measured(outfit, GARMENTS[index], values)
+        for outfit, index, values in zip(
+            garments.outfit[rows].tolist(), garments.garment[rows], measures, strict=True
+        )
+    ]

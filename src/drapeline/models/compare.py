@@ -7,12 +7,13 @@ import numpy as np
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.garment import area_distances_mm
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.metric import Measured
+from drapeline.metrics.table import join, summarise
 from drapeline.models.contract import HeldOutGarment, Representation
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
-from drapeline.seeding import rng_for
+from drapeline.schema import Table
 
 MODEL = "representation"
 
@@ -47,7 +48,7 @@ def compare_representations(
     *,
     split: str,
     seed: int,
-) -> list[MetricRow]:
+) -> Table:
     """Distances between garments as they were made and as rebuilt, and the size of each code.
 
     A code cannot give back what registration has lost. What a decoder knows besides the code, such
@@ -61,7 +62,7 @@ def compare_representations(
     found = []
     for representation in representations:
         variant = representation.variant
-        measures = []
+        every = []
         rebuilt = progress(representation.rebuild(garments), total=len(garments), label=variant)
         for garment, mesh in zip(garments, rebuilt, strict=True):
             to_true, to_rebuilt = area_distances_mm(mesh, garment.mesh)
@@ -69,15 +70,7 @@ def compare_representations(
             numbers = representation.code_numbers(garment.garment)
             if numbers is not None:
                 measured["code_numbers"] = numbers
-            measures.append(measured)
-        found += summary_rows(
-            rng_for(seed, "intervals", MODEL, variant, split),
-            measures,
-            [garment.garment for garment in garments],
-            [garment.outfit for garment in garments],
-            model=MODEL,
-            variant=variant,
-            split=split,
-            seed=seed,
-        )
-    return found
+            every.append(Measured(garment.outfit, garment.garment, measured))
+        how = {"model": MODEL, "variant": variant, "split": split, "seed": seed}
+        found.append(summarise(every, **how, by_source=False))
+    return join(found)

@@ -16,12 +16,13 @@ from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_scans import BODY, COMMON, TRUE, Fits, scan_class
 from drapeline.metrics.garment import area_distances_mm
+from drapeline.metrics.metric import Measured
 from drapeline.metrics.properties import measure_properties
-from drapeline.metrics.sequence import Measured, sequence_summary
-from drapeline.metrics.table import ALL, MetricRow
+from drapeline.metrics.table import ALL, join, summarise
 from drapeline.models.contract import ScanFitter
 from drapeline.outfits.garment_types import GARMENT_TYPES, TEMPLATE_TYPES
 from drapeline.rule_log import progress
+from drapeline.schema import Table
 
 MODEL = "scan"
 
@@ -95,7 +96,7 @@ def _known(
 
 def compare_scan_fits(
     scans: Sequence[KnownScan], fitter: ScanFitter, *, split: str, seed: int
-) -> tuple[list[MetricRow], dict[str, Fits]]:
+) -> tuple[Table, dict[str, Fits]]:
     """Distances between simulated and fitted garments, by variant and class, over their area.
 
     Models do not know the same garments: the rows of the class `COMMON` are means over those that
@@ -126,10 +127,10 @@ def compare_scan_fits(
     how = {"split": split, "seed": seed, "model": MODEL}
     rows = []
     for variant, part in measured.items():
-        rows += sequence_summary(part, variant=variant, **how)
-        every = sequence_summary(common.get(variant, []), variant=variant, **how)
-        rows += [row for row in every if row.garment == COMMON]
-    return rows, found
+        rows.append(summarise(part, variant=variant, **how))
+        every = summarise(common.get(variant, []), variant=variant, **how)
+        rows.append(every[every["garment"] == COMMON])
+    return join(rows), found
 
 
 def truth_shown(known: KnownScan, bodies: Mapping[str, BodyModel]) -> Fits:
@@ -154,7 +155,7 @@ def body_rows(
     *,
     split: str,
     seed: int,
-) -> list[MetricRow]:
+) -> Table:
     """Mean distances of bodies' vertices from the simulated ones.
 
     Args:
@@ -170,9 +171,9 @@ def body_rows(
         for known, state in zip(scans, every, strict=True):
             error = body_error_mm(known, state, bodies[known.scan.gender])
             measured.append(Measured(known.sample, BODY, {"vertex_error_mm": error}, known.source))
-        made = sequence_summary(measured, variant=variant, split=split, seed=seed, model=MODEL)
-        rows += [row for row in made if row.garment == ALL]
-    return rows
+        made = summarise(measured, model=MODEL, variant=variant, split=split, seed=seed)
+        rows.append(made[made["garment"] == ALL])
+    return join(rows)
 
 
 def body_error_mm(known: KnownScan, state: BodyState, body: BodyModel) -> float:

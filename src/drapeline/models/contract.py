@@ -6,7 +6,7 @@ A model has a folder of its own, `models/<name>/`, and imports no other model. T
 - `train.py`: from data and settings to the folder of a training, for networks by
   `training.lightning.fit`, which resumes trainings and writes checkpoints;
 - `load.py`: trained modules from the checkpoints in that folder, without executing anything;
-- evaluation: rows of `metrics.table.MetricRow` for held-out garments, from codes, from
+- evaluation: a `metrics.table.METRICS` table for held-out garments, from codes, from
   reconstructions, or from whatever else the model predicts;
 - for figures, what `report/` draws, as files or in types of `metrics/` such as `WornGarment` of
   `metrics.predictions`; `report/` does not import models;

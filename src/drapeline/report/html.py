@@ -23,6 +23,7 @@ th[aria-sort=ascending]::after { content: " \\25B4"; }
 th[aria-sort=descending]::after { content: " \\25BE"; }
 table.many { font-size: .77rem; } table.many :is(th, td) { padding-right: .5rem; }
 td:first-child { min-width: 5rem; max-width: 22rem; }
+table.many td:first-child { min-width: 9rem; }
 td.number, th.number { text-align: right; } td.number { white-space: nowrap; }
 tr:hover td { background: #f4f7fa; }
 td.good { color: #00694d; } td.bad { color: #b03a00; font-weight: 600; }
@@ -49,7 +50,7 @@ for (const table of document.querySelectorAll("table")) {
 
 
 _MANY_COLUMNS = 11  # from which on the cells of a table are smaller, so that it fits a window
-_INTERVAL = re.compile(r" (\[[^\]]*\]|\(\S+ to \S+\))$")
+_INTERVAL = re.compile(r" (\[[^\]]*\])$")
 
 
 class Cell(str):
@@ -81,7 +82,7 @@ def html_table(rows: Sequence[Mapping[str, object]]) -> str:
     columns = list(dict.fromkeys(column for row in rows for column in row))
     first = {c: next(row[c] for row in rows if c in row) for c in columns}
     head = "".join(
-        f"<th{_classes(first[column], heading=True)}>{escape(column)}</th>" for column in columns
+        f"<th{_classes(first[column], heading=True)}>{_heading(column)}</th>" for column in columns
     )
     body = "\n".join(
         f"<tr>{''.join(_data(row.get(column, '')) for column in columns)}</tr>" for row in rows
@@ -91,6 +92,11 @@ def html_table(rows: Sequence[Mapping[str, object]]) -> str:
         f'<div class="wide"><table class="{classes}">\n<thead><tr>'
         f"{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table></div>"
     )
+
+
+def _heading(text: str) -> str:
+    """Escaped; it does not break at a hyphen, as in "T-shirt"."""
+    return escape(text).replace("-", "&#8209;")
 
 
 def _data(cell: object) -> str:

@@ -2,7 +2,6 @@
 
 import base64
 import io
-from collections import ChainMap
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -11,12 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
+from drapeline.dataset.collect import accepted_records
 from drapeline.dataset.record import SampleRecord, outfit_text
-from drapeline.dataset.tables import read_table
-from drapeline.metrics.table import ALL, MetricRow, read_metrics
+from drapeline.dataset.tables import OVERVIEW, STATUS
+from drapeline.metrics import smplicit
+from drapeline.metrics.registry import variant
+from drapeline.metrics.table import ALL
 from drapeline.report.dataset.health import MEASURES
-from drapeline.report.dataset.records import accepted_records
 from drapeline.report.html import write_page
+from drapeline.report.registration_table import SUMMARY
+from drapeline.report.tables import read_test_metrics
+from drapeline.schema import Table, read_table
 
 # The page must stay below what browsers open in a frame, together with its pictures' base64.
 _SHEET_BYTES = 700_000
@@ -64,67 +68,51 @@ class _Comparison(NamedTuple):
     Attributes:
         title: what is compared.
         metric: in millimetres.
-        models: variant -> name; the first that was evaluated is shown.
-        networks: variant -> name, of the papers; stands beside it.
-        baselines: variant -> name; the best stands beside it.
+        models: variants; the first that was evaluated is shown.
+        networks: variants, of the papers; they stand beside it.
+        baselines: variants; the best stands beside it.
     """
 
     title: str
     metric: str
-    models: Mapping[str, str]
-    networks: Mapping[str, str]
-    baselines: Mapping[str, str]
+    models: Sequence[str]
+    networks: Sequence[str]
+    baselines: Sequence[str]
 
 
-def _fields(variant: str) -> str:
+def _of_parts(name: str) -> str:
     """A variant of each of SMPLicit's models."""
-    return " ".join(
-        f"smplicit_{part}_{variant}" for part in ("upper", "trousers", "skirt", "whole")
-    )
+    return " ".join(f"{smplicit.MODEL}_{part}_{name}" for part in smplicit.PARTS)
 
 
 _COMPARISONS = (
     _Comparison(
         "Garments at rest, rebuilt from codes",
         "surface_error_mm",
-        {"static_ppca": "masked PPCA", "svae": "garment VAE"},
-        {"svae": "garment VAE"},
-        {
-            "pca": "PCA of offsets",
-            "mean_garment": "mean garment of the type",
-            "nearest_cvar": "nearest training garment",
-        },
+        ["static_ppca", "svae"],
+        ["svae"],
+        ["pca", "mean_garment", "nearest_cvar"],
     ),
     _Comparison(
         "Garments in motion, rebuilt from codes",
         "surface_error_mm",
-        {
-            "dynamic_ppca_settled": "masked PPCA, pushed out of the body",
-            "dynamic_ppca": "masked PPCA",
-            "dvae_unposed_4": "garment VAE",
-        },
-        {"dvae_unposed_4": "garment VAE"},
-        {
-            "skinned_mean": "mean garment of the type, skinned",
-            "skinned_static": "garment at rest, skinned",
-        },
+        ["dynamic_ppca_settled", "dynamic_ppca", "dvae_unposed_4"],
+        ["dvae_unposed_4"],
+        ["skinned_mean", "skinned_static"],
     ),
     _Comparison(
         "Garments in motion, from point clouds",
         "vertex_error_mm",
-        {"ours": "Garment4D with our final step", "posed": "Garment4D"},
-        {"posed": "Garment4D"},
-        {"lbs": "interpolated skinning", "untrained": "untrained network"},
+        ["ours", "posed"],
+        ["posed"],
+        ["lbs", "untrained"],
     ),
     _Comparison(
         "Garments at rest, from distance fields",
         "surface_to_true_mm",
-        {_fields("fitted"): "SMPLicit, fitted code"},
-        {},
-        {
-            _fields("nearest_cut"): "nearest training garment",
-            _fields("mean_code"): "mean code",
-        },
+        [_of_parts("fitted")],
+        [],
+        [_of_parts("nearest_cut"), _of_parts("mean_code")],
     ),
 )
 
@@ -149,7 +137,7 @@ def write_overview(
         InputError: a table is missing or unusable.
     """
     dataset = Path(dataset)
-    status = read_table(dataset / "status.tsv", ("sample", "status", "attempts", "sequence"))
+    status = read_table(dataset / "status.tsv", STATUS)
     records = accepted_records(dataset)
     figures = [
         *_dataset_figures(dataset, status, records),
@@ -169,14 +157,9 @@ def write_overview(
     )
 
 
-def _dataset_figures(
-    dataset: Path, status: Sequence[Mapping[str, str]], records: Sequence[SampleRecord]
-) -> list[Figure]:
-    overview = {
-        row["measure"]: row["all"]
-        for row in read_table(dataset / "statistics_overview.tsv", ("measure", "all"))
-    }
-    at_once = sum(row["status"] == "accepted" and row["attempts"] == "1" for row in status)
+def _dataset_figures(dataset: Path, status: Table, records: Sequence[SampleRecord]) -> list[Figure]:
+    overview = read_table(dataset / "statistics_overview.tsv", OVERVIEW).set_index("measure")["all"]
+    at_once = ((status["status"] == "accepted") & (status["attempts"] == 1)).sum()
     figures = [
         Figure("Samples", f"{len(records)} of {len(status)}", "accepted"),
         Figure(
@@ -215,50 +198,56 @@ def _dataset_figures(
 
 
 def _registration_figures(table: str | Path) -> list[Figure]:
-    rows = [
-        row
-        for row in read_table(table, ("metric", "garments", "total"))
-        if row["metric"] == "garment_to_rebuilt_mean_mm"
-    ]
-    garments = sum(int(row["garments"]) for row in rows)
+    errors = read_table(table, SUMMARY)
+    errors = errors[errors["metric"] == "garment_to_rebuilt_mean_mm"]
+    garments = int(errors["garments"].sum())
     if not garments:
         return []
-    mean = sum(float(row["total"]) for row in rows) / garments
+    mean = errors["total"].sum() / garments
     return [Figure("Registration error", f"{mean:.2f} mm", f"mean of {garments} garments")]
 
 
 def _model_figures(metrics: str | Path) -> list[Figure]:
-    rows = read_metrics(metrics)
+    measured = read_test_metrics(metrics)
+    measured = measured[measured["source"] == ""]
     figures = []
-    for title, metric, *groups in _COMPARISONS:
-        errors = {variant: _mean_error(rows, variant, metric) for variant in ChainMap(*groups)}
-        models, networks, baselines = (
-            {variant: name for variant, name in group.items() if errors[variant] is not None}
-            for group in groups
-        )
+    for comparison in _COMPARISONS:
+        errors = {
+            name: error
+            for name in {*comparison.models, *comparison.networks, *comparison.baselines}
+            if (error := _mean_error(measured, name, comparison.metric))
+        }
+        models = [name for name in comparison.models if name in errors]
         if not models:
             continue
-        shown, note = next(iter(models.items()))
-        beside = [variant for variant in networks if variant != shown]
+        beside = [name for name in comparison.networks if name in errors and name != models[0]]
+        baselines = [name for name in comparison.baselines if name in errors]
         if baselines:
-            beside.append(min(baselines, key=errors.get))
-        names = networks | baselines
-        notes = [note, *(f"{names[variant]}: {errors[variant]:.1f} mm" for variant in beside)]
-        figures.append(Figure(title, f"{errors[shown]:.1f} mm", "; ".join(notes)))
+            beside.append(min(baselines, key=lambda name: errors[name].value))
+        notes = [errors[models[0]].title]
+        notes += [f"{errors[name].title}: {errors[name].value:.1f} mm" for name in beside]
+        value = f"{errors[models[0]].value:.1f} mm"
+        figures.append(Figure(comparison.title, value, "; ".join(notes)))
     return figures
 
 
-def _mean_error(rows: Sequence[MetricRow], variant: str, metric: str) -> float | None:
+class _Error(NamedTuple):
+    """Mean error of a variant, or of several that are trained apart, with their title."""
+
+    title: str
+    value: float
+
+
+def _mean_error(measured: Table, variants: str, metric: str) -> _Error | None:
     """Over all test garments or, where models are trained apart, the mean of theirs."""
-    found = [
-        row
-        for row in rows
-        if row.variant in variant.split()
-        and (row.split, row.metric, row.source) == ("test", metric, "")
-    ]
-    whole = [row.value for row in found if row.garment == ALL]
-    values = whole or [row.value for row in found]
-    return float(np.mean(values)) if values else None
+    named = measured["variant"].isin(variants.split())
+    found = measured[named & (measured["metric"] == metric)]
+    if not len(found):
+        return None
+    whole = found[found["garment"] == ALL]
+    first = found.iloc[0]
+    values = whole["value"] if len(whole) else found["value"]
+    return _Error(variant(first["model"], first["variant"]).title, float(np.mean(values)))
 
 
 def _numbers(figures: Iterable[Figure]) -> str:
@@ -276,14 +265,15 @@ def _strip(pictures: Sequence[str | Path]) -> str:
 
 
 def _sheet(
-    status: Sequence[Mapping[str, str]],
+    status: Table,
     worn: Mapping[str, str],
     pictures: Mapping[str, str | Path],
 ) -> str:
     """All samples in small or, of very many, as many as the page has room for."""
-    rows = _evenly([row for row in status if row["sample"] in pictures], _SHEET_MAX)
+    shown = status[status["sample"].isin([*pictures])]
+    rows = _evenly(list(shown.itertuples()), _SHEET_MAX)
     for width in _SHEET_WIDTHS:
-        small = [_jpeg(pictures[row["sample"]], width=width) for row in rows]
+        small = [_jpeg(pictures[row.sample], width=width) for row in rows]
         size = sum(map(len, small))
         if size <= _SHEET_BYTES:
             break
@@ -297,9 +287,9 @@ def _sheet(
     return f'{note}<div class="sheet">\n{cells}\n</div>'
 
 
-def _caption(row: Mapping[str, str], worn: Mapping[str, str]) -> str:
-    name = f"<strong>{escape(row['sample'])}</strong> {escape(row['sequence'])}"
-    return f"{name}<br>{escape(worn.get(row['sample'], row['status']))}"
+def _caption(row: NamedTuple, worn: Mapping[str, str]) -> str:
+    name = f"<strong>{escape(row.sample)}</strong> {escape(row.sequence)}"
+    return f"{name}<br>{escape(worn.get(row.sample, row.status))}"
 
 
 def _evenly(items: Sequence, count: int) -> list:

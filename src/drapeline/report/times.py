@@ -1,121 +1,113 @@
 """Time and memory of each step, from Snakemake's benchmark files."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
 
-from drapeline.dataset.tables import read_table, write_table
-from drapeline.errors import InputError
+import numpy as np
+
 from drapeline.report.colours import BLUE, GREEN, ORANGE
 from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.style import label_bar, saved_figure, show_message
+from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
+
+BENCHMARK = Schema(
+    "a benchmark",
+    {
+        "s": Column(float, optional=True),
+        "max_rss": Column(float, optional=True),
+        "cpu_time": Column(float, optional=True),
+    },
+    more=True,
+)
+JOBS = Schema(
+    "times of jobs",
+    {
+        "rule": Column(),
+        "s": Column(float),
+        "cpu_s": Column(float),
+        "memory_mb": Column(float, optional=True),
+    },
+)
+TIMES = Schema(
+    "times of rules",
+    {
+        "rule": Column(),
+        "jobs": Column(int, low=1),
+        **{
+            name: Column(float, text=".10g") for name in ("total_s", "mean_s", "longest_s", "cpu_s")
+        },
+        "peak_memory_mb": Column(float, optional=True, text=".0f"),
+    },
+    key=("rule",),
+)
 
 
-class StepTime(NamedTuple):
-    """Time and memory of all jobs of one rule.
+def job_times(folders: Iterable[str | Path]) -> Table:
+    """A row for each job of `{folder}/{rule}.tsv` and `{folder}/{rule}/*.tsv`.
 
-    Attributes:
-        rule: its name.
-        seconds: wall-clock time of each job, in seconds.
-        cpu_s: processor time of all jobs together, in seconds; unmeasured jobs count as 0.
-        memory_mb: largest resident memory of a job, in megabytes, or None if unmeasured.
-    """
+    Processor time that was not measured counts as 0. Missing folders count as empty.
 
-    rule: str
-    seconds: tuple[float, ...]
-    cpu_s: float
-    memory_mb: float | None
+    Args:
+        folders: of Snakemake's benchmark files.
 
-    @property
-    def total_s(self) -> float:
-        """Wall-clock time of all jobs, one after the other."""
-        return sum(self.seconds)
-
-
-def step_times(folders: Iterable[str | Path]) -> list[StepTime]:
-    """Read `{folder}/{rule}.tsv` and `{folder}/{rule}/*.tsv`; the longest step comes first.
-
-    Missing folders count as empty.
+    Returns:
+        Wall-clock and processor time in seconds and the largest resident memory in megabytes.
 
     Raises:
         InputError: a file lacks a column, or a value is not a number.
     """
-    rows: dict[str, list[tuple[float, float | None, float | None]]] = {}
-    for folder in map(Path, folders):
-        for path in sorted(folder.rglob("*.tsv")):
-            rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
-            for row in read_table(path, ("s", "max_rss", "cpu_time")):
-                values = (_number(path, row, key) for key in ("s", "max_rss", "cpu_time"))
-                seconds, memory, cpu = values
-                rows.setdefault(rule, []).append((seconds or 0.0, memory, cpu))
-    steps = [
-        StepTime(
-            rule,
-            tuple(job[0] for job in jobs),
-            sum(job[2] or 0.0 for job in jobs),
-            max((job[1] for job in jobs if job[1] is not None), default=None),
-        )
-        for rule, jobs in rows.items()
+    jobs = [
+        {"rule": rule, "s": row.s, "cpu_s": row.cpu_time, "memory_mb": row.max_rss}
+        for folder in map(Path, folders)
+        for path in sorted(folder.rglob("*.tsv"))
+        for rule in [path.relative_to(folder).parts[0].removesuffix(".tsv")]
+        for row in read_table(path, BENCHMARK).itertuples()
     ]
-    return sorted(steps, key=lambda step: (-step.total_s, step.rule))
+    return make_table(JOBS, jobs).fillna({"s": 0.0, "cpu_s": 0.0})
 
 
-def _number(path: Path, row: Mapping[str, str], key: str) -> float | None:
-    if row[key] in {"", "-", "NA", "nan"}:  # the job ended before it could be measured
-        return None
-    try:
-        return float(row[key])
-    except ValueError as error:
-        raise InputError(f"{path}: {key} is '{row[key]}', expected a number") from error
-
-
-def time_rows(steps: Sequence[StepTime]) -> list[dict[str, object]]:
-    """A row for each step, and one for all."""
-    rows: list[dict[str, object]] = [
+def rule_times(jobs: Table) -> Table:
+    """A row for each rule, the longest first, and one for all; see `job_times`."""
+    parts = [*jobs.groupby("rule"), *([("all", jobs)] if len(jobs) else [])]
+    rows = [
         {
-            "rule": step.rule,
-            "jobs": len(step.seconds),
-            "total_s": round(step.total_s, 2),
-            "mean_s": round(step.total_s / len(step.seconds), 2),
-            "longest_s": round(max(step.seconds), 2),
-            "cpu_s": round(step.cpu_s, 2),
-            "peak_memory_mb": "" if step.memory_mb is None else round(step.memory_mb),
+            "rule": rule,
+            "jobs": len(part),
+            "total_s": part["s"].sum(),
+            "mean_s": part["s"].mean(),
+            "longest_s": part["s"].max(),
+            "cpu_s": part["cpu_s"].sum(),
+            "peak_memory_mb": part["memory_mb"].max(),
         }
-        for step in steps
+        for rule, part in parts
     ]
-    jobs = [second for step in steps for second in step.seconds]
-    if jobs:
-        rows.append(
-            {
-                "rule": "all",
-                "jobs": len(jobs),
-                "total_s": round(sum(jobs), 2),
-                "mean_s": round(sum(jobs) / len(jobs), 2),
-                "longest_s": round(max(jobs), 2),
-                "cpu_s": round(sum(step.cpu_s for step in steps), 2),
-                "peak_memory_mb": round(max(step.memory_mb or 0.0 for step in steps)),
-            }
-        )
-    return rows
+    rows.sort(key=lambda row: (row["rule"] == "all", -row["total_s"], row["rule"]))
+    return make_table(TIMES, rows).round(2)
 
 
-def write_times(
-    steps: Sequence[StepTime], *, figure: str | Path, table: str | Path, page: str | Path
-) -> None:
-    """Write the bar chart, the `.tsv` and the HTML table of the steps' times."""
-    rows = time_rows(steps)
-    write_table(table, rows)
+def write_times(jobs: Table, *, figure: str | Path, table: str | Path, page: str | Path) -> None:
+    """Write the bar chart, the `.tsv` and the HTML table of all rules' times."""
+    times = rule_times(jobs)
+    write_table(table, times, TIMES)
+    headings = {
+        "total_s": "All jobs",
+        "mean_s": "One job, mean",
+        "longest_s": "Longest job",
+        "cpu_s": "Processor time",
+    }
     shown = [
         {
             "Rule": row["rule"],
             "Jobs": Cell(row["jobs"], "number"),
-            "All jobs": Cell(duration(row["total_s"]), "number", order=row["total_s"]),
-            "One job, mean": Cell(duration(row["mean_s"]), "number", order=row["mean_s"]),
-            "Longest job": Cell(duration(row["longest_s"]), "number", order=row["longest_s"]),
-            "Processor time": Cell(duration(row["cpu_s"]), "number", order=row["cpu_s"]),
-            "Peak memory (MB)": Cell(row["peak_memory_mb"], "number"),
+            **{
+                heading: Cell(duration(row[name]), "number", order=row[name])
+                for name, heading in headings.items()
+            },
+            "Peak memory (MB)": Cell(
+                "" if np.isnan(row["peak_memory_mb"]) else f"{row['peak_memory_mb']:.0f}", "number"
+            ),
         }
-        for row in rows
+        for row in times.to_dict("records")
     ]
     write_page(
         page,
@@ -125,7 +117,7 @@ def write_times(
         " kept from an earlier run are listed with the time they took then.</p>",
         html_table(shown),
     )
-    _plot(figure, steps)
+    _plot(figure, jobs, times[times["rule"] != "all"])
 
 
 def duration(seconds: float) -> str:
@@ -138,25 +130,25 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _plot(path: str | Path, steps: Sequence[StepTime]) -> None:
-    height = 1.2 + 0.32 * max(len(steps), 2)
+def _plot(path: str | Path, jobs: Table, times: Table) -> None:
+    height = 1.2 + 0.32 * max(len(times), 2)
     with saved_figure(path, width_in=10.0, height_in=height, columns=3) as (_, axes):
-        if not steps:
+        if not len(times):
             for each in axes:
                 show_message(each, "No benchmark yet")
             return
-        places = range(len(steps))
+        places = range(len(times))
         total, job, memory = axes
-        totals = [step.total_s for step in steps]
-        total.barh(places, totals, color=BLUE, height=0.68)
-        for place, value in zip(places, totals, strict=True):
+        total.barh(places, times["total_s"], color=BLUE, height=0.68)
+        for place, value in zip(places, times["total_s"], strict=True):
             label_bar(total, value, place, duration(value))
-        total.set_xlim(0, 1.45 * max(totals))
+        total.set_xlim(0, 1.45 * times["total_s"].max())
         total.set_xlabel("All jobs (s)")
-        for place, step in zip(places, steps, strict=True):
+        for place, rule in zip(places, times["rule"], strict=True):
+            seconds = jobs.loc[jobs["rule"] == rule, "s"].clip(lower=0.01)
             job.plot(
-                [max(second, 0.01) for second in step.seconds],
-                [place] * len(step.seconds),
+                seconds,
+                [place] * len(seconds),
                 "o",
                 ms=6,
                 color=ORANGE,
@@ -166,12 +158,11 @@ def _plot(path: str | Path, steps: Sequence[StepTime]) -> None:
         job.set_xscale("log")
         job.xaxis.set_major_formatter("{x:g}")
         job.set_xlabel("Each job (s)")
-        peaks = [step.memory_mb or 0.0 for step in steps]
-        memory.barh(places, peaks, color=GREEN, height=0.68)
+        memory.barh(places, times["peak_memory_mb"].fillna(0), color=GREEN, height=0.68)
         memory.set_xlabel("Peak memory of a job (MB)")
         for each in axes:
-            each.set_ylim(len(steps) - 0.4, -0.6)
-            each.set_yticks(places, [step.rule for step in steps] if each is total else [])
+            each.set_ylim(len(times) - 0.4, -0.6)
+            each.set_yticks(places, times["rule"] if each is total else [])
             each.tick_params(axis="y", length=0)
             each.spines["left"].set_visible(False)
             each.grid(True, axis="x")

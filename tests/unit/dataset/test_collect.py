@@ -3,11 +3,13 @@ import csv
 import numpy as np
 import pytest
 
-from drapeline.dataset.collect import collect_dataset
+from drapeline.dataset.collect import accepted_records, collect_dataset
 from drapeline.dataset.reader import Cloth3D
 from drapeline.dataset.record import meta_path, read_meta
+from drapeline.dataset.tables import ACTIONS, GARMENTS_WORN, OVERVIEW, SAMPLES, STATUS
 from drapeline.errors import DamagedFile, InputError
 from drapeline.manifest import MANIFEST, read_manifest, sum_file
+from drapeline.schema import read_table
 from drapeline.storage import write_json
 from toys.tiny_sample import write_tiny_sample
 
@@ -40,6 +42,12 @@ def test_accepted_samples_are_in_their_splits_and_rejected_ones_in_none(dataset)
     assert Cloth3D(dataset).ids == ["00001", "00002", "00004"]
     assert Cloth3D(dataset, "train").ids == ["00001", "00002"]
     assert list((dataset / "val").iterdir()) == []
+
+
+def test_accepted_samples_of_all_splits_come_by_id(dataset):
+    records = accepted_records(dataset)
+    assert [record.meta["id"] for record in records] == ["00001", "00002", "00004"]
+    assert all(record.accepted for record in records)
 
 
 def test_published_files_are_copies_that_may_be_spoilt(dataset):
@@ -84,6 +92,17 @@ def test_status_lists_every_sample_with_its_reason(dataset):
     assert rows["00003"]["reason"] == "1.20 % of the vertices inside the body"
     assert rows["00001"]["attempts"] == "1"
     assert rows["00001"]["removed_segments"] == "left_hand+right_hand"
+
+
+def test_every_table_is_of_its_schema(dataset):
+    for name, schema, count in (
+        ("status", STATUS, 4),
+        ("samples", SAMPLES, 3),
+        ("statistics_actions", ACTIONS, 1),
+        ("statistics_garments", GARMENTS_WORN, 2),
+    ):
+        assert len(read_table(dataset / f"{name}.tsv", schema)) == count
+    assert read_table(dataset / "statistics_overview.tsv", OVERVIEW)["all"].iloc[0] == "3"
 
 
 def test_samples_table_has_a_row_per_accepted_sample(dataset):

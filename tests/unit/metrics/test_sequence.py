@@ -6,19 +6,16 @@ import pytest
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.sequence import (
     CONTACT_EVERY,
-    Measured,
     MovingBody,
     acceleration_error_m_s2,
     canonical_measures,
     inside_means,
     segmentation_accuracy,
     sequence_measures,
-    sequence_summary,
     to_cloud_mm,
     vertex_error_mm,
     vertex_errors_mm,
 )
-from drapeline.metrics.table import HIGH, LOW, find_value
 from drapeline.seeding import rng_for
 
 
@@ -157,31 +154,6 @@ def test_canonical_error_is_also_taken_against_the_garment_as_made():
     assert set(canonical_measures(Mesh(*ball(0.31)), true)) == {"canonical_error_mm"}
     floor = canonical_measures(Mesh(*ball(0.31)), None, original)
     assert floor == {"canonical_to_original_mm": pytest.approx(10, abs=1.5)}
-
-
-def test_summary_weighs_sequences_alike_and_leaves_out_what_has_no_meaning():
-    measured = [
-        Measured(
-            f"s{k}",
-            "Skirt" if k < 3 else "Tshirt",
-            {
-                "vertex_error_mm": 10.0 * k,
-                "acceleration_error_m_s2": float("nan") if k == 2 else float(k),
-            },
-        )
-        for k in range(4)
-    ]
-    rows = sequence_summary(measured, variant="posed", split="test", seed=1)
-    skirt = find_value(rows, "posed", "test", "Skirt", "vertex_error_mm")
-    assert (skirt.model, skirt.value, skirt.n, skirt.unit) == ("garment4d", 10.0, 3, "mm")
-    low, high = (
-        find_value(rows, "posed", "test", "Skirt", "vertex_error_mm" + end).value
-        for end in (LOW, HIGH)
-    )
-    assert 0 <= low < 10 < high <= 20
-    smooth = find_value(rows, "posed", "test", "Skirt", "acceleration_error_m_s2")
-    assert (smooth.value, smooth.n, smooth.unit) == (0.5, 2, "m/s^2")
-    assert rows == sequence_summary(measured, variant="posed", split="test", seed=1)
 
 
 def test_sliding_along_a_plane_is_no_distance_between_surfaces():

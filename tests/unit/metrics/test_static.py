@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body
-from drapeline.metrics.baselines import static_baseline_summary
+from drapeline.metrics.measured_baselines import static_baseline_summary
 from drapeline.metrics.static import (
     Truth,
     add_kl,
     measure_predictions,
     measure_truth,
-    static_summary,
+    measured_at_rest,
 )
-from drapeline.metrics.table import ALL, HIGH, LOW, find_value
+from drapeline.metrics.table import ALL, find_value
 from drapeline.seeding import rng_for
 from toys.gcvae_files import torso_registration
 
@@ -79,25 +79,17 @@ def test_kl_stands_beside_its_garment():
         add_kl([{"mask_iou": 0.5}], np.array([3.0, 4.0]))
 
 
-def width(rows):
-    low, high = (find_value(rows, "v", "test", ALL, "mask_iou" + e).value for e in (LOW, HIGH))
-    return high - low
-
-
-def test_garments_of_one_outfit_make_no_interval_narrower(garments):
-    names = {"model": "svae", "variant": "v", "split": "test", "seed": 0}
-    values = rng_for(1, "values").uniform(size=4)
-    measures = [{"mask_iou": value} for value in np.repeat(values, 3)]
-    thrice = static_summary(garments, np.arange(ROWS), measures, **names)
-    once = static_summary(garments, np.arange(0, ROWS, 3), measures[::3], **names)
-    assert width(thrice) == pytest.approx(width(once))
-    assert {row.garment for row in thrice} == {ALL, "Tshirt"}
+def test_garments_of_one_outfit_are_dependent(garments):
+    measured = measured_at_rest(garments, np.arange(2, 5), [{"mask_iou": k} for k in range(3)])
+    assert [one.group for one in measured] == ["a", "b", "b"]
+    assert [one.measures["mask_iou"] for one in measured] == [0, 1, 2]
+    assert {one.garment for one in measured} == {"Tshirt"}
 
 
 def test_baselines_are_learned_from_the_training_split_and_measured_on_others(truth, garments):
     rows = static_baseline_summary(truth, garments, ["test"], components=8, seed=0)
-    assert {row.split for row in rows} == {"test"}
-    assert {row.variant for row in rows} == {"registered", "mean_garment", "nearest_cvar", "pca"}
+    assert set(rows["split"]) == {"test"}
+    assert set(rows["variant"]) == {"registered", "mean_garment", "nearest_cvar", "pca"}
     error = {
         name: find_value(rows, name, "test", ALL, "surface_error_mm")
         for name in ("registered", "mean_garment", "pca")

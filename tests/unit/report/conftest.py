@@ -2,8 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from drapeline.dataset.collect import collect_dataset
-from drapeline.report.dataset.records import accepted_records
+from drapeline.dataset.collect import accepted_records, collect_dataset
 from toys.tiny_sample import write_tiny_sample
 
 

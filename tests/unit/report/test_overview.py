@@ -9,13 +9,22 @@ from PIL import Image
 from drapeline.errors import InputError
 from drapeline.metrics.table import write_metrics
 from drapeline.report.overview import write_overview
-from toys.metric_rows import metric_row
+from drapeline.report.registration_table import SUMMARY
+from drapeline.schema import make_table, write_table
+from toys.metric_rows import metric_row, metric_table
 
-REGISTRATION = """metric\tgarments\ttotal
-garment_to_rebuilt_mean_mm\t3\t0.9
-garment_to_rebuilt_max_mm\t3\t60
-garment_to_rebuilt_mean_mm\t1\t0.7
-"""
+REGISTRATION = make_table(
+    SUMMARY,
+    [
+        {"source": "static", "garment": garment, "metric": metric, "garments": count}
+        | {"mean": 1.0, "median": 1.0, "max": 1.0, "total": total, "unit": "mm"}
+        for garment, metric, count, total in (
+            ("Skirt", "garment_to_rebuilt_mean_mm", 3, 0.9),
+            ("Skirt", "garment_to_rebuilt_max_mm", 3, 60.0),
+            ("Top", "garment_to_rebuilt_mean_mm", 1, 0.7),
+        )
+    ],
+)
 
 
 METRICS = [
@@ -28,7 +37,9 @@ METRICS = [
     metric_row("posed", "Tshirt", "vertex_error_mm", 50.0),
     metric_row("posed", "Tshirt", "vertex_error_mm", 90.0, source="xpbd"),
     *(
-        metric_row(f"smplicit_{model}_{variant}", "all", "surface_to_true_mm", value)
+        metric_row(
+            f"smplicit_{model}_{variant}", "all", "surface_to_true_mm", value, model="smplicit"
+        )
         for model, variant, value in (
             *[("upper", "fitted", 3.0), ("skirt", "fitted", 5.0)],
             *[("upper", "mean_code", 20.0), ("upper", "nearest_cut", 30.0)],
@@ -50,8 +61,8 @@ def overview(tmp_path):
             pictures[name] = tmp_path / f"{name}.png"
             pixels = rng.integers(256, size=(size[1], size[0], 3), dtype=np.uint8)
             Image.fromarray(pixels).save(pictures[name])
-        (tmp_path / "registration.tsv").write_text(REGISTRATION)
-        write_metrics(tmp_path / "metrics.tsv", metrics)
+        write_table(tmp_path / "registration.tsv", REGISTRATION, SUMMARY)
+        write_metrics(tmp_path / "metrics.tsv", metric_table(metrics))
         page = tmp_path / "overview.html"
         write_overview(
             page, dataset.path, pictures, tmp_path / "registration.tsv", tmp_path / "metrics.tsv"
@@ -80,12 +91,12 @@ def test_errors_stand_beside_the_best_baseline_and_only_for_models_that_there_ar
 ):
     shown = numbers(overview(dataset))
     at_rest = shown["Garments at rest, rebuilt from codes"]
-    assert at_rest == ("3.3 mm", "masked PPCA; garment VAE: 12.0 mm; PCA of offsets: 5.3 mm")
+    assert at_rest == ("3.3 mm", "Masked PPCA (ours); Garment VAE: 12.0 mm; PCA of offsets: 5.3 mm")
     assert "Garments in motion, rebuilt from codes" not in shown
     # The mean of the types, and a baseline that was not evaluated.
-    assert shown["Garments in motion, from point clouds"] == ("45.0 mm", "Garment4D")
+    assert shown["Garments in motion, from point clouds"] == ("45.0 mm", "Garment4D, posed stage")
     fields = shown["Garments at rest, from distance fields"]
-    assert fields == ("4.0 mm", "SMPLicit, fitted code; mean code: 20.0 mm")
+    assert fields == ("4.0 mm", "SMPLicit, fitted code; SMPLicit, mean code: 20.0 mm")
     assert not any(title.startswith("Garments ") for title in numbers(overview(dataset, [])))
 
 

@@ -1,9 +1,10 @@
 import csv
 
+import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.report.times import duration, step_times, time_rows, write_times
+from drapeline.report.times import duration, job_times, rule_times, write_times
 
 HEADER = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
 
@@ -24,16 +25,17 @@ def folders(tmp_path):
 
 
 def test_jobs_of_a_rule_add_up(folders):
-    steps = {step.rule: step for step in step_times(folders)}
-    assert list(steps) == ["simulate_outfit", "bake_body", "collect_dataset"]
-    assert steps["simulate_outfit"].total_s == pytest.approx(60.75)
-    assert steps["simulate_outfit"].memory_mb == 500
-    assert steps["collect_dataset"].memory_mb is None
-    assert steps["collect_dataset"].cpu_s == 0
+    times = rule_times(job_times(folders)).set_index("rule")
+    assert list(times.index) == ["simulate_outfit", "bake_body", "collect_dataset", "all"]
+    simulation = times.loc["simulate_outfit"]
+    assert simulation["total_s"] == pytest.approx(60.75)
+    assert simulation["peak_memory_mb"] == 500
+    assert np.isnan(times.loc["collect_dataset", "peak_memory_mb"])
+    assert times.loc["collect_dataset", "cpu_s"] == 0
 
 
 def test_the_last_row_is_the_sum_of_the_others(folders):
-    *rows, total = time_rows(step_times(folders))
+    *rows, total = rule_times(job_times(folders)).to_dict("records")
     for key in ("jobs", "total_s", "cpu_s"):
         assert total[key] == pytest.approx(sum(row[key] for row in rows))
     assert total["total_s"] == pytest.approx(20.5 + 40.25 + 0.5 + 30)
@@ -41,14 +43,12 @@ def test_the_last_row_is_the_sum_of_the_others(folders):
 
 
 def test_figure_table_and_page_show_the_same(folders, tmp_path):
-    steps = step_times(folders)
+    jobs = job_times(folders)
     paths = {name: tmp_path / name for name in ("figure.svg", "table.tsv", "page.html")}
-    write_times(
-        steps, figure=paths["figure.svg"], table=paths["table.tsv"], page=paths["page.html"]
-    )
+    write_times(jobs, figure=paths["figure.svg"], table=paths["table.tsv"], page=paths["page.html"])
     with open(paths["table.tsv"], newline="") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
-    assert [row["rule"] for row in rows] == [*(step.rule for step in steps), "all"]
+    assert [row["rule"] for row in rows] == rule_times(jobs)["rule"].tolist()
     for name in ("figure.svg", "page.html"):
         text = paths[name].read_text()
         for word in ("simulate_outfit", "bake_body", "1 min 01 s"):
@@ -58,7 +58,7 @@ def test_figure_table_and_page_show_the_same(folders, tmp_path):
 def test_no_benchmark_gives_an_empty_table_and_a_figure_that_says_so(tmp_path):
     paths = {name: tmp_path / name for name in ("figure", "table", "page")}
     paths["figure"] = tmp_path / "figure.svg"
-    write_times(step_times([tmp_path / "none"]), **paths)
+    write_times(job_times([tmp_path / "none"]), **paths)
     assert "No benchmark yet" in paths["figure"].read_text()
     assert "<p>None.</p>" in paths["page"].read_text()
 
@@ -67,13 +67,13 @@ def test_no_benchmark_gives_an_empty_table_and_a_figure_that_says_so(tmp_path):
     ("text", "message"),
     [
         ("s\tcpu_time\n1\t1\n", r"x.tsv: lacks column max_rss; it has s, cpu_time"),
-        (HEADER + "fast" + "\t0" * 9 + "\n", "x.tsv: s is 'fast', expected a number"),
+        (HEADER + "fast" + "\t0" * 9 + "\n", "x.tsv: line 2: s is 'fast', expected a number"),
     ],
 )
 def test_unusable_benchmarks_are_named(tmp_path, text, message):
     (tmp_path / "x.tsv").write_text(text)
     with pytest.raises(InputError, match=message):
-        step_times([tmp_path])
+        job_times([tmp_path])
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics import sequence as metrics
+from drapeline.metrics.garment4d import MODEL
+from drapeline.metrics.metric import Measured
 from drapeline.metrics.reconstructions import Reconstruction
-from drapeline.metrics.sequence import Measured
-from drapeline.metrics.table import ALL, MetricRow
+from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.canonical_stage import CanonicalStage
 from drapeline.models.garment4d.guessed_labels import GuessedLabels
@@ -36,6 +37,7 @@ from drapeline.models.training.digests import tensors_digest
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.rule_log import progress
+from drapeline.schema import Table
 from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
@@ -68,17 +70,14 @@ class Evaluation:
                 " more to measure"
             )
 
-    def rows(self) -> list[MetricRow]:
+    def rows(self) -> Table:
         """Rows of the table of metrics."""
-        rows = [
-            row
+        how = {"model": MODEL, "split": self.split, "seed": self.settings.seed}
+        parts = (
+            summarise(measured, variant=variant, **how)
             for variant, measured in self._measured.items()
-            for row in metrics.sequence_summary(
-                measured, variant=variant, split=self.split, seed=self.settings.seed
-            )
-        ]
-        # A table holds one type; several of them are joined, and "all" would be there twice.
-        return [row for row in rows if row.garment != ALL]
+        )
+        return without_all(join(parts))
 
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
         """Record measures of a variant on a sequence."""
@@ -338,7 +337,7 @@ def evaluate(
     *,
     pictures: str | Path,
     vertex_sampled: BodySequences | None = None,
-) -> list[MetricRow]:
+) -> Table:
     """Rows of the table of metrics for all variants of a type, and reconstructions for figures.
 
     Ablations, sweeps and noisy bodies are for the test split alone.
@@ -355,7 +354,7 @@ def evaluate(
         vertex_sampled: the same sequences with points sampled as in the released code; None to
             leave them out.
     """
-    data, table = sequences.data, []
+    data, tables = sequences.data, []
     with atomic_folder(pictures) as scratch:
         for split in splits:
             evaluation = Evaluation(sequences, split, settings)
@@ -386,6 +385,6 @@ def evaluate(
                     released = Evaluation(vertex_sampled, split, settings)
                     for sequence in released.simulated.tolist():
                         released.measure_posed("vertex_sampled", posed["posed"], sequence)
-                    table += released.rows()
-            table += evaluation.rows()
-    return table
+                    tables.append(released.rows())
+            tables.append(evaluation.rows())
+    return join(tables)

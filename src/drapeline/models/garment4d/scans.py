@@ -11,12 +11,15 @@ import numpy as np
 from drapeline.bodies.model import posed_vertices
 from drapeline.dataset.scans import ScanSequence
 from drapeline.metrics import sequence as metrics
+from drapeline.metrics.garment4d import MODEL
+from drapeline.metrics.metric import Measured
 from drapeline.metrics.reconstructions import Reconstruction
-from drapeline.metrics.table import ALL, MetricRow
+from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.reconstruct import ReconstructedGarment, build_reconstruction
 from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
 from drapeline.registration.settings import RefineSettings
+from drapeline.schema import Table
 
 SPLIT = "scans"
 _SHOWN = 48  # frames of the sequence that pictures are made of, at most
@@ -34,7 +37,7 @@ class ScannedGarment(NamedTuple):
 
     canonical: np.ndarray
     final: np.ndarray
-    rows: list[MetricRow]
+    rows: Table
     shown: Reconstruction
 
 
@@ -83,7 +86,7 @@ def _measure(
     made: ReconstructedGarment,
     final: np.ndarray,
     seed: int,
-) -> list[MetricRow]:
+) -> Table:
     """Table 5 for the proposals, the posed stage and our last step, against the whole scans."""
 
     @cache
@@ -91,7 +94,7 @@ def _measure(
         return posed_vertices(body.model, body.shape, scans.body.poses[frame][None])[0][0]
 
     moving = metrics.MovingBody(body_vertices, body.model.faces)
-    rows = []
+    tables = []
     steps = {"lbs": made.proposal, "posed": made.final, "ours": final}
     for variant, vertices in steps.items():
         measures = metrics.sequence_measures(
@@ -99,6 +102,6 @@ def _measure(
             body=moving,
             points=[scan.points for scan in scans.scans],
         )
-        one = metrics.Measured(SPLIT, garment, measures)
-        rows += metrics.sequence_summary([one], variant=variant, split=SPLIT, seed=seed)
-    return [row for row in rows if row.garment != ALL]
+        one = Measured(SPLIT, garment, measures)
+        tables.append(summarise([one], model=MODEL, variant=variant, split=SPLIT, seed=seed))
+    return without_all(join(tables))

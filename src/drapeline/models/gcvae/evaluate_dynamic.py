@@ -4,15 +4,17 @@ from collections.abc import Iterable, Mapping
 
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.moving import MovingGarment
-from drapeline.metrics.dynamic import Measured, measure_motion, moving_summary
+from drapeline.metrics.dynamic import measure_motion, measured_in_motion
+from drapeline.metrics.metric import Measured
 from drapeline.metrics.static import add_kl
-from drapeline.metrics.table import MetricRow
+from drapeline.metrics.table import join, summarise
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import encode_garments
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
 from drapeline.models.gcvae.posed_points import decode_points, resolve_points
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
+from drapeline.schema import Table
 
 RESOLVED_SUFFIX = "_settled"  # of a variant whose garments were pushed out of the body
 
@@ -24,7 +26,7 @@ def evaluate_dynamic(
     bodies: Mapping[str, BodyModel],
     topology: Topology,
     variant: str,
-) -> list[MetricRow]:
+) -> Table:
     """Rows of the table of metrics for a dynamic model.
 
     A model that resolves penetration has rows of its garments before and after that.
@@ -36,7 +38,6 @@ def evaluate_dynamic(
         topology: of the super-resolved bodies.
         variant: name of the model in the table.
     """
-    seed = model.seed
     found = []
     for split, movings in held_out.items():
         measured: dict[str, list[Measured]] = {}
@@ -53,9 +54,9 @@ def evaluate_dynamic(
                 decoded[variant + RESOLVED_SUFFIX] = resolved
             for name, cloth in decoded.items():
                 measures = measure_motion(moving, frames, cloth, body, topology)
-                rows_of = add_kl(measures, codes.kl_nat())
-                own = Measured(moving.sample, moving.name, moving.source, rows_of)
-                measured.setdefault(name, []).append(own)
+                own = measured_in_motion(moving, add_kl(measures, codes.kl_nat()))
+                measured.setdefault(name, []).extend(own)
         for name, own in measured.items():
-            found += moving_summary(own, model=model.model, variant=name, split=split, seed=seed)
-    return found
+            how = {"model": model.model, "variant": name, "split": split, "seed": model.seed}
+            found.append(summarise(own, **how, stream=(name, split)))
+    return join(found)

@@ -1,37 +1,19 @@
 """Metrics of garments at rest, reconstructed by a trained VAE."""
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from drapeline.metrics.static import (
-    StaticRows,
-    Truth,
     add_kl,
     measure_predictions,
-    static_summary,
+    measured_at_rest,
 )
-from drapeline.metrics.table import MetricRow
-from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.codec import GarmentCodec, Garments
+from drapeline.metrics.table import join, summarise
+from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes, decode_codes
-from drapeline.registration.to_body.topology import TOPOLOGIES
-
-
-class StaticGarments(Garments, StaticRows, Protocol):
-    """Registered garments in rest pose: what encoding reads and what evaluation reads."""
-
-
-def static_truth(template: BodyTemplate, garments: StaticGarments) -> Truth:
-    """The dataset as evaluation takes it, with the bodies and faces of a model's template."""
-    return Truth(
-        garments.offsets,
-        garments.mask,
-        body=lambda row: template.rest_body(garments.cvar(np.array([row]))[0]),
-        faces=lambda row: template.faces[TOPOLOGIES[int(garments.topology(np.array([row]))[0])]],
-        body_faces=template.faces[TOPOLOGIES[0]],
-    )
+from drapeline.models.gcvae.truth import StaticGarments, static_truth
+from drapeline.schema import Table
 
 
 def measure_static(
@@ -47,7 +29,7 @@ def measure_static(
 
 def evaluate_static(
     model: GarmentCodec, garments: StaticGarments, codes: Codes, variant: str, splits: Sequence[str]
-) -> list[MetricRow]:
+) -> Table:
     """Rows of the table of metrics for a static model.
 
     Args:
@@ -55,12 +37,11 @@ def evaluate_static(
         variant: name of the model in the table.
         splits: to measure on.
     """
-    seed = model.seed
     found = []
     for split in splits:
         rows = garments.rows(split)
         measures = measure_static(model, garments, rows, codes.of(rows))
-        found += static_summary(
-            garments, rows, measures, model=model.model, variant=variant, split=split, seed=seed
-        )
-    return found
+        measured = measured_at_rest(garments, rows, measures)
+        how = {"model": model.model, "variant": variant, "split": split, "seed": model.seed}
+        found.append(summarise(measured, **how, stream=(variant, split), by_source=False))
+    return join(found)

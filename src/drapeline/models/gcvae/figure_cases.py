@@ -18,9 +18,9 @@ from drapeline.metrics.predictions import GarmentCase, WornGarment
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes, decode_codes, encode_garments
 from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.evaluate_static import StaticGarments, static_truth
 from drapeline.models.gcvae.posed_points import decode_points_for_display
 from drapeline.models.gcvae.sampling.types import smooth_bootstrap
+from drapeline.models.gcvae.truth import StaticGarments, static_truth
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_body.topology import Topology

@@ -9,9 +9,9 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import Codes
-from drapeline.models.gcvae.evaluate_static import StaticGarments
 from drapeline.models.gcvae.sampling.draw import decode_by_type
 from drapeline.models.gcvae.sampling.types import GarmentTypes
+from drapeline.models.gcvae.truth import StaticGarments
 from drapeline.outfits.garment_types import GARMENTS
 
 _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5

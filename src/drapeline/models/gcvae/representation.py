@@ -13,7 +13,7 @@ from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import decode_codes, encode_garments
-from drapeline.models.gcvae.evaluate_static import static_truth
+from drapeline.models.gcvae.truth import static_truth
 
 
 class RegisteredOffsets:

@@ -17,7 +17,7 @@ from drapeline.registration.to_body.topology import Topology, save_topology
 from drapeline.storage import load_npz, save_npz
 
 if TYPE_CHECKING:
-    from drapeline.models.gcvae.evaluate_static import StaticGarments
+    from drapeline.models.gcvae.truth import StaticGarments
 
 TRAINING_CODES, TOPOLOGY = "training_codes.npz", "topology.npz"
 

@@ -27,7 +27,8 @@ from drapeline.metrics.garment import (
     area_distances_mm,
     shape_measures,
 )
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.static import measured_at_rest
+from drapeline.metrics.table import join, summarise
 from drapeline.models.smplicit.held_out import HeldOut
 from drapeline.models.smplicit.model import SmplicitModel, garment_of_field
 from drapeline.models.smplicit.network import GarmentField, Points
@@ -37,7 +38,7 @@ from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, resize
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
-from drapeline.seeding import rng_for
+from drapeline.schema import Table
 
 MODEL = "smplicit"
 Measures = dict[str, float]
@@ -205,7 +206,7 @@ class FieldEvaluation:
         self._model, self._data, self._meshes = model, data, meshes
         self._meshing, self._fit, self._seed = meshing, fit, seed
 
-    def run(self, split: str, untrained: GarmentField) -> tuple[list[MetricRow], HeldOut]:
+    def run(self, split: str, untrained: GarmentField) -> tuple[Table, HeldOut]:
         """All rows of a split, and what was rebuilt.
 
         Args:
@@ -235,7 +236,7 @@ class FieldEvaluation:
         random = fit_held_out(untrained, self._data, rows, self._fit)
         found["untrained"] = field_errors(untrained, self._data, rows, random)
         found["constant"] = constant_errors(self._data, rows, network.d_max_m)
-        table = [row for name, part in found.items() for row in self._rows(name, part, rows, split)]
+        table = join(self._rows(name, part, rows, split) for name, part in found.items())
         return table, HeldOut(self._data.outfit[rows], self._data.garment[rows], z, sheets)
 
     def _body(self, row: int) -> Mesh:
@@ -289,20 +290,11 @@ class FieldEvaluation:
             garment = carry(self._meshes[int(known[near])], other.vertices, body.vertices)
             yield surface_measures(garment, self._meshes[int(row)], body)
 
-    def _rows(
-        self, name: str, measures: Sequence[Measures], rows: np.ndarray, split: str
-    ) -> list[MetricRow]:
+    def _rows(self, name: str, measures: Sequence[Measures], rows: np.ndarray, split: str) -> Table:
         variant = f"{MODEL}_{self._model.name}_{name}"
-        return summary_rows(
-            rng_for(self._seed, "intervals", variant, split),
-            measures,
-            [GARMENTS[garment] for garment in self._data.garment[rows]],
-            self._data.outfit[rows].tolist(),
-            model=MODEL,
-            variant=variant,
-            split=split,
-            seed=self._seed,
-        )
+        measured = measured_at_rest(self._data, rows, measures)
+        how = {"model": MODEL, "variant": variant, "split": split, "seed": self._seed}
+        return summarise(measured, **how, stream=(variant, split), by_source=False)
 
 
 def carry(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:

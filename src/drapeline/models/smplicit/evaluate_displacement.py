@@ -16,13 +16,14 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.pose_displacements import SimulatedFiles, SimulatedGarment
 from drapeline.metrics.garment import inside_measures, surface_distances_mm
-from drapeline.metrics.table import MetricRow, summary_rows
+from drapeline.metrics.metric import Measured
+from drapeline.metrics.table import join, summarise
 from drapeline.models.smplicit.displacement_baselines import ClusterDisplacement
 from drapeline.models.smplicit.displacement_network import DisplacementField
 from drapeline.models.smplicit.repose import garment_weights
 from drapeline.models.smplicit.worn_displacement import WornDisplacement
 from drapeline.rule_log import progress
-from drapeline.seeding import rng_for
+from drapeline.schema import Table
 
 Measures = dict[str, float]
 _MODEL = "smplicit"
@@ -71,7 +72,7 @@ class DisplacementEvaluation:
             "untrained": _Variant("smoothed", _by_network(untrained)),
         }
 
-    def run(self, split: str, found: Sequence[SimulatedFiles]) -> list[MetricRow]:
+    def run(self, split: str, found: Sequence[SimulatedFiles]) -> Table:
         """A row per variant and measure.
 
         Args:
@@ -92,11 +93,9 @@ class DisplacementEvaluation:
         for files in progress(found, total=len(found), label="garments"):
             for name, measures in self._measure(files.load()):
                 measured[name] += measures
-        return [
-            row
-            for name, measures in measured.items()
-            for row in self._rows(name, measures, names, samples, split)
-        ]
+        return join(
+            self._rows(name, measures, names, samples, split) for name, measures in measured.items()
+        )
 
     def _measure(self, one: SimulatedGarment) -> Iterator[tuple[str, list[Measures]]]:
         body = self._bodies[one.gender]
@@ -128,18 +127,11 @@ class DisplacementEvaluation:
         garments: Sequence[str],
         samples: Sequence[str],
         split: str,
-    ) -> list[MetricRow]:
+    ) -> Table:
         variant = f"{_MODEL}_displacement_{self._name}_{name}"
-        return summary_rows(
-            rng_for(self._seed, "intervals", variant, split),
-            measures,
-            garments,
-            samples,
-            model=_MODEL,
-            variant=variant,
-            split=split,
-            seed=self._seed,
-        )
+        measured = map(Measured, samples, garments, measures)
+        how = {"model": _MODEL, "variant": variant, "split": split, "seed": self._seed}
+        return summarise(list(measured), **how, stream=(variant, split), by_source=False)
 
 
 def motion_measures(

@@ -21,8 +21,8 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures, mask_iou
-from drapeline.metrics.sequence import Measured, sequence_summary
-from drapeline.metrics.table import MetricRow
+from drapeline.metrics.metric import Measured
+from drapeline.metrics.table import join, summarise
 from drapeline.models.smplicit.fit_images import wearing
 from drapeline.models.smplicit.fit_pictures import (
     FittedGarment,
@@ -51,6 +51,7 @@ from drapeline.models.smplicit.pictures import (
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rendering.camera import Camera, facing_direction, look_at, view_direction
 from drapeline.rule_log import progress
+from drapeline.schema import Table
 from drapeline.seeding import rng_for
 
 MODEL = "smplicit"
@@ -238,7 +239,7 @@ class PictureEvaluation:
 
     def run(
         self, pictures: Sequence[KnownPicture], split: str
-    ) -> tuple[list[MetricRow], list[FittedPicture]]:
+    ) -> tuple[Table, list[FittedPicture]]:
         """All rows, and the pictures with what was found in them.
 
         Args:
@@ -267,17 +268,12 @@ class PictureEvaluation:
         for known, outfit in self._look_at_pairs(pictures):
             part = measure_outfit(known, outfit)
             _record(measured, "fitted_in_pair", known, part, means[known.picture.name], {})
-        return [
-            row
+        how = {"model": MODEL, "split": split, "seed": self._seed}
+        tables = (
+            summarise(part, variant=f"{MODEL}_images_{variant}", **how)
             for variant, part in measured.items()
-            for row in sequence_summary(
-                part,
-                variant=f"{MODEL}_images_{variant}",
-                split=split,
-                seed=self._seed,
-                model=MODEL,
-            )
-        ], shown
+        )
+        return join(tables), shown
 
     def _look_at_pairs(
         self, pictures: Sequence[KnownPicture]

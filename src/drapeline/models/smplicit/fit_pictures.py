@@ -8,7 +8,6 @@ import numpy as np
 import torch
 
 from drapeline.bodies.follow import PosedBody, pose_body
-from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
@@ -23,7 +22,7 @@ from drapeline.outfits.worn import Wearing, wear
 from drapeline.rendering.camera import Camera
 from drapeline.rendering.modalities import cast_rays
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, save_npz
+from drapeline.storage import atomic_folder, save_npz, write_rows
 
 if TYPE_CHECKING:
     from drapeline.models.smplicit.model import Meshing, SmplicitModel
@@ -350,7 +349,7 @@ def write_fitted(
                     }
                 )
         save_npz(scratch / "codes.npz", **codes)
-        write_table(scratch / "garments.tsv", rows)
+        write_rows(scratch / "garments.tsv", rows)
 
 
 def shown_picture(

@@ -9,7 +9,6 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
-from drapeline.dataset.tables import write_table
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.geometry.obj import load_obj, save_obj
@@ -21,7 +20,7 @@ from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.properties import region_of
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, load_npz, save_npz
+from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 
 GARMENTS_TABLE, CODES = "garments.tsv", "codes.npz"
 CORRELATIONS, REGRESSIONS = "correlations.tsv", "regressions.tsv"
@@ -80,7 +79,7 @@ def save_gallery(
             (REGRESSIONS, regression_rows(model.name, space)),
         ):
             texts = [{key: _text(value) for key, value in row.items()} for row in table]
-            write_table(scratch / file, texts)
+            write_rows(scratch / file, texts)
     return rows
 
 

@@ -11,7 +11,6 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import fit_scan_body
 from drapeline.dataset.segmented_scans import SegmentedScan
-from drapeline.dataset.tables import write_table
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
 from drapeline.metrics.fitted_scans import BODY, Fits
@@ -29,7 +28,7 @@ from drapeline.models.smplicit.variants import MODEL_OF_GARMENT
 from drapeline.outfits.worn import HungSheet, Wearing
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.rule_log import progress
-from drapeline.storage import atomic_folder, save_npz
+from drapeline.storage import atomic_folder, save_npz, write_rows
 
 _UP = np.array([0.0, 0.0, 1.0])  # of a scan's world
 
@@ -222,7 +221,7 @@ def write_found(
             shapes=np.stack([state.shape for state in states]),
             gender=scans[0].gender,
         )
-        write_table(scratch / "garments.tsv", rows)
+        write_rows(scratch / "garments.tsv", rows)
 
 
 def _mean_distance_mm(points: np.ndarray, mesh: Mesh) -> float:

@@ -1,4 +1,4 @@
-"""Render a still and a moving picture of a sample."""
+"""Pictures of samples: a still and a moving one of each, and a sheet of the learning group."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,9 +8,10 @@ import numpy as np
 from PIL import Image
 
 from drapeline.dataset.reader import Sample
-from drapeline.dataset.record import meta_path, read_meta
+from drapeline.dataset.record import meta_path, read_meta, read_record
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
+from drapeline.errors import InputError
 from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import (
     Camera,
@@ -19,7 +20,7 @@ from drapeline.rendering.camera import (
     look_at,
     view_direction,
 )
-from drapeline.rendering.picture_grid import text_card
+from drapeline.rendering.picture_grid import save_contact_sheet, text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import fabric_gloss
 from drapeline.rule_log import progress
@@ -141,3 +142,42 @@ def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
 def _save_still(path: str | Path, picture: np.ndarray) -> None:
     with atomic_file(path) as scratch:
         Image.fromarray(picture).save(scratch, format="PNG")
+
+
+_SIZE = (210, 280)
+_COLUMNS = 8
+
+
+def plot_learning(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:
+    """Draw the middle frames of accepted samples, spread evenly over all of them.
+
+    Args:
+        path: the PNG.
+        samples: folders of all samples of the group.
+        most: samples to show at most.
+
+    Returns:
+        Number of samples shown.
+
+    Raises:
+        InputError: no sample was accepted, or a file is unusable.
+    """
+    records = [record for record in map(read_record, samples) if record.accepted]
+    if not records:
+        raise InputError(
+            f"{path}: none of {len(samples)} samples was accepted, expected one or more to show"
+        )
+    rows = np.linspace(0, len(records) - 1, min(most, len(records))).round().astype(int)
+    shown = [records[row] for row in rows]
+    pictures = [
+        (render_still(record.folder, _SIZE), _caption(record.meta))
+        for record in progress(shown, total=len(shown), label="samples")
+    ]
+    save_contact_sheet(path, pictures, min(_COLUMNS, len(pictures)), letter=11)
+    return len(pictures)
+
+
+def _caption(meta: Mapping[str, Any]) -> str:
+    motion = meta["motion"]
+    clip, turned = motion["sequence"].rpartition("_")[0], ", mirrored" if motion["mirrored"] else ""
+    return f"{meta['id']}: {clip} at {motion['speed']:.2f}{turned}"

@@ -1,6 +1,5 @@
 """Figures and a table of the simulated samples' health."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from drapeline.dataset.record import SampleRecord, meta_path
-from drapeline.dataset.tables import read_table
+from drapeline.dataset.tables import STATUS
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FAINT, GREEN, SKY
 from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.style import place_legend_above, saved_figure, show_message
+from drapeline.schema import Table, read_table
 
 ACCEPTED_SHARE_MIN = 0.9
 _NAMED_SAMPLES = 48  # more rows would be illegible, so samples are ranked instead
@@ -211,8 +211,7 @@ def write_health_page(
     Raises:
         InputError: `status.tsv` is missing or lacks a column.
     """
-    columns = ("sample", "status", "reason", "attempts", "split", "sequence", "garments")
-    status = read_table(Path(dataset) / "status.tsv", columns)
+    status = read_table(Path(dataset) / "status.tsv", STATUS)
     write_page(
         path,
         "Health of the samples",
@@ -227,17 +226,15 @@ def write_health_page(
     )
 
 
-def _goal_rows(
-    status: Sequence[Mapping[str, str]], records: Sequence[SampleRecord]
-) -> list[dict[str, str]]:
-    counts = Counter(row["status"] for row in status)
-    share = counts["accepted"] / max(len(status), 1)
+def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str, str]]:
+    accepted = int((status["status"] == "accepted").sum())
+    share = accepted / max(len(status), 1)
     rows = [
         {
             "Measure": "Samples accepted",
             "Goal": Cell(f"at least {100 * ACCEPTED_SHARE_MIN:.0f} %", "number"),
             "Reached": _verdict(
-                f"{counts['accepted']} of {len(status)} ({100 * share:.0f} %)",
+                f"{accepted} of {len(status)} ({100 * share:.0f} %)",
                 share >= ACCEPTED_SHARE_MIN,
             ),
         }
@@ -287,24 +284,21 @@ def _verdict(text: str, good: bool, judged: bool = True) -> Cell:
     return Cell(f"{'✓' if good else '✗'} {text}", "number", "good" if good else "bad")
 
 
-def _sample_rows(
-    status: Sequence[Mapping[str, str]], accepted: Mapping[str, SampleRecord]
-) -> list[dict[str, str]]:
+def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[dict[str, str]]:
     rows = []
-    for row in status:
-        good = row["status"] == "accepted"
+    for row in status.itertuples():
         shown = {
-            "Sample": row["sample"],
-            "Status": Cell(row["status"], "good" if good else "bad"),
-            "Reason": row["reason"],
-            "Garments": row["garments"].replace("+", " + "),
-            "Motion": row["sequence"],
-            "Split": row["split"],
-            "Tries": Cell(row["attempts"], "number"),
+            "Sample": row.sample,
+            "Status": Cell(row.status, "good" if row.status == "accepted" else "bad"),
+            "Reason": row.reason,
+            "Garments": row.garments.replace("+", " + "),
+            "Motion": row.sequence,
+            "Split": row.split,
+            "Tries": Cell(row.attempts, "number"),
         }
         for measure in MEASURES.values():
             heading = measure.short + (f" ({measure.unit})" if measure.unit else "")
-            shown[heading] = _sample_cell(measure, accepted.get(row["sample"]))
+            shown[heading] = _sample_cell(measure, accepted.get(row.sample))
         rows.append(shown)
     return rows
 

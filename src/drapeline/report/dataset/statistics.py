@@ -1,65 +1,105 @@
-"""Figures of a dataset's content: garments, fabrics, actions, bodies, splits and sizes."""
+"""Contents of a dataset: figures, and tables 1 and 2 of the CLOTH3D paper beside its own.
 
-from collections import Counter, defaultdict
+The paper's numbers describe other data: they are marked and stand in a column of their own.
+"""
+
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from drapeline.dataset.record import SampleRecord, meta_path
 from drapeline.dataset.splits import SPLITS
-from drapeline.dataset.tables import read_table
+from drapeline.dataset.statistics import NO_ACTION
+from drapeline.dataset.tables import ACTIONS, OVERVIEW, SAMPLES
 from drapeline.errors import InputError
 from drapeline.report.colours import BLUE, FABRIC_COLOURS, GENDER_COLOURS, QUIET, SERIES
+from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
+from drapeline.schema import read_table
 
 _NOTHING = "No sample was accepted"
 _ROW_IN = 0.34
+OURS = "This dataset"
+THEIRS = "CLOTH3D, as printed"
+
+# Bertiche, Madadi and Escalera, CLOTH3D: Clothed 3D Humans, ECCV 2020.
+_TABLE_1 = {
+    "Res.": "1cm",
+    "Missing": "x",
+    "Dyn.": "✓",
+    "Garments": "~9.6K",
+    "Fabrics": "✓",
+    "Poses": "High",
+    "Subjects": "7.2K",
+    "Layered": "✓",
+    "#frames": "2.1M",
+    "Type": "Synth.",
+    "RGB": "x",
+    "GT error": "None",
+}
+_TEXT = {
+    "Sequences": "over 7000",
+    "Female to male": "2:1",
+    "Vertices per outfit": "around 20K",
+    "Megabytes per sequence": "35 to 40",
+    "Training : test": "80 : 20",
+}
+_TABLE_2 = {
+    "Walk": 27.49, "Animal": 10.79, "Fight": 4.38, "Jump": 2.78, "Run": 2.49, "Sing": 2.38,
+    "Wait": 2.31, "Swim": 1.97, "Story": 1.70, "Sports": 1.63, "Dance": 1.37, "Yoga": 1.01,
+    "Spin": 0.90, "Exercise": 0.84, "Climb": 0.71, "Carry": 0.67, "Stand": 0.66, "Wash": 0.63,
+    "Balancing": 0.54, "Trick": 0.51, "Sit": 0.28, "Interact": 0.20, "Drink": 0.14, "Pose": 0.14,
+    "Bend": 0.12, "Others": 33.36,
+}  # fmt: skip
 
 
 def plot_garments(path: str | Path, dataset: str | Path) -> None:
     """Draw the garments of each type, divided by fabric."""
-    rows = read_table(Path(dataset) / "samples.tsv", ("garments", "fabrics"))
-    counts: dict[str, Counter[str]] = defaultdict(Counter)
-    for row in rows:
-        worn = row["garments"].split("+"), row["fabrics"].split("+")
-        if len(worn[0]) != len(worn[1]):
-            raise InputError(
-                f"{Path(dataset) / 'samples.tsv'}: garments '{row['garments']}' with fabrics"
-                f" '{row['fabrics']}', expected one fabric for each garment"
-            )
-        for garment, fabric in zip(*worn, strict=True):
-            counts[garment][fabric] += 1
-    _stacked_bars(path, counts, FABRIC_COLOURS, "Garments")
+    table = Path(dataset) / "samples.tsv"
+    samples = read_table(table, SAMPLES)
+    worn = samples[["garments", "fabrics"]].map(lambda names: names.split("+"))
+    uneven = worn["garments"].map(len) != worn["fabrics"].map(len)
+    if uneven.any():
+        row = samples[uneven].iloc[0]
+        raise InputError(
+            f"{table}: garments '{row['garments']}' with fabrics '{row['fabrics']}', expected one"
+            " fabric for each garment"
+        )
+    worn = worn.explode(["garments", "fabrics"])
+    counts = pd.crosstab(worn["garments"], worn["fabrics"])
+    by_size = sorted(counts.index, key=lambda name: (-counts.loc[name].sum(), name))
+    _stacked_bars(path, counts.loc[by_size], FABRIC_COLOURS, "Garments")
 
 
 def plot_actions(path: str | Path, dataset: str | Path) -> None:
     """Draw the share of the frames of each action label (CLOTH3D's table 2), the largest on top."""
-    rows = read_table(Path(dataset) / "statistics_actions.tsv", ("action", "percent", "frames"))
-    with saved_figure(path, height_in=1.2 + _ROW_IN * max(len(rows), 2)) as (_, (axes,)):
-        if not rows:
+    actions = read_table(Path(dataset) / "statistics_actions.tsv", ACTIONS)
+    with saved_figure(path, height_in=1.2 + _ROW_IN * max(len(actions), 2)) as (_, (axes,)):
+        if not len(actions):
             show_message(axes, _NOTHING)
             return
-        shares = [float(row["percent"]) for row in rows]
-        axes.barh(range(len(rows)), shares, color=BLUE, height=0.68)
-        for place, (row, share) in enumerate(zip(rows, shares, strict=True)):
-            text = f"{share:.1f} %, {row['frames']} frames"
-            label_bar(axes, share, place, text)
-        axes.set_yticks(range(len(rows)), [row["action"] for row in rows])
+        axes.barh(range(len(actions)), actions["percent"], color=BLUE, height=0.68)
+        for row in actions.itertuples():
+            text = f"{row.percent:.1f} %, {row.frames} frames"
+            label_bar(axes, row.percent, row.Index, text)
+        axes.set_yticks(range(len(actions)), actions["action"])
         axes.invert_yaxis()
-        axes.set_xlim(0, 1.3 * max(shares))
+        axes.set_xlim(0, 1.3 * actions["percent"].max())
         axes.set_xlabel("Share of the frames (%)")
         _quiet_rows(axes)
 
 
 def plot_splits(path: str | Path, dataset: str | Path) -> None:
     """Draw the sequences of each split, divided by gender."""
-    rows = read_table(Path(dataset) / "samples.tsv", ("split", "gender"))
-    counts: dict[str, Counter[str]] = {split: Counter() for split in SPLITS} if rows else {}
-    for row in rows:
-        counts.setdefault(row["split"], Counter())[row["gender"]] += 1
-    _stacked_bars(path, counts, GENDER_COLOURS, "Sequences", by_size=False)
+    samples = read_table(Path(dataset) / "samples.tsv", SAMPLES)
+    counts = pd.crosstab(samples["split"], samples["gender"])
+    if len(samples):
+        counts = counts.reindex(SPLITS, fill_value=0)
+    _stacked_bars(path, counts, GENDER_COLOURS, "Sequences")
 
 
 def plot_bodies(path: str | Path, records: Sequence[SampleRecord]) -> None:
@@ -122,32 +162,24 @@ def _outfit_value(record: SampleRecord, key: str) -> list[float]:
 
 
 def _stacked_bars(
-    path: str | Path,
-    counts: Mapping[str, Mapping[str, int]],
-    colours: Mapping[str, str],
-    label: str,
-    by_size: bool = True,
+    path: str | Path, counts: pd.DataFrame, colours: Mapping[str, str], label: str
 ) -> None:
-    """Draw a horizontal bar for each key of `counts`, divided by the inner keys."""
-    names = list(counts)
-    if by_size:
-        names.sort(key=lambda name: (-sum(counts[name].values()), name))
-    found = {part for parts in counts.values() for part in parts}
-    parts = [*filter(found.__contains__, colours), *sorted(found - set(colours))]
+    """Draw a horizontal bar for each row of counts, divided by its columns."""
+    parts = [*filter(set(counts).__contains__, colours), *sorted(set(counts) - set(colours))]
     spare = iter(SERIES)
-    with saved_figure(path, height_in=1.5 + _ROW_IN * max(len(names), 2)) as (_, (axes,)):
-        if not names:
+    with saved_figure(path, height_in=1.5 + _ROW_IN * max(len(counts), 2)) as (_, (axes,)):
+        if not len(counts):
             show_message(axes, _NOTHING)
             return
-        ends = np.zeros(len(names))
+        places, ends = range(len(counts)), np.zeros(len(counts))
         for part in parts:
-            widths = np.array([counts[name].get(part, 0) for name in names])
+            widths = counts[part].to_numpy()
             colour = colours.get(part) or next(spare)
-            axes.barh(range(len(names)), widths, left=ends, color=colour, height=0.68, label=part)
+            axes.barh(places, widths, left=ends, color=colour, height=0.68, label=part)
             ends += widths
         for place, end in enumerate(ends):
             label_bar(axes, end, place, str(int(end)))
-        axes.set_yticks(range(len(names)), names)
+        axes.set_yticks(places, counts.index)
         axes.invert_yaxis()
         axes.set_xlim(0, 1.1 * ends.max())
         axes.xaxis.get_major_locator().set_params(integer=True)
@@ -160,3 +192,119 @@ def _quiet_rows(axes: Axes) -> None:
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="y", length=0)
     axes.grid(True, axis="x")
+
+
+def write_paper_tables(path: str | Path, dataset: str | Path) -> None:
+    """Write the page with tables 1 and 2.
+
+    Args:
+        path: the HTML page.
+        dataset: folder of a collected dataset.
+
+    Raises:
+        InputError: the dataset's statistics are missing or lack a column.
+    """
+    dataset = Path(dataset)
+    overview = read_table(dataset / "statistics_overview.tsv", OVERVIEW)
+    actions = read_table(dataset / "statistics_actions.tsv", ACTIONS)
+    write_page(
+        path,
+        "Tables 1 and 2 of CLOTH3D, for this dataset",
+        "<p>Shaded columns hold the numbers that the paper prints for its own dataset. They say how"
+        " large and varied the original is; they are not a target, and nothing here was computed"
+        " from its data.</p>",
+        "<h2>Table 1: what the dataset holds</h2>",
+        html_table(_table_1(overview.set_index("measure"))),
+        "<h2>More of this dataset, by split</h2>",
+        html_table(_by_split(overview)),
+        "<h2>Table 2: share of the frames per action label</h2>",
+        "<p>Labels follow the paper's where the motion is the same; a dash means that the dataset"
+        " has no such label.</p>",
+        html_table(_table_2(actions)),
+    )
+
+
+def _table_1(measures: pd.DataFrame) -> list[dict[str, str]]:
+    def ours(measure: str, part: str = "all") -> str:
+        return measures[part].get(measure, "-")
+
+    frames = int(ours("frames")) if ours("frames").isdigit() else 0
+    mine = {
+        "Res.": f"{ours('edge length (mm)')} mm",
+        "Missing": "x",
+        "Dyn.": "✓",
+        "Garments": f"{ours('garments')} of {ours('garment types')} types",
+        "Fabrics": f"✓ ({ours('fabrics')})",
+        "Poses": f"{ours('actions')} actions of {ours('motion clips')} clips",
+        "Subjects": ours("subjects (bodies)"),
+        "Layered": f"✓ ({ours('layered outfits')} of {ours('sequences')} outfits)",
+        "#frames": f"{frames:,}",
+        "Type": "Synth.",
+        "RGB": "✓",
+        "GT error": "None",
+        "Sequences": ours("sequences"),
+        "Female to male": f"{ours('female')}:{ours('male')}",
+        "Vertices per outfit": ours("vertices per outfit"),
+        "Megabytes per sequence": ours("megabytes per sequence"),
+        "Training : test": " : ".join(
+            (
+                ours("sequences", "train"),
+                f"{ours('sequences', 'val')} (validation)",
+                ours("sequences", "test"),
+            )
+        ),
+    }
+    meaning = {
+        "Res.": "Resolution (mean edge length)",
+        "Missing": "Missing data",
+        "Dyn.": "Dynamics",
+        "Garments": "Garments",
+        "Fabrics": "Fabrics known",
+        "Poses": "Variety of poses",
+        "Subjects": "Subjects (body shapes)",
+        "Layered": "Layered garments",
+        "#frames": "Frames",
+        "Type": "Origin",
+        "RGB": "Colour images",
+        "GT error": "Error of the ground truth",
+    }
+    return [
+        {
+            "Feature": meaning.get(key, key),
+            OURS: mine[key],
+            THEIRS: Cell(value, "theirs"),
+            "Where": Cell("table 1" if key in _TABLE_1 else "text", "theirs"),
+        }
+        for key, value in {**_TABLE_1, **_TEXT}.items()
+    ]
+
+
+def _table_2(actions: pd.DataFrame) -> list[dict[str, str]]:
+    """Our labels first, the largest on top, then the paper's that we lack."""
+    mine = actions.set_index(actions["action"].str.capitalize())
+    labels = [*mine.index, *(label for label in _TABLE_2 if label not in mine.index)]
+    labels.sort(key=lambda label: label == NO_ACTION)  # what is left over comes last
+    texts = mine.astype(object).assign(percent=mine["percent"].map("{:.2f} %".format))
+    texts = texts.reindex(labels, fill_value="-")
+    return [
+        {
+            "Action": label,
+            "Sequences": Cell(row["sequences"], "number"),
+            "Frames": Cell(row["frames"], "number"),
+            OURS: Cell(row["percent"], "number"),
+            THEIRS: Cell(
+                f"{_TABLE_2[label]:.2f} %" if label in _TABLE_2 else "-", "number", "theirs"
+            ),
+        }
+        for label, row in texts.iterrows()
+    ]
+
+
+def _by_split(overview: pd.DataFrame) -> list[dict[str, str]]:
+    return [
+        {
+            key.capitalize(): text if key == "measure" else Cell(text, "number")
+            for key, text in row.items()
+        }
+        for row in overview.to_dict("records")
+    ]

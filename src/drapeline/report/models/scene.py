@@ -1,12 +1,21 @@
-"""Where pictures of a dressed body are taken from."""
+"""Pictures of dressed bodies: the camera, and garments, clouds and errors before it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from trimesh.creation import icosahedron
 
+from drapeline.dataset.labels import LABELS
+from drapeline.dataset.scene_part import BODY_COLOUR
+from drapeline.geometry.mesh import Mesh
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.camera import Camera, look_at, view_direction
-from drapeline.rendering.raytracer import ColouredMesh, raytrace
+from drapeline.rendering.picture_grid import GridCell, heat_parts, save_grid
+from drapeline.rendering.raytracer import BACKDROP, ColouredMesh, raytrace
+from drapeline.report.colours import garment_colour
+from drapeline.rule_log import progress
 
 PICTURE_SIZE = (250, 290)
 _DISTANCE_M = 7.0
@@ -85,3 +94,119 @@ def share_scale(scenes: Sequence[Scene]) -> list[Scene]:
     return [
         replace(scene, height_m=height, target=(*scene.target[:2], middle_z)) for scene in scenes
     ]
+
+
+_SURFACE_M2 = 2.2  # of a dressed body, roughly: what a cloud's points are spread over
+_POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them
+_DEPTH_LEVELS, _HAZE = 6, 0.6  # distant points are drawn paler, so that near ones stand out
+
+
+def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:
+    """Draw a cloud (P, 3) as balls in the colours of its labels (P,), paler in the distance."""
+    colours = [BODY_COLOUR if name not in GARMENTS else garment_colour(name) for name in LABELS]
+    depth = points @ scene.camera(PICTURE_SIZE).axes[2]
+    share = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
+    level = np.minimum((share * _DEPTH_LEVELS).astype(int), _DEPTH_LEVELS - 1)
+    radius = _POINT_SHARE * np.sqrt(_SURFACE_M2 / len(points))
+    parts = []
+    for label, far in sorted(set(zip(labels.tolist(), level.tolist(), strict=True))):
+        haze = _HAZE * far / (_DEPTH_LEVELS - 1)
+        colour = (1 - haze) * np.array(colours[label]) + haze * BACKDROP
+        parts.append(
+            ColouredMesh(*_balls(points[(labels == label) & (level == far)], radius), colour)
+        )
+    return parts
+
+
+def _balls(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Icosahedra, which smooth normals make round."""
+    ball = icosahedron()
+    vertices = np.asarray(points, dtype=np.float64)[:, None] + radius * ball.vertices
+    first = len(ball.vertices) * np.arange(len(points))[:, None, None]
+    return vertices.reshape(-1, 3), (first + ball.faces).reshape(-1, 3)
+
+
+HEAT_SPAN_MM = 30.0
+_TARGET_HEIGHT_M = 0.95
+_EMPTY = 255  # white, like the background of the others
+
+
+_STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)
+
+
+@dataclass(frozen=True)
+class View:
+    """One picture of a garment.
+
+    Attributes:
+        garment: in the frame of the body, Z up; None draws the body alone.
+        body: its wearer, or None.
+        colour: sRGB of the garment in 0-1.
+        error_mm: (V,) of the garment's vertices, drawn as heat in place of the colour.
+        scene: where the picture is taken from.
+    """
+
+    garment: Mesh | None
+    body: Mesh | None
+    colour: Sequence[float] = (0.45, 0.6, 0.8)
+    error_mm: np.ndarray | None = None
+    scene: Scene = _STANDING
+
+
+def view_picture(
+    view: View, *, size: tuple[int, int] = (240, 250), samples: int = 14
+) -> np.ndarray:
+    """(height, width, 3) uint8 picture; the same scale for all views of one size."""
+    parts = []
+    if view.body is not None:
+        parts.append(ColouredMesh(view.body.vertices, view.body.faces, BODY_COLOUR))
+    if view.garment is not None and len(view.garment.faces):
+        vertices, faces = view.garment.vertices, view.garment.faces
+        if view.error_mm is None:
+            parts.append(ColouredMesh(vertices, faces, view.colour))
+        else:
+            error = view.error_mm[faces].mean(axis=1)
+            parts += heat_parts(vertices, faces, error, HEAT_SPAN_MM)
+    if not parts:
+        return np.full((size[1], size[0], 3), _EMPTY, dtype=np.uint8)
+    return view.scene.picture(parts, size, samples)
+
+
+def plot_views(
+    path: str | Path,
+    rows: Mapping[str, Sequence[View]],
+    *,
+    columns: Sequence[str] = (),
+    heat: bool = False,
+) -> None:
+    """Rows of views under their names.
+
+    Args:
+        path: the PNG.
+        rows: label -> views; labels may have several lines.
+        columns: titles above.
+        heat: add the colour bar of the errors.
+    """
+    pictures = [
+        [view_picture(view) for view in views]
+        for views in progress(rows.values(), total=len(rows), label="pictures")
+    ]
+    save_grid(
+        path,
+        [[GridCell(picture) for picture in row] for row in pictures],
+        labels=list(rows),
+        columns=columns,
+        heat_mm=HEAT_SPAN_MM if heat else None,
+    )
+
+
+def wearer_view(
+    wearer: Mesh,
+    colour: Sequence[float] = View.colour,
+    front: tuple[float, float] = Scene.front,
+) -> View:
+    """A view without a garment yet: the wearer on the floor, in the middle of the picture."""
+    low, high = wearer.vertices.min(axis=0), wearer.vertices.max(axis=0)
+    middle = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2)
+    scene = Scene(target=(*middle, _TARGET_HEIGHT_M), front=front, floor_z=float(low[2]))
+    return View(None, wearer, colour, scene=scene)

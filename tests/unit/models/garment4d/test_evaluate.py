@@ -43,7 +43,7 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     def value(variant, metric, split="test"):
         return find_value(rows, variant, split, "Skirt", metric).value
 
-    assert {row.garment for row in rows} == {"Skirt"}
+    assert set(rows["garment"]) == {"Skirt"}
     sequence = int(data.of_split("test")[0])
     true = data.garment[data.rows(sequence)]
     mean = 1000 * np.linalg.norm(data.canonical[sequence] - data.space.mean, axis=-1).mean()
@@ -59,7 +59,7 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     # Displacements are zero, so that skinning alone is the full model.
     noisy = [value(f"{v}noisy_body", "vertex_error_mm") for v in ("", "lbs_", "ours_")]
     assert noisy[0] == noisy[1] != noisy[2]
-    labels = {variant for _, variant, *_ in rows}
+    labels = {variant for variant in rows["variant"]}
     assert {"missing_30", "accuracy_100", "accuracy_50", "truth", "canonical", "ours"} <= labels
     assert 0 <= value("one_label", "segmentation_accuracy") <= 1
     assert value("label_by_vertex", "segmentation_accuracy") > value(
@@ -77,7 +77,9 @@ def test_every_variant_is_measured_against_the_truth(rows, data, identity, given
     # Simulated sequences alone are measured, though the split has another one.
     assert find_value(rows, "posed", "val", "Skirt", "vertex_error_mm").n == 1
     assert find_value(rows, "canonical", "val", "Skirt", "canonical_error_mm").n == 1
-    assert not [row for row in rows if row.split == "val" and row.variant == "noisy_body"]
+    assert not [
+        row for row in rows.itertuples() if row.split == "val" and row.variant == "noisy_body"
+    ]
 
 
 def test_garments_moved_by_skinning_are_never_measured(toy_body, tmp_path):
@@ -104,7 +106,7 @@ def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, ident
             None,
             pictures=tmp_path / "pictures",
         )
-        found.append({row.variant for row in rows if "noisy" in row.variant})
+        found.append({row.variant for row in rows.itertuples() if "noisy" in row.variant})
     assert found == [set(), {"noisy_body", "lbs_noisy_body", "ours_noisy_body"}]
 
 
@@ -116,7 +118,7 @@ def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequenc
     evaluation.measure_canonicals(stages)
     evaluation.measure_noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
     rows = evaluation.rows()
-    assert not [row for row in rows if row.variant == "pointnet_noisy_body"]
+    assert not [row for row in rows.itertuples() if row.variant == "pointnet_noisy_body"]
     plain, noisy = (
         find_value(rows, variant, "test", "Skirt", "canonical_error_mm").value
         for variant in ("canonical", "canonical_noisy_body")

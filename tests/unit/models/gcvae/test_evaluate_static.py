@@ -1,7 +1,9 @@
+import numpy as np
 import pytest
 
 from drapeline.models.gcvae.codes import encode_garments
 from drapeline.models.gcvae.evaluate_static import measure_static
+from drapeline.models.gcvae.truth import static_truth
 from drapeline.models.training.batches import as_tensors
 
 
@@ -22,3 +24,12 @@ def test_measures_are_those_of_the_network(model, garments):
         both, either = (seen & true[i]).sum(), (seen | true[i]).sum()
         assert row["mask_iou"] == pytest.approx((both / either).item(), abs=1e-6)
         assert row["kl_nat"] > 0
+
+
+def test_the_truth_stands_on_the_bodies_of_the_models_template(model, garments):
+    template = model.body_template
+    truth = static_truth(template, garments)
+    for row in garments.rows("test").tolist():
+        body = template.rest_body(garments.cvar(np.array([row]))[0])
+        np.testing.assert_array_equal(truth.body(row), body)
+        assert truth.faces(row).max() < len(body)

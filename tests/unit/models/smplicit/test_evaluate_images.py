@@ -181,10 +181,10 @@ def test_what_is_found_stands_beside_the_mean_and_the_nearest(evaluated):
     rows, _ = evaluated
     names = ("fitted", "fitted_in_pair", "nearest", "mean_code")
     variants = {f"smplicit_images_{name}" for name in names}
-    assert {row.variant for row in rows} == variants
-    assert {row.garment for row in rows} >= {"Skirt"}
-    assert {row.split for row in rows} == {"test"}
-    of = {(row.variant, row.metric) for row in rows}
+    assert set(rows["variant"]) == variants
+    assert set(rows["garment"]) >= {"Skirt"}
+    assert set(rows["split"]) == {"test"}
+    of = {(row.variant, row.metric) for row in rows.itertuples()}
     for variant in variants:
         assert (variant, "silhouette_iou") in of
         better = (variant, "better_than_mean_share") in of

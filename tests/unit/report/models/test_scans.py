@@ -1,4 +1,4 @@
-"""The page and the sheets of fits to scans."""
+"""The sheets of fits to scans."""
 
 import numpy as np
 from PIL import Image
@@ -9,9 +9,7 @@ from drapeline.dataset.segmented_scans import SegmentedScan, save_scans
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.fitted_scans import BODY, TRUE, save_fitted_scans
-from drapeline.metrics.table import HIGH, LOW, write_metrics
-from drapeline.report.models.scans import OWN, plot_own_scans, plot_scans, write_scans_page
-from toys.metric_rows import metric_row
+from drapeline.report.models.scans import OWN, plot_own_scans, plot_scans
 from toys.smplicit import tube
 
 STATE = BodyState.of(REST_POSE, np.zeros(3), np.zeros(10))
@@ -25,47 +23,6 @@ def scan(name="00007_015"):
     return SegmentedScan(
         name, 15, points, labels.astype(np.uint8), ("Skirt",), "female", STATE, None
     )
-
-
-def row(variant, garment, value, metric="surface_to_true_mm", source=""):
-    return metric_row(variant, garment, metric, value, model="scan", split="test", source=source)
-
-
-def test_fits_have_a_row_each_and_the_papers_figures_a_table_of_their_own(tmp_path):
-    rows = [
-        row("smplicit_scan_joint", "all", 12.34),
-        row("smplicit_scan_joint", "long lower", 21.0),
-        row("smplicit_scan_joint", "long lower", 20.0, "surface_to_true_mm" + LOW),
-        row("smplicit_scan_joint", "long lower", 22.0, "surface_to_true_mm" + HIGH),
-        row("svae_scan", "all", 56.78),
-        row("svae_scan", "all", 43.21, "true_to_surface_mm"),
-        row("scan_body_fitted", "all", 3.4, "vertex_error_mm"),
-    ]
-    write_metrics(tmp_path / "metrics.tsv", rows)
-    write_scans_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
-    page = (tmp_path / "page.html").read_text()
-    ours, back, bodies, paper = page.split("<table")[1:]
-    assert "12.3" in ours
-    assert "21.0 (20.0 to 22.0)" in ours
-    assert "short upper" not in ours
-    assert "3.4" in bodies
-    assert "TailorNet" in paper
-    assert "0.32" in paper
-    assert "0.32" not in ours + back
-    assert "43.2" in back
-    assert ours.count("<tr") == 3
-
-
-def test_garments_of_several_solvers_have_tables_of_their_own(tmp_path):
-    values = {"": 12.34, "blender": 56.78, "xpbd": 9.87}
-    rows = [row("smplicit_scan_joint", "all", value, source=name) for name, value in values.items()]
-    write_metrics(tmp_path / "metrics.tsv", rows)
-    write_scans_page(tmp_path / "page.html", tmp_path / "metrics.tsv")
-    every, blender, xpbd, *_ = (tmp_path / "page.html").read_text().split("<table")[1:]
-    assert "12.3" in every
-    assert "samples of blender alone" in every
-    assert "56.8" in blender
-    assert "9.9" in xpbd
 
 
 def test_a_sheet_has_a_row_for_each_scan_and_no_more_than_asked(tmp_path):

@@ -13,7 +13,7 @@ from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import save_contact_sheet
 from drapeline.report.colours import garment_colour
-from drapeline.report.models.views import View, view_picture, wearer_view
+from drapeline.report.models.scene import View, view_picture, wearer_view
 
 ERROR_COLUMNS = ("original", "registered", "registration error", "reconstruction", "its error")
 _MOVING_SIZE = (440, 480)

@@ -3,28 +3,28 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from drapeline.metrics.table import read_metrics
-from drapeline.report.html import html_table, write_page
-from drapeline.report.models.smplicit.tables import MODELS, metric_table
+import pandas as pd
 
-_VARIANTS = {
-    "nearest": "Skinning by the nearest vertex (the paper's)",
-    "smoothed": "Smoothed skinning",
-    "mean": "With the mean displacement",
-    "ridge": "With ridge regression on the pose",
-    "network": "With the network",
-    "other_pose": "With the network, pose of another frame",
-    "at_rest": "With the network, pose of rest",
-    "untrained": "With the untrained network",
-}
-_METRICS = {
-    "vertex_error_mm": ("Vertices (mm)", 1),
-    "predicted_to_true_mm": ("To the simulated cloth (mm)", 1),
-    "true_to_predicted_mm": ("From the simulated cloth (mm)", 1),
-    "area_ratio": ("Area, of the simulated (%)", 0),
-    "inside_share": ("Inside the body (%)", 1),
-    "inside_1cm_share": ("Deeper than 1 cm (%)", 1),
-}
+from drapeline.metrics.registry import variants
+from drapeline.metrics.smplicit import MODEL
+from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
+
+_MOVED = tuple(name for name in variants(MODEL) if name.startswith(f"{MODEL}_displacement_"))
+_SECTION = Section(
+    "Distances to the simulated cloth",
+    MetricTable(
+        _MOVED,
+        (
+            *("vertex_error_mm", "predicted_to_true_mm", "true_to_predicted_mm"),
+            *("area_ratio", "inside_share", "inside_1cm_share"),
+        ),
+        count="Frames",
+    ),
+    below="Displacements are added to smoothed skinning, for garments that have no code of their"
+    " own. The mean displacement is the fair opponent: it says how cloth hangs in motion whatever"
+    " the pose is. If the network gains by the pose, it is worse with that of a frame half a"
+    " sequence away, or of rest. Nothing is pushed out of the body here.",
+)
 
 
 def write_displacement_page(path: str | Path, tables: Iterable[str | Path]) -> None:
@@ -37,18 +37,15 @@ def write_displacement_page(path: str | Path, tables: Iterable[str | Path]) -> N
     Raises:
         InputError: a table is missing or unusable.
     """
-    rows = [row for table in tables for row in read_metrics(table) if row.model == "smplicit"]
-    models = {f"displacement_{name}": title for name, title in MODELS.items()}
-    write_page(
+    write_sections(
         path,
         "SMPLicit: garments in motion",
-        "<p>Simulated samples of the test split, which no training has seen, in frames spread over"
-        " their motion. The true garment at rest is displaced in the T-pose, as the pose asks for,"
-        " and skinned; then it is compared with the simulated frame. Means over frames with 95 %"
-        " intervals from resampling samples, where there are three or more.</p>",
-        html_table(metric_table(rows, _METRICS, models, _VARIANTS)),
-        "<p>Displacements are added to smoothed skinning, for garments that have no code of their"
-        " own. The mean displacement is the fair opponent: it says how cloth hangs in motion"
-        " whatever the pose is. If the network gains by the pose, it is worse with that of a frame"
-        " half a sequence away, or of rest. Nothing is pushed out of the body here.</p>",
+        [
+            "Simulated samples of the test split, which no training has seen, in frames spread over"
+            " their motion. The true garment at rest is displaced in the T-pose, as the pose asks"
+            " for, and skinned; then it is compared with the simulated frame. Means over frames"
+            " with 95 % intervals from resampling samples, where there are three or more.",
+        ],
+        [_SECTION],
+        pd.concat([read_test_metrics(table, [MODEL]) for table in tables]),
     )

@@ -12,8 +12,14 @@ from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import GridCell, save_contact_sheet, save_grid, text_card
 from drapeline.report.colours import garment_colour
-from drapeline.report.models.scene import Scene, fit_scene, share_scale
-from drapeline.report.models.views import View, view_picture, wearer_view
+from drapeline.report.models.scene import (
+    Scene,
+    View,
+    fit_scene,
+    share_scale,
+    view_picture,
+    wearer_view,
+)
 from drapeline.rule_log import progress
 
 _PIXELS = 64_000  # of a picture, whatever its sides

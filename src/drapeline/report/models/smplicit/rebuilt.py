@@ -6,7 +6,7 @@ from pathlib import Path
 from drapeline.metrics.garment import distances_mm
 from drapeline.metrics.predictions import RebuiltGarment
 from drapeline.report.colours import garment_colour
-from drapeline.report.models.views import View, plot_views, wearer_view
+from drapeline.report.models.scene import View, plot_views, wearer_view
 
 COLUMNS = ("original", "one layer", "its error", "walls", "mean code")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drapeline.metrics.table import HIGH, LOW
+from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.report.models.garment4d.curves import (
     curve,
     plot_ablation,
@@ -11,7 +11,8 @@ from drapeline.report.models.garment4d.curves import (
     plot_missing_curve,
     plot_neighbour_curve,
 )
-from toys.metric_rows import metric_row
+from drapeline.report.tables import read_test_metrics
+from toys.metric_rows import metric_row, metric_table
 
 
 def row(variant, metric, value, garment="Skirt", **others):
@@ -19,7 +20,7 @@ def row(variant, metric, value, garment="Skirt", **others):
 
 
 @pytest.fixture
-def rows():
+def rows(tmp_path):
     """A sweep over K and one over holes, a model of another kind, and a validation split."""
     found = [
         row(f"{prefix}_{number}", "vertex_error_mm" + end, value + number / 100)
@@ -27,7 +28,7 @@ def rows():
         for number in numbers
         for end, value in (("", 20.0), (LOW, 18.0), (HIGH, 23.0))
     ]
-    return [
+    rows = [
         *found,
         row("neighbours_4", "vertex_error_mm", 99.0, split="val"),
         row("neighbours_8", "vertex_error_mm", 99.0, model="other"),
@@ -37,22 +38,24 @@ def rows():
         row("no_transformer", "acceleration_error_m_s2", 9.75),
         row("lbs", "vertex_error_mm", 44.5),
     ]
+    write_metrics(tmp_path / "metrics.tsv", metric_table(rows))
+    return read_test_metrics(tmp_path / "metrics.tsv", ["garment4d"])
 
 
 def test_curve_rises_over_numbers_of_the_test_split(rows):
     found = curve(rows, "neighbours", "Skirt", "vertex_error_mm")
-    np.testing.assert_array_equal(found.at, [1, 16, 256])
-    np.testing.assert_allclose(found.value, [20.01, 20.16, 22.56])
-    np.testing.assert_allclose(found.high - found.low, 5)
-    assert not len(curve(rows, "neighbours", "Tshirt", "vertex_error_mm").at)
+    np.testing.assert_array_equal(found["at"], [1, 16, 256])
+    np.testing.assert_allclose(found["value"], [20.01, 20.16, 22.56])
+    np.testing.assert_allclose(found["high"] - found["low"], 5)
+    assert not len(curve(rows, "neighbours", "Tshirt", "vertex_error_mm"))
 
 
 def test_curve_begins_at_the_model_itself_unless_it_was_measured_anew(rows):
     ends = {0.0: "posed", 10.0: "lbs"}
     found = curve(rows, "missing", "Skirt", "vertex_error_mm", ends)
-    np.testing.assert_allclose(found.value, [20.5, 20.1, 20.5])
-    assert np.isnan(found.low[0])
-    assert not len(curve(rows, "accuracy", "Skirt", "vertex_error_mm", ends).at)
+    np.testing.assert_allclose(found["value"], [20.5, 20.1, 20.5])
+    assert np.isnan(found["low"].iloc[0])
+    assert not len(curve(rows, "accuracy", "Skirt", "vertex_error_mm", ends))
 
 
 def test_curves_name_what_they_show_or_say_that_there_is_nothing(rows, tmp_path):
@@ -75,7 +78,7 @@ def test_ablation_has_a_bar_per_measured_variant(rows, tmp_path):
     text = (tmp_path / "a.svg").read_text()
     for number in ("20.5", "24.5", "44.5", "3.25", "9.75"):
         assert f">{number}<" in text
-    assert "without temporal transformer" in text
-    assert "without body encoder" not in text
+    assert "Without temporal transformer" in text
+    assert "Without body surface encoder" not in text
     plot_ablation(tmp_path / "a.svg", rows, "Tshirt")
     assert (tmp_path / "a.svg").read_text().count(">Not measured.<") == 2

@@ -1,21 +1,29 @@
 """Figures 4 and 5 of Garment4D: what is in the pictures, not that there are any."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import REST_POSE
 from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.report.colours import garment_colour
-from drapeline.report.models.garment4d.steps import (
+from drapeline.report.models.garment4d.figures import (
     STEP_COLUMNS,
+    SkinnedTwice,
     animate_steps,
     cloud_parts,
+    plot_explained,
+    plot_modes,
+    plot_neighbours,
     plot_results,
     plot_steps,
     spread_frames,
     step_cells,
+    worst_place,
 )
 from drapeline.report.models.scene import Scene
 from drapeline.seeding import rng_for
@@ -130,3 +138,54 @@ def test_animation_has_a_picture_per_frame_with_all_stages(made, tmp_path):
 def test_frames_are_spread_over_the_sequence():
     assert spread_frames(10, 2) == [2, 7]
     assert spread_frames(3, 5) == [0, 1, 2]
+
+
+TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
+
+
+def test_the_worst_place_is_where_edges_changed_most():
+    posed = Rotation.from_rotvec([0.3, 1, 2]).apply(TUBE) + 5
+    posed[77] += 0.2
+    assert worst_place(TUBE, posed, FACES) == 77
+
+
+def test_neighbours_ring_the_worst_place_beside_its_close_up(made, tmp_path):
+    nearest = TUBE.copy()
+    vertex = int(np.argmax(TUBE[:, 0] - np.abs(TUBE[:, 2])))
+    nearest[vertex] += [0.1, 0, 0]
+    twice = SkinnedTwice("a", "Skirt", TUBE, FACES, nearest, TUBE, 0.9 * TUBE, FACES, 1.0)
+    plot_neighbours(tmp_path / "f7.png", [twice], 256)
+    np.testing.assert_allclose(made[0][1].vertices - made[2][1].vertices, nearest - TUBE)
+    sheet = np.asarray(Image.open(tmp_path / "f7.png")).astype(int)
+    left = sheet.shape[1] - 4 * 256
+    for column in range(4):
+        panel = sheet[:, left + 256 * column : left + 256 * (column + 1)]
+        ring = np.argwhere((np.abs(panel - [213, 94, 0]) < 40).all(-1))
+        assert (len(ring) > 40) == (column % 2 == 0)
+        if column == 0:
+            # The camera stands before the place, so that it is in the middle.
+            assert abs(ring[:, 1].mean() - 125) < 25
+
+
+TUBE, FACES = 2 * tube() - [0, 0, 0.6], tube_faces(False)
+
+
+def test_modes_go_through_the_mean(made, tmp_path):
+    components = np.stack([TUBE * [0.1, 0.1, 0], TUBE * [0, 0, 0.1]])
+    space = SimpleNamespace(
+        mean=TUBE, faces=FACES, components=components, explained=np.array([0.7, 0.2])
+    )
+    plot_modes(tmp_path / "modes.png", {"Skirt": space}, modes=5)
+    assert len(made) == 10
+    shapes = [parts[0].vertices - made[2][0].vertices for parts in made]
+    for shape, deviation in zip(shapes[5:], (-2, -1, 0, 1, 2), strict=True):
+        np.testing.assert_allclose(shape, deviation * components[1], atol=1e-9)
+
+
+def test_explained_variance_says_how_many_components_suffice(tmp_path):
+    space = SimpleNamespace(explained=np.array([0.6, 0.35, 0.04]))
+    short = SimpleNamespace(explained=np.array([0.5]))
+    plot_explained(tmp_path / "e.svg", {"Skirt": space, "Tshirt": short})
+    text = (tmp_path / "e.svg").read_text()
+    assert ">Skirt: 2 for 90 %<" in text
+    assert ">Tshirt<" in text

@@ -1,21 +1,25 @@
-"""Figures 4 and 5 of the Garment4D paper for our models: from point clouds to garments."""
+"""Figures of Garment4D: from point clouds to garments (4, 5 and 7 of the paper), and its spaces."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from matplotlib.ticker import PercentFormatter
+from PIL import Image, ImageDraw
 
 from drapeline.dataset.scene_part import BODY_COLOUR
+from drapeline.geometry.mesh import edges
 from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.metrics.sequence import vertex_errors_mm
 from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
 from drapeline.rendering.picture_grid import GridCell, heat_parts, join_pictures, save_grid
 from drapeline.rendering.raytracer import ColouredMesh
-from drapeline.report.colours import garment_colour
-from drapeline.report.models.clouds import cloud_parts
-from drapeline.report.models.scene import Scene, fit_scene, share_scale
+from drapeline.report.colours import GARMENT_COLOURS, QUIET, garment_colour
+from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale
+from drapeline.report.style import place_legend_above, saved_figure, show_message
 from drapeline.rule_log import progress
 
 HEAT_SPAN_MM = 80.0
@@ -154,3 +158,160 @@ def _dress(case: Reconstruction, frame: int, garment: np.ndarray) -> list[Colour
         ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR),
         ColouredMesh(garment, case.faces, garment_colour(case.garment)),
     ]
+
+
+_RING = (213, 94, 0)
+_CLOSE_M = 0.75  # what the height of a close-up spans
+
+
+class SkinnedTwice(NamedTuple):
+    """A garment posed by skinning weights of one body vertex, and of many.
+
+    Attributes:
+        label: of its row in the figure; may have several lines.
+        garment: its type.
+        canonical: (N, 3) metres.
+        faces: (n, 3) of the template.
+        nearest: (N, 3) posed with K = 1.
+        interpolated: (N, 3) posed with more neighbours.
+        body: (V, 3) in the same pose.
+        body_faces: (f, 3).
+        root_height: metres of the root joint above the floor.
+    """
+
+    label: str
+    garment: str
+    canonical: np.ndarray
+    faces: np.ndarray
+    nearest: np.ndarray
+    interpolated: np.ndarray
+    body: np.ndarray
+    body_faces: np.ndarray
+    root_height: float
+
+
+def plot_neighbours(path: str | Path, cases: Sequence[SkinnedTwice], neighbours: int) -> None:
+    """Figure 7: what K = 1 does to a garment, and what interpolated weights do.
+
+    The camera stands before the place where K = 1 deforms the garment most, which is ringed.
+
+    Args:
+        path: the PNG.
+        cases: one for each row.
+        neighbours: K of the interpolated weights.
+    """
+    rows = [_neighbour_cells(case) for case in progress(cases, label="skinned twice")]
+    save_grid(
+        path,
+        rows,
+        columns=("K = 1", "close-up", f"K = {neighbours}", "close-up"),
+        labels=[case.label for case in cases],
+    )
+
+
+def worst_place(canonical: np.ndarray, posed: np.ndarray, faces: np.ndarray) -> int:
+    """Vertex of a garment (N, 3) around which posing changed the lengths of edges most."""
+    ends = edges(faces)
+    before, after = (
+        np.linalg.norm(v[ends[:, 0]] - v[ends[:, 1]], axis=1) for v in (canonical, posed)
+    )
+    change = np.abs(np.log(np.maximum(after, 1e-9) / np.maximum(before, 1e-9)))
+    total = np.bincount(ends.ravel(), np.repeat(change, 2), len(canonical))
+    count = np.bincount(ends.ravel(), minlength=len(canonical))
+    return int(np.argmax(total / np.maximum(count, 1)))
+
+
+def _neighbour_cells(case: SkinnedTwice) -> list[GridCell]:
+    place = case.nearest[worst_place(case.canonical, case.nearest, case.faces)]
+    outwards = (place - case.nearest.mean(axis=0))[:2]
+    lifted = place + [0, 0, case.root_height]
+    towards = Scene(
+        front=(float(outwards[0]), float(outwards[1])), floor_z=-case.root_height, turn_deg=0.0
+    )
+    far = fit_scene(towards, [case.body, case.nearest, case.interpolated])
+    near = replace(far, target=tuple(lifted.tolist()), height_m=_CLOSE_M)
+    cells = []
+    for vertices in (case.nearest, case.interpolated):
+        parts = [
+            ColouredMesh(case.body, case.body_faces, BODY_COLOUR),
+            ColouredMesh(vertices, case.faces, garment_colour(case.garment)),
+        ]
+        cells.append(GridCell(_draw_ring(far.picture(parts), far, lifted)))
+        cells.append(GridCell(near.picture(parts)))
+    return cells
+
+
+def _draw_ring(picture: np.ndarray, scene: Scene, place: np.ndarray) -> np.ndarray:
+    """Draw a ring around what the close-up of a picture shows."""
+    height, width = picture.shape[:2]
+    (x, y), _ = scene.camera((width, height)).project(place)
+    radius = 0.36 * _CLOSE_M / scene.height_m * height
+    # Drawn large and shrunk: Pillow's own ellipses have steps.
+    image = Image.fromarray(picture).resize((4 * width, 4 * height), Image.Resampling.NEAREST)
+    box = [4 * v for v in (x - radius, y - radius, x + radius, y + radius)]
+    ImageDraw.Draw(image).ellipse(box, outline=_RING, width=7)
+    return np.asarray(image.resize((width, height), Image.Resampling.BOX))
+
+
+_DEVIATIONS = (-2, -1, 0, 1, 2)
+_SIZE = (210, 210)
+
+
+class Space(Protocol):
+    """Principal components of canonical garments, such as a `GarmentSpace`."""
+
+    faces: np.ndarray
+    mean: np.ndarray
+    components: np.ndarray
+    explained: np.ndarray
+
+
+def plot_explained(path: str | Path, spaces: Mapping[str, Space]) -> None:
+    """Share of the training variance that the first components of each type explain together."""
+    with saved_figure(path, 6.4, 3.6) as (_, (axes,)):
+        if not spaces:
+            show_message(axes, "There are no garment spaces.")
+            return
+        for name, space in spaces.items():
+            share = np.cumsum(np.concatenate([[0.0], space.explained]))
+            axes.plot(
+                np.arange(len(share)),
+                share,
+                color=GARMENT_COLOURS[name],
+                label=f"{name}: {int(np.argmax(share >= 0.9))} for 90 %"
+                if share[-1] >= 0.9
+                else name,
+            )
+        axes.axhline(0.9, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
+        axes.set(xlabel="Components", ylabel="Variance explained", ylim=(0, 1.02))
+        axes.set_xlim(left=0)
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.grid(axis="y")
+        place_legend_above(axes)
+
+
+def plot_modes(path: str | Path, spaces: Mapping[str, Space], *, modes: int = 3) -> None:
+    """The first components of each type, from -2 to 2 standard deviations from the mean.
+
+    Args:
+        path: the PNG.
+        spaces: type -> its components, in metres per standard deviation.
+        modes: rows of each type, at most.
+    """
+    rows, labels = [], []
+    for name, space in spaces.items():
+        count = min(modes, len(space.components))
+        shapes = [
+            [space.mean + d * space.components[mode] for d in _DEVIATIONS] for mode in range(count)
+        ]
+        points = np.concatenate(shapes).reshape(-1, 3)
+        scene = fit_scene(Scene(floor_z=float(points[:, 2].min())), [points], _SIZE)
+        # Lifted high above the floor, on which a garment alone would cast an odd shadow.
+        lifted = (*scene.target[:2], scene.target[2] + 10)
+        scene = replace(scene, floor_z=scene.floor_z - 10, target=lifted)
+        for mode in progress(range(count), label=name):
+            parts = [ColouredMesh(v, space.faces, garment_colour(name)) for v in shapes[mode]]
+            rows.append([GridCell(scene.picture([part], _SIZE)) for part in parts])
+            labels.append(f"{name}\nmode {mode + 1}\n{100 * space.explained[mode]:.1f} %")
+    columns = ["mean" if d == 0 else f"{d:+d} std. dev." for d in _DEVIATIONS]
+    save_grid(path, rows, columns=columns, labels=labels)

@@ -8,7 +8,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.metrics.dynamic_baselines import MEAN, STILL, mean_wrinkles, moving_baseline_summary
+from drapeline.metrics.measured_baselines import MEAN, STILL, mean_wrinkles, moving_baseline_summary
 from drapeline.metrics.table import find_value
 from drapeline.outfits.garment_types import GARMENTS
 from toys.moving import moving_garment

@@ -2,14 +2,16 @@
 
 import pytest
 
-from drapeline.dataset.tables import read_table
 from drapeline.errors import InputError
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
-from drapeline.report.registration.registration_table import (
+from drapeline.report.registration_table import (
+    ERRORS,
+    SUMMARY,
     TARGET_MM,
     summarise_errors,
     write_registration_tables,
 )
+from drapeline.schema import make_table, read_table
 
 
 def errors(garment, name, millimetres, holes):
@@ -23,11 +25,12 @@ def errors(garment, name, millimetres, holes):
 def test_a_summary_has_mean_median_largest_and_sum_of_each_type():
     rows = [*errors("Skirt", "a", 1.0, 0), *errors("Skirt", "b", 2.0, 1)]
     rows += [*errors("Skirt", "c", 6.0, 3), *errors("Top", "a", 0.5, 0)]
-    summary = {(r["garment"], r["metric"]): r for r in summarise_errors(rows, "static")}
+    table = summarise_errors(make_table(ERRORS, rows), "static")
+    summary = {(r["garment"], r["metric"]): r for r in table.to_dict("records")}
     assert len(summary) == 4
     skirt = summary["Skirt", "garment_to_rebuilt_mean_mm"]
-    assert [skirt[k] for k in ("garments", "mean", "median", "max")] == ["3", "3", "2", "6"]
-    assert summary["Skirt", "holes_after"]["total"] == "4"
+    assert [skirt[k] for k in ("garments", "mean", "median", "max")] == [3, 3, 2, 6]
+    assert summary["Skirt", "holes_after"]["total"] == 4
     assert summary["Top", "holes_after"]["source"] == "static"
 
 
@@ -41,8 +44,8 @@ def files(tmp_path):
 
 def test_table_and_page_hold_both_sources_and_judge_against_the_target(files, tmp_path):
     write_registration_tables(tmp_path / "t.tsv", tmp_path / "p.html", **files)
-    rows = read_table(tmp_path / "t.tsv", ("source", "garment"))
-    assert [(r["source"], r["garment"]) for r in rows] == [
+    rows = read_table(tmp_path / "t.tsv", SUMMARY)
+    assert list(zip(rows["source"], rows["garment"], strict=True)) == [
         *[("static", "Skirt")] * 2,
         *[("samples", "Top")] * 2,
     ]

@@ -1,14 +1,23 @@
-"""Predictions of garments in motion that need no network, and their metrics."""
+"""Metrics of predictions that need no network: of garments at rest, and of those in motion."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.errors import InputError
 from drapeline.learning_data.moving import MovingGarment
-from drapeline.metrics.dynamic import Measured, measure_inside, measure_motion, moving_summary
-from drapeline.metrics.table import MetricRow
+from drapeline.metrics.baselines import static_baselines
+from drapeline.metrics.dynamic import measure_inside, measure_motion, measured_in_motion
+from drapeline.metrics.metric import Measured
+from drapeline.metrics.static import (
+    StaticRows,
+    Truth,
+    measure_predictions,
+    measure_truth,
+    measured_at_rest,
+)
+from drapeline.metrics.table import join, summarise
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.dynamic_offsets import (
     dynamic_offsets,
@@ -16,8 +25,51 @@ from drapeline.registration.to_body.dynamic_offsets import (
 )
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
+from drapeline.schema import Table
 
 STILL, MEAN = "skinned_static", "skinned_mean"
+
+
+def static_baseline_summary(
+    truth: Truth, garments: StaticRows, splits: Sequence[str], *, components: int, seed: int
+) -> Table:
+    """Metrics of the baselines, fitted to the training split, and of the ground truth itself.
+
+    Args:
+        splits: to measure on.
+        components: of the PCA, at most.
+        seed: of the intervals.
+    """
+    everything = np.arange(len(garments.garment))
+    predictors = static_baselines(
+        garments.offsets,
+        garments.mask,
+        garments.garment,
+        garments.cvar(everything),
+        garments.rows("train"),
+        types=len(GARMENTS),
+        components=components,
+    )
+    found = []
+    for split in splits:
+        rows = garments.rows(split)
+        measured = {"registered": measure_truth(truth, rows)}
+        for name, predict in predictors.items():
+            guessed = ((row, predict(row)) for row in progress(rows.tolist(), label=name))
+            measured[name] = measure_predictions(truth, guessed)
+        for name, measures in measured.items():
+            found.append(
+                summarise(
+                    measured_at_rest(garments, rows, measures),
+                    model="truth" if name == "registered" else "baseline",
+                    variant=name,
+                    split=split,
+                    seed=seed,
+                    stream=(name, split),
+                    by_source=False,
+                )
+            )
+    return join(found)
 
 
 def mean_wrinkles(
@@ -62,7 +114,7 @@ def moving_baseline_summary(
     *,
     step: int,
     seed: int,
-) -> list[MetricRow]:
+) -> Table:
     """The static garment skinned by its weights, without and with the type's mean wrinkles.
 
     Args:
@@ -89,10 +141,11 @@ def moving_baseline_summary(
                     "unposed",
                 )
                 rows = measure_motion(moving, frames, points, body, topology)
-                measured[name].append(Measured(moving.sample, moving.name, moving.source, rows))
+                measured[name] += measured_in_motion(moving, rows)
             inside = measure_inside(moving, frames, moving.points(frames), body, topology)
-            measured["moving"].append(Measured(moving.sample, moving.name, moving.source, inside))
-        for name, rows in measured.items():
+            measured["moving"] += measured_in_motion(moving, inside)
+        for name, every in measured.items():
             model = "truth" if name == "moving" else "baseline"
-            found += moving_summary(rows, model=model, variant=name, split=split, seed=seed)
-    return found
+            how = {"model": model, "variant": name, "split": split, "seed": seed}
+            found.append(summarise(every, **how, stream=(name, split)))
+    return join(found)

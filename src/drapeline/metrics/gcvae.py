@@ -1,0 +1,43 @@
+"""Metrics and variants of the garment VAEs and of masked PPCA."""
+
+from drapeline.metrics.metric import Metric, Variant
+
+METRICS = {
+    "kl_nat": Metric("nat", "KL", 2, better=""),
+    # As CLOTH3D prints them: its angles are in radians, and its KL loss has no unit.
+    "normal_error_rad": Metric("rad", "Normals error", 2),
+    "kl_loss": Metric("", "KL loss", 4, better=""),
+}
+_PPCA = "Masked PPCA (ours)"
+VARIANTS = {
+    "svae": {
+        "svae": Variant("Garment VAE"),
+        "svae_no_normals": Variant("Garment VAE without normals"),
+        "svae_no_mask": Variant("Garment VAE without mask"),
+        "svae_no_cvar": Variant("Garment VAE without regressing conditional variables"),
+        "svae_uniform_pooling": Variant("Garment VAE with default pooling"),
+    },
+    "dvae": {
+        "dvae_posed_1": Variant("Garment VAE, X = C - T, 1 frame"),
+        "dvae_posed_4": Variant("Garment VAE, X = C - T, 4 frames"),
+        "dvae_unposed_1": Variant("Garment VAE, X_new, 1 frame"),
+        "dvae_unposed_4": Variant("Garment VAE, X_new, 4 frames"),
+    },
+    "ppca": {
+        "static_ppca": Variant(_PPCA),
+        "dynamic_ppca": Variant(_PPCA),
+        "dynamic_ppca_settled": Variant(f"{_PPCA}, smoothed and pushed out of the body"),
+    },
+    "representation": {
+        "static_ppca": Variant(_PPCA),
+        "svae": Variant("Garment VAE"),
+        "body_pca": Variant("PCA of offsets"),
+        "body_registered": Variant("No code: registered to the body", competes=False),
+    },
+    "scan": {
+        "static_ppca_scan": Variant(f"{_PPCA}, fitted code", short="Masked PPCA:\ncode"),
+        "static_ppca_scan_moved": Variant(f"{_PPCA}, skinned, then moved to the points"),
+        "svae_scan": Variant("Garment VAE, fitted code", short="Garment VAE:\ncode"),
+        "svae_scan_moved": Variant("Garment VAE, skinned, then moved to the points"),
+    },
+}

@@ -1,0 +1,39 @@
+"""Metrics and variants that are of no single model."""
+
+from drapeline.metrics.metric import LARGER, Metric, Variant
+
+METRICS = {
+    "surface_error_mm": Metric("mm", "Surface error"),
+    "normal_error_deg": Metric("deg", "Normals error"),
+    "mask_iou": Metric("", "Mask IoU", 3, better=LARGER),
+    "predicted_to_true_mm": Metric("mm", "Predicted to true"),
+    "true_to_predicted_mm": Metric("mm", "True to predicted"),
+    "inside_share": Metric("%", "Inside the body", 2, 100),
+    "inside_1cm_share": Metric("%", "Deeper than 1 cm", 2, 100),
+    "inside_depth_mm": Metric("mm", "Deepest"),
+    "area_ratio": Metric("%", "Area, of the true one", 0, 100, better=""),
+    "pieces": Metric("", "Pieces", 2, better=""),
+    "surface_to_true_mm": Metric("mm", "To the true garment"),
+    "true_to_surface_mm": Metric("mm", "From the true garment"),
+    "code_numbers": Metric("", "Numbers of the code", 0, better=""),
+    "vertex_error_mm": Metric("mm", "Vertex error"),
+    "segmentation_accuracy": Metric("%", "Right labels", 1, 100, better=LARGER),
+}
+VARIANTS = {
+    "baseline": {
+        "mean_garment": Variant("Mean garment of the type"),
+        "nearest_cvar": Variant("Nearest training garment in shape, gender and tightness"),
+        "pca": Variant("PCA of offsets"),
+        "skinned_static": Variant("Garment at rest, skinned"),
+        "skinned_mean": Variant("Garment at rest with the type's mean wrinkles, skinned"),
+    },
+    "truth": {
+        "registered": Variant("Ground truth itself", competes=False),
+        "moving": Variant("Ground truth itself", competes=False),
+    },
+    "scan": {
+        "scan_body_estimated": Variant("Body as estimated"),
+        "scan_body_fitted": Variant("Body fitted to the scan"),
+        "scan_body_joint": Variant("Body fitted again, jointly with SMPLicit's codes"),
+    },
+}

@@ -1,0 +1,121 @@
+"""Errors of garment -> offsets -> garment, summarised by garment type."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.error_table import COLUMNS, FILE_NAME
+from drapeline.report.html import Cell, html_table, write_page
+from drapeline.schema import Column, Schema, Table, make_table, read_table, write_table
+
+TARGET_MM = 3.0
+# Metrics of which the sum, or the largest value, over garments is shown instead of the mean.
+_SUMMED = {"holes_before", "islands_before", "holes_after", "islands_after"}
+_LARGEST = {"garment_to_rebuilt_max_mm", "rebuilt_to_garment_max_mm"}
+_BOUNDED = {
+    "garment_to_rebuilt_mean_mm": TARGET_MM,
+    "rebuilt_to_garment_mean_mm": TARGET_MM,
+    "holes_after": 0,
+    "islands_after": 0,
+}
+_STATISTICS = ("mean", "median", "max", "total")
+ERRORS = Schema(
+    "a table of registration errors",
+    {name: Column(float, text=".6g") if name == "value" else Column() for name in COLUMNS}
+    | {"garment": Column(allowed=GARMENTS)},
+)
+SUMMARY = Schema(
+    "a summary of registration errors",
+    {
+        "source": Column(allowed=("static", "samples", "template")),
+        "garment": Column(allowed=GARMENTS),
+        "metric": Column(),
+        "garments": Column(int, low=1),
+        **{name: Column(float, text=".6g" if name == "total" else ".4g") for name in _STATISTICS},
+        "unit": Column(),
+    },
+    key=("source", "garment", "metric"),
+)
+
+
+def summarise_errors(errors: Table, source: str) -> Table:
+    """Summarise errors to a row per type and metric: mean, median, maximum and sum over garments.
+
+    Args:
+        errors: rows of error tables.
+        source: "static", "samples" or "template".
+    """
+    found = errors.assign(garment=pd.Categorical(errors["garment"], GARMENTS), source=source)
+    metrics = list(dict.fromkeys(errors["metric"]))
+    found["metric"] = pd.Categorical(found["metric"], metrics)
+    by = found.groupby(["source", "garment", "metric", "unit"], observed=True, as_index=False)
+    summary = by["value"].agg(["count", "mean", "median", "max", "sum"])
+    summary = summary.rename(columns={"count": "garments", "sum": "total"})
+    return make_table(SUMMARY, summary.to_dict("records"))
+
+
+def write_registration_tables(
+    table: str | Path, page: str | Path, *, static: Sequence[str], samples: Sequence[str]
+) -> None:
+    """Write the summary as `.tsv` and as a page.
+
+    Args:
+        table: the `.tsv`.
+        page: the HTML page.
+        static: `.tsv` of every shard.
+        samples: folder of every registered sample; those of rejected ones have no table.
+
+    Raises:
+        InputError: a table is missing or lacks a column.
+    """
+    tables = [path for path in (Path(s) / FILE_NAME for s in samples) if path.is_file()]
+    summary = {
+        source: summarise_errors(_read(paths), source)
+        for source, paths in (("static", static), ("samples", tables))
+    }
+    write_table(table, pd.concat(summary.values(), ignore_index=True), SUMMARY)
+    write_page(
+        page,
+        "Registration: errors of the round trip to offsets and back",
+        "<p>Every garment is laid onto the body, stored as offsets of body vertices, and rebuilt"
+        f" from them. The goals are mean surface errors below {TARGET_MM:g} mm in both directions,"
+        " and neither holes nor islands in the cleaned mask. Area counts as lost where the garment"
+        " is more than 10 mm from the rebuilt one.</p>",
+        "<h2>Static outfits</h2>",
+        html_table(errors_by_type(summary["static"], _cell)),
+        "<h2>Simulated samples, in their rest pose</h2>",
+        html_table(errors_by_type(summary["samples"], _cell)),
+    )
+
+
+def errors_by_type(
+    summary: Table, cell: Callable[[pd.Series], tuple[str, Cell]]
+) -> list[dict[str, object]]:
+    """One row per type, one column per metric.
+
+    Args:
+        summary: see `summarise_errors`.
+        cell: a row's heading and cell.
+    """
+    return [
+        {
+            "Garment": garment,
+            "Garments": Cell(part["garments"].iloc[0], "number"),
+            **dict(cell(row) for _, row in part.iterrows()),
+        }
+        for garment, part in summary.groupby("garment", sort=False)
+    ]
+
+
+def _read(paths: Sequence[str | Path]) -> Table:
+    return pd.concat([make_table(ERRORS, []), *(read_table(path, ERRORS) for path in paths)])
+
+
+def _cell(row: pd.Series) -> tuple[str, Cell]:
+    metric = row["metric"]
+    shown = row["total" if metric in _SUMMED else "max" if metric in _LARGEST else "mean"]
+    verdict = [] if metric not in _BOUNDED else ["good" if shown <= _BOUNDED[metric] else "bad"]
+    text = f"{shown:.0f}" if metric in _SUMMED else f"{shown:.2f}"
+    return metric.replace("_", " ").capitalize(), Cell(text, "number", *verdict)
