@@ -8,12 +8,14 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from drapeline.errors import DamagedFile, InputError
 from drapeline.storage import read_rows, write_rows
 
 Table = pd.DataFrame
+_KINDS = {int: np.int64, float: float}  # of numbers; a whole number has 64 bits
 _WORDS = {str: "text", int: "a whole number", float: "a number"}
 _UNMEASURED = frozenset({"", "-", "NA", "nan"})
 
@@ -160,8 +162,8 @@ def _numbers(path: str | Path, name: str, texts: pd.Series, column: Column) -> l
     for line, text in enumerate(texts, 2):
         try:
             unknown = column.optional and text in _UNMEASURED
-            numbers.append(math.nan if unknown else column.kind(text))
-        except ValueError as error:
+            numbers.append(math.nan if unknown else _KINDS[column.kind](text))
+        except (ValueError, OverflowError) as error:
             raise DamagedFile(
                 path, f"line {line}: {name} is '{text:.80}', expected {_WORDS[column.kind]}"
             ) from error

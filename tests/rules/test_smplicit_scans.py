@@ -88,7 +88,7 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
         assert not np.allclose(still.vertices, moved.vertices, atol=1e-4)
     assert {TRUE, BODY} <= set(shown)
     run_rule("tabulate_scans", input=[tmp_path / "metrics.tsv"], output=[tmp_path / "page.html"])
-    assert "SMPLicit: fitted code" in (tmp_path / "page.html").read_text()
+    assert "SMPLicit, fitted code" in (tmp_path / "page.html").read_text()
     run_rule(
         "plot_scans",
         input={"scans": [scans], "fits": [tmp_path / "shown.npz"]},

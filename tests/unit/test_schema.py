@@ -62,6 +62,7 @@ def test_a_value_that_does_not_fit_is_named_with_file_line_and_column(wrong, mes
         ("", "t.tsv: lacks column name, kind, count, kg, price; it has none"),
         (HEADING[:-1] + "\tcolour\n", "t.tsv: has column colour, expected name, kind"),
         (HEADING + "a\tpome\tmany\t1\t1\n", "line 2: count is 'many', expected a whole number"),
+        (HEADING + f"a\tpome\t{10**30}\t1\t1\n", "line 2: count is '10+', expected a whole number"),
         (HEADING + "a\tpome\t1\theavy\t1\n", "line 2: kg is 'heavy', expected a number"),
     ],
 )
