@@ -72,10 +72,13 @@ class Schema(NamedTuple):
 
 
 def make_table(schema: Schema, rows: Iterable[Mapping[str, Any]]) -> Table:
-    """A frame of rows, with the schema's columns and types; what a row lacks is empty."""
+    """A frame of rows, with the schema's columns and types; what a row lacks is empty.
+
+    Columns have the order of the schema or, where there may be more, that of the rows.
+    """
     table = pd.DataFrame(list(rows))
-    further = [name for name in table.columns if name not in schema.columns]
-    table = table.reindex(columns=[*schema.columns, *further])
+    names = [*table.columns, *schema.columns] if schema.more else [*schema.columns, *table.columns]
+    table = table.reindex(columns=list(dict.fromkeys(names)))
     for name, column in schema.columns.items():
         if column.kind is str:
             texts = table[name].astype(object)
