@@ -5,8 +5,10 @@
 # make test   set up, run every test; `make test-portable` those that other processors could decide
 #             otherwise, as several processors would run them; `make test-install` installs the
 #             library with pip into empty environments; `make mutants` plants faults in a copy of
-#             the code and counts those that no test notices; `make fuzz` reads damaged files for an
-#             hour (MINUTES=60, SEED=0) and prints how to see a case again that is met badly
+#             the code and lists those that no test notices (COUNT=60, SEED=0, ONLY=geometry for
+#             those of some files, CHANGED=main for those of lines that are not in main);
+#             `make fuzz` reads damaged files for an hour (MINUTES=60, SEED=0) and prints how to
+#             see a case again that is met badly
 # make test-browser REPORT=report.html   open every page of a report in a browser; installs
 #             Playwright and, where there is no browser, Debian's Chromium
 # make bench RESULTS=results   measure speed beside other libraries, on the results of a finished
@@ -20,6 +22,7 @@ RESULTS ?= results
 CORES ?= all
 PROFILE ?= local
 MINUTES ?= 60
+COUNT ?= 60
 SEED ?= 0
 BIN := .venv/bin
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
@@ -64,7 +67,8 @@ test-browser: .venv/ready
 	$(BIN)/python -m pytest -q tests/browser --report-page $(REPORT)
 
 mutants: .venv/ready
-	PYTHONPATH=tests $(BIN)/python -m mutants.run
+	PYTHONPATH=tests $(BIN)/python -m mutants.run --count $(COUNT) --seed $(SEED) \
+	   $(if $(CHANGED),--changed $(CHANGED)) $(if $(ONLY),--only $(ONLY))
 
 fuzz: .venv/ready
 	PYTHONPATH=src:tests $(BIN)/python -m fuzz.run --minutes $(MINUTES) --seed $(SEED)

@@ -6,13 +6,17 @@ from collections.abc import Iterator
 
 def imported_modules(text: str) -> Iterator[str]:
     """Modules that a file imports anywhere, but for what only type checkers see."""
-    tree = ast.parse(text)
-    typing = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)]
-    unseen = {id(inner) for node in typing for inner in ast.walk(node)}
-    for node in ast.walk(tree):
-        if id(node) in unseen:
-            continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield node.module
+    waiting: list[ast.AST] = [ast.parse(text)]
+    while waiting:
+        node = waiting.pop()
+        match node:
+            case ast.Import(names):
+                yield from (alias.name for alias in names)
+            case ast.ImportFrom(module):
+                yield module
+            case ast.If(test) if "TYPE_CHECKING" in ast.unparse(test):
+                pass
+            case ast.expr():  # holds no statements
+                pass
+            case _:
+                waiting += ast.iter_child_nodes(node)
