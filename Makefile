@@ -54,10 +54,10 @@ test: .venv/ready
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
 test-install: .venv/ready
-	PYTHONPATH=tests $(BIN)/python tests/run_installs.py
+	PYTHONPATH=tests $(BIN)/python -m install.run
 
 test-portable: .venv/ready
-	$(BIN)/python tests/run_portable.py
+	PYTHONPATH=tests $(BIN)/python -m portable.run $(if $(ALL),--all)
 
 test-browser: .venv/ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement tests/browser/requirements.txt

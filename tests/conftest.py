@@ -4,23 +4,33 @@ import os
 import re
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import pytest
-from filelock import FileLock
 
-import drapeline
-from drapeline.bodies.model import BodyModel, load_body, save_body
-from drapeline.experiment.source_digest import Sources
+from drapeline.bodies.model import BodyModel, load_body
 from drapeline.frames import GENDERS
-from portability import THREADS, portable_tests
+from portable.marks import portable_tests
+from toys import made
 from toys.bodies import toy_body as build_toy_body
+from toys.threads import THREADS
 
 # Hypothesis keeps examples and constants, which would otherwise lie in the checkout.
 os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", f"{tempfile.gettempdir()}/hypothesis")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--begin-before", type=float, help="time after which tests are skipped")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what would begin after the time given."""
+    end = item.config.getoption("begin_before")
+    if end and time.time() > end:
+        pytest.skip("no time left")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -34,7 +44,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
-    """Leave out the files that need torch where it is not installed, see `run_installs.py`."""
+    """Leave out the files that need torch where it is not installed, see `install/run.py`."""
     report = yield
     needed = re.search(r"No module named '(torch|anny|smplx)\b", report.longreprtext)
     if needed and not find_spec("torch"):
@@ -51,7 +61,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
     def refuse_training(*_: Any) -> None:
         if item.originalname not in portable_tests(item.path):
-            pytest.fail("a test that trains lacks the marker `portable`, see tests/portability.py")
+            pytest.fail("it trains without the marker `portable`, see tests/portable/marks.py")
 
     watch = register_optimizer_step_pre_hook(refuse_training)
     try:
@@ -75,16 +85,7 @@ def toy_body() -> BodyModel:
 
 @pytest.fixture(scope="session")
 def baked_bodies() -> dict[str, BodyModel]:
-    """The real baked bodies; baked on first use (a minute or two) and kept for later runs."""
+    """The real baked bodies."""
     pytest.importorskip("anny", reason="needs torch, as the baking of bodies does")
-    from drapeline.bodies import bake
-
-    code = Sources(Path(drapeline.__file__).parents[1]).digest(bake.__file__)
-    folder = Path.home() / ".cache" / "drapeline" / code
-    paths = {gender: folder / f"{gender}.npz" for gender in GENDERS}
-    folder.mkdir(parents=True, exist_ok=True)
-    with FileLock(folder / "baking.lock"):  # one worker bakes, the others wait
-        if not all(path.is_file() for path in paths.values()):
-            for gender, body in bake.bake_bodies(seed=0, samples=200).items():
-                save_body(paths[gender], body)
-    return {gender: load_body(path) for gender, path in paths.items()}
+    folder = made.baked_bodies()
+    return {gender: load_body(folder / f"{gender}.npz") for gender in GENDERS}

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from drapeline.models.smplicit.model import SmplicitModel
-from portability import THREADS
 from toys.gallery import TubeField, save_toy_model, training_codes
+from toys.threads import THREADS
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

@@ -7,9 +7,9 @@ from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.models.smplicit.displacement_network import DisplacementField
 from drapeline.models.smplicit.load_displacement import new_displacement
 from drapeline.models.smplicit.train_displacement import train_displacement
-from portability import THREADS
 from toys.displacement import CLUSTERS, toy_displacement_settings
 from toys.smplicit import toy_bodies
+from toys.threads import THREADS
 
 
 def toy_displacement(data: DisplacementData, body: BodyModel, **training) -> DisplacementField:

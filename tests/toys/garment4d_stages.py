@@ -9,7 +9,7 @@ from drapeline.models.garment4d.stage import Stage
 from drapeline.models.garment4d.train import train_stage
 from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import Batch, as_tensors
-from portability import THREADS
+from toys.threads import THREADS
 
 
 def build_canonical(

@@ -8,7 +8,7 @@ from drapeline.models.gcvae.settings import ConditioningSettings
 from drapeline.models.gcvae.train_conditioning import train_conditioning
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
-from portability import THREADS
+from toys.threads import THREADS
 
 CONDITIONING = ConditioningSettings(condition=4, training={"epochs": 12, "batch": 8})
 

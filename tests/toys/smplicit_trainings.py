@@ -7,8 +7,8 @@ from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.files import save_model_files
 from drapeline.models.smplicit.load import new_field
 from drapeline.models.smplicit.train import train_field
-from portability import THREADS
 from toys.smplicit import toy_bodies, toy_settings
+from toys.threads import THREADS
 
 
 def train_toy(

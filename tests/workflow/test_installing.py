@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from toys.installed import READ, ROOT, TORCH, copy_library, write_files
+from install.first_use import READ, ROOT, TORCH, copy_library, write_files
 
 PACKAGE = ROOT / "src" / "drapeline"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

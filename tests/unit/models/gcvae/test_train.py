@@ -14,7 +14,6 @@ from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_torch_file
 from drapeline.models.training.module import BEST
-from portability import THREADS
 from toys.gcvae import ToyGarments, toy_template
 from toys.gcvae_trainings import (
     CONDITIONING,
@@ -26,6 +25,7 @@ from toys.gcvae_trainings import (
 )
 from toys.histories import column
 from toys.paper import printed
+from toys.threads import THREADS
 
 SETTINGS = VaeSettings(
     network=GcvaeNetwork(widths=(6, 8, 8, 10), features=12, latent=8, condition=4),

@@ -22,7 +22,7 @@ from drapeline.models.training.lightning import begin, fit, learning_rate
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.models.training.settings import Training
 from drapeline.storage import read_json
-from portability import THREADS
+from toys.threads import THREADS
 
 
 class Line(TrainableModule):

@@ -1,17 +1,13 @@
-"""Tests that another processor could decide otherwise: which ones they are, and their threads.
+"""Which tests another processor could decide otherwise.
 
 A test is `portable` if it trains or compares floating-point numbers. `conftest.py` marks those that
 show it in their code; one whose training is hidden in a script carries the marker itself, and fails
-without it. `run_portable.py` runs them as several processors would.
+without it. `portable/run.py` runs them as other processors would.
 """
 
 import ast
-import os
 from functools import cache
 from pathlib import Path
-
-# Threads of torch in every test, whatever the machine has and whatever another test has set.
-THREADS = int(os.environ.get("OMP_NUM_THREADS", "1"))
 
 # Whoever uses any of these, or what is called `train_...`, trains or compares such numbers.
 TELLING = {
@@ -19,7 +15,7 @@ TELLING = {
     *("assert_a_step_lowers", "assert_learned_by_heart", "assert_mixed_precision_agrees"),
     "assert_true_gradients",
 }
-_TESTS = Path(__file__).parent
+_TESTS = Path(__file__).parents[1]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""How wide floating-point comparisons pass: a pytest plugin that records them, for `-p margins`.
+"""How wide floating-point comparisons pass: a pytest plugin that records them.
 
 A comparison is recorded as what was found and what is allowed: the two sides of `assert x < 0.1`,
 or the largest deviation as a share of the tolerance where NumPy, torch or pytest compare.
@@ -23,7 +23,7 @@ rewrite.PYC_TAIL = f".margins{rewrite.PYC_TAIL}"
 
 # File that comparisons are appended to, one JSON object per line.
 FILE = "DRAPELINE_MARGINS"
-_TESTS = f"{Path(__file__).parent}{os.sep}"
+_TESTS = f"{Path(__file__).parents[1]}{os.sep}"
 _reached: Counter[str] = Counter()
 
 

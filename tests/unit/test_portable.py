@@ -8,9 +8,10 @@ import pytest
 import threadpoolctl
 import torch
 
-import margins
-from margins import FILE, Margin
-from portability import THREADS, portable_tests
+from portable import margins
+from portable.margins import FILE, Margin
+from portable.marks import portable_tests
+from toys.threads import THREADS
 
 MODULE = """
 import pytest
@@ -42,7 +43,7 @@ def toy_network(): train_posed()
 
 
 def test_portable_are_those_that_train_or_compare_floating_point_numbers(tmp_path, monkeypatch):
-    monkeypatch.setattr("portability._TESTS", tmp_path)
+    monkeypatch.setattr("portable.marks._TESTS", tmp_path)
     (tmp_path / "room").mkdir()
     (tmp_path / "conftest.py").write_text(CONFTEST)
     path = tmp_path / "room" / "test_module.py"
@@ -60,7 +61,7 @@ step_of_a_training = torch.optim.SGD([torch.zeros(1, requires_grad=True)], lr=0.
 
 def test_a_training_without_the_marker_fails(request):
     assert request.node.get_closest_marker("portable") is None
-    with pytest.raises(pytest.fail.Exception, match="lacks the marker `portable`"):
+    with pytest.raises(pytest.fail.Exception, match="without the marker `portable`"):
         step_of_a_training()
 
 
