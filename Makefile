@@ -1,16 +1,22 @@
 # make setup  install everything into .venv; the others do it when needed
 # make run    set up, build the default dataset and its report
+# make tiny   the same for the smallest experiment, as continuous integration does it
 # make dataset CONFIG=mine.yaml   the dataset of your own experiment and nothing else
 # make unlock   after a run was killed, before the same command is given again
-# make test   set up, run every test; `make test-portable` those that other processors could decide
-#             otherwise, as several processors would run them; `make test-install` installs the
-#             library with pip into empty environments; `make mutants` plants faults in a copy of
-#             the code and lists those that no test notices (COUNT=60, SEED=0, ONLY=geometry for
-#             those of some files, CHANGED=main for those of lines that are not in main);
-#             `make fuzz` reads damaged files for an hour (MINUTES=60, SEED=0) and prints how to
-#             see a case again that is met badly
+# make check  what one runs while working, in a minute and a half: lint, and the tests nearest to what
+#             has changed since CHANGED=HEAD
+# make test   set up, run every test (tests/README.md); DRAPELINE_TINY=. where
+#             `make tiny` was run, whose results it then checks
+# make test-portable   those that another processor could decide otherwise, as the oldest one would
+#             run them, or with ALL=1 as several
+# make test-install   install the library with pip into empty environments
 # make test-browser REPORT=report.html   open every page of a report in a browser; installs
 #             Playwright and, where there is no browser, Debian's Chromium
+# make mutants   plant faults in copies of the code and list those that no test notices (COUNT=60,
+#             SEED=0, ONLY=geometry for those of some files, CHANGED=main for those of lines that
+#             are not in main)
+# make fuzz   read damaged files for an hour (MINUTES=60, SEED=0) and print how to see a case again
+#             that is met badly
 # make bench RESULTS=results   measure speed beside other libraries, on the results of a finished
 #             experiment, and write the table of docs/background/speed.md
 # make lint   formatters and linters, as CI runs them
@@ -31,14 +37,17 @@ AFTER_A_KILL = { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
    echo "If no other Snakemake works in this folder, one was killed here: 'make unlock CONFIG=$(CONFIG)', then the same command again."; \
    exit 1; }
 
-.PHONY: setup run dataset unlock report docs test test-install test-portable test-browser mutants fuzz bench \
-        lint format lock clean
+.PHONY: setup run tiny dataset unlock report docs check test test-near test-install test-portable test-browser mutants \
+        fuzz bench lint format lock clean
 
 setup: .venv/ready
 
 run: .venv/ready
 	$(SNAKEMAKE) --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG) || $(AFTER_A_KILL)
 	$(MAKE) --no-print-directory report
+
+tiny:
+	$(MAKE) --no-print-directory run CONFIG=tests/data/tiny.yaml PROFILE=ci
 
 dataset: .venv/ready
 	$(SNAKEMAKE) dataset --workflow-profile workflow/profiles/$(PROFILE) --configfile $(CONFIG) || $(AFTER_A_KILL)
@@ -49,6 +58,13 @@ unlock: .venv/ready
 report: .venv/ready
 	$(SNAKEMAKE) --report report.html --report-stylesheet workflow/report/style.css --configfile $(CONFIG)
 	@echo "The report is report.html; the dataset is under the 'results' folder of $(CONFIG)."
+
+# Types are to be checked here too.
+check: .venv/ready
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync lint test-near
+
+test-near: .venv/ready
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=src:tests $(BIN)/python tests/check.py $(if $(CHANGED),--changed $(CHANGED))
 
 test: .venv/ready
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder

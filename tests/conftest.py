@@ -18,18 +18,23 @@ from toys import made
 from toys.bodies import toy_body as build_toy_body
 from toys.threads import THREADS
 
+END = pytest.StashKey[float]()
 # Hypothesis keeps examples and constants, which would otherwise lie in the checkout.
 os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", f"{tempfile.gettempdir()}/hypothesis")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--begin-before", type=float, help="time after which tests are skipped")
+    parser.addoption("--seconds", type=float, help="skip tests that would begin later")
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Note when the last test may begin."""
+    session.config.stash[END] = time.time() + (session.config.getoption("seconds") or float("inf"))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what would begin after the time given."""
-    end = item.config.getoption("begin_before")
-    if end and time.time() > end:
+    """Skip a test for which no time is left."""
+    if time.time() > item.config.stash[END]:
         pytest.skip("no time left")
 
 

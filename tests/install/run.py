@@ -55,7 +55,7 @@ def find_python(version: str) -> str | None:
 
 
 def use(python: str, steps: list[Step]) -> bool:
-    """Install into an empty environment and use it, step by step; returns whether that went well."""
+    """Install into an empty environment and use it, step by step; returns whether it went well."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     with TemporaryDirectory() as folder, TemporaryDirectory() as copied:
         library = copy_library(Path(copied))  # of its own, since pip builds in it

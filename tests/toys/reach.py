@@ -1,16 +1,16 @@
 """Which tests a change of a file can reach, and how near they are to it."""
 
-import ast
 import re
 import subprocess
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
-from toys.imported_modules import imported_modules
-
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
+# Read as text, since to parse a thousand files takes longer than many a test.
+IMPORT = re.compile(r"^ *(?:from ([\w.]+) import ((?:\([^)]*\))|.*)|import ([\w.]+))", re.MULTILINE)
+NAMED = re.compile(r"\"([\w./-]+)\"")
 # What a test that runs Snakemake reads beside the library.
 WORKFLOW = ("Snakefile", "config.yaml", "workflow", "scripts", "examples", "tests/data")
 
@@ -61,28 +61,28 @@ def _used(file: Path) -> frozenset[Path]:
 def _find_used(file: Path) -> Iterator[Path]:
     """Modules that a file imports, scripts of the rules it runs, files and folders it names."""
     text = file.read_text()
-    for module in imported_modules(text):
-        for folder in (ROOT / "src", TESTS):
-            path = (folder / module.replace(".", "/")).with_suffix(".py")
-            if path.is_file():
-                yield path
+    for module, names, plain in IMPORT.findall(text):
+        places = [f"{module}.{name}" for name in re.findall(r"\w+", names)]
+        for place in {module or plain, *places}:
+            for folder in (ROOT / "src", TESTS):
+                path = folder / f"{place.replace('.', '/')}.py"
+                if path in _files():
+                    yield path
     if not file.name.startswith("test_"):
         return
     for rule in re.findall(r'run_rule\(\s*"(\w+)"', text):
         yield ROOT / "scripts" / f"{rule}.py"
-    named = {node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)}
-    if "toys.snakemake_run" in text:
-        named |= {*WORKFLOW}
-    for name in named & _files().keys():
-        yield from _files()[name]
+    named = {*NAMED.findall(text), *(WORKFLOW if "toys.snakemake_run" in text else ())}
+    for name in named:
+        yield from _files().get(ROOT / name, ())
 
 
 @cache
-def _files() -> dict[str, list[Path]]:
+def _files() -> dict[Path, list[Path]]:
     """Every file and folder of the project -> the files that it holds."""
-    found: dict[str, list[Path]] = {}
+    found: dict[Path, list[Path]] = {}
     listed = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
     for line in subprocess.check_output(listed, cwd=ROOT, text=True).splitlines():
         for part in [Path(line), *Path(line).parents[:-1]]:
-            found.setdefault(str(part), []).append(ROOT / line)
+            found.setdefault(ROOT / part, []).append(ROOT / line)
     return found

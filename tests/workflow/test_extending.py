@@ -495,7 +495,7 @@ def test_a_cloth_solvers_room_has_its_layer(extended):
         text=True,
     )
     assert run.returncode == 0, run.stdout[-2000:]
-    assert "test_imports_go_one_way[toy_cloth/solver.py]" in run.stdout
+    assert "test_imports_go_one_way[toy_cloth]" in run.stdout
 
 
 def test_a_cloth_solver_counts_where_it_is_chosen(extended):
