@@ -31,6 +31,8 @@ MINUTES ?= 60
 COUNT ?= 60
 SEED ?= 0
 BIN := .venv/bin
+# Compiled tests are kept, since to compile them takes longer than to import them.
+TEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SNAKEMAKE = $(BIN)/snakemake --cores $(CORES)
 # Snakemake's lock outlives it when it is killed; it also lies there while another one works.
 AFTER_A_KILL = { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
@@ -64,16 +66,16 @@ check: .venv/ready
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync lint test-near
 
 test-near: .venv/ready
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=src:tests $(BIN)/python tests/check.py $(if $(CHANGED),--changed $(CHANGED))
+	$(TEST) PYTHONPATH=src:tests $(BIN)/python tests/check.py $(if $(CHANGED),--changed $(CHANGED))
 
 test: .venv/ready
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+	$(TEST) $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
 test-install: .venv/ready
 	PYTHONPATH=tests $(BIN)/python -m install.run
 
 test-portable: .venv/ready
-	PYTHONPATH=tests $(BIN)/python -m portable.run $(if $(ALL),--all)
+	PYTHONDONTWRITEBYTECODE= PYTHONPATH=tests $(BIN)/python -m portable.run $(if $(ALL),--all)
 
 test-browser: .venv/ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement tests/browser/requirements.txt
