@@ -121,6 +121,7 @@ from toys.motion_files import (
     write_deepmimic,
 )
 from toys.moving import write_registered_sample
+from toys.schema import SCHEMA
 from toys.smplicit import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
 from toys.smplicit import tube as sheet
 from toys.templates import toy_template as toy_garment_template
@@ -215,11 +216,6 @@ def _make_motion_table(folder: Path) -> None:
 # ---- config ---------------------------------------------------------------------------------
 
 
-@cache
-def _schema() -> Any:
-    return yaml.load((ROOT / "workflow/schemas/config.schema.yaml").read_text(), yaml.CSafeLoader)
-
-
 def _load_config(folder: Path) -> Any:
     from drapeline.errors import InputError
 
@@ -230,7 +226,7 @@ def _load_config(folder: Path) -> Any:
         raise InputError(f"{path}: not YAML") from error
     if not isinstance(given, dict):
         return None
-    settings = fill_settings(given, _schema(), str(path))
+    settings = fill_settings(given, SCHEMA, str(path))
     refuse_contradictions(settings)
     own_garments(settings["outfits"]["own_garments"])
     return settings

@@ -13,10 +13,10 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import fill_settings
+from toys.schema import SCHEMA
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src"
-SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
 PAGES = [
     ROOT / "README.md",
     *(ROOT / name / "README.md" for name in ("config", "examples", "workflow/resources/motions")),

@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 from drapeline.experiment.config import fill_settings
+from toys.schema import SCHEMA
 from toys.snakemake_run import ROOT, snakemake
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.yaml"))
-SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
 DATASET = {
     *("bake_body", "import_motion", "animate_body", "build_templates", "make_outfit"),
     *("simulate_outfit", "write_sample", "collect_dataset", "dataset"),

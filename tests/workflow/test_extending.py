@@ -30,6 +30,7 @@ from toys.cloth import Follower, dress
 from toys.cloth_solvers import cloth_solvers
 from toys.imported_modules import imported_modules
 from toys.metric_rows import metric_table
+from toys.schema import SCHEMA
 from toys.snakemake_run import PARTS, ROOT, copy_project, snakemake
 
 CONFIG = "tests/data/tiny.yaml"
@@ -509,8 +510,7 @@ def test_a_cloth_solver_counts_where_it_is_chosen(extended):
 
 
 def test_the_schema_and_the_rule_name_the_same_cloth_solvers():
-    schema = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
-    solver = schema["properties"]["simulation"]["properties"]["solver"]
+    solver = SCHEMA["properties"]["simulation"]["properties"]["solver"]
     assert solver["enum"] == [*cloth_solvers()]
     for name, (module, environment) in cloth_solvers().items():
         assert import_module(module).cloth_solver(1).name == name

@@ -7,8 +7,8 @@ import yaml
 
 from drapeline.experiment.config import fill_settings
 from toys.paper import PAPER
+from toys.schema import SCHEMA
 
-SCHEMA = yaml.safe_load((PAPER.parents[1] / "schemas/config.schema.yaml").read_text())
 _NETWORK = {"widths": [16, 32, 64, 64, 128, 128], "latent": 128, "order": 1}
 _TRAINING = {"epochs": 100, "learning_rate": 0.001, "schedule": "constant"}
 _WINDOWS = {**_TRAINING, "frames": 10, "stride": 10}

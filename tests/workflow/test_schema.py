@@ -10,9 +10,9 @@ from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.garment_types import GARMENTS, OUTFIT_TYPES, TEMPLATE_TYPES
 from drapeline.outfits.settings import OPENINGS
 from drapeline.registration.to_template.garment_template import LOOP_NAMES
+from toys.schema import SCHEMA
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
 
 
 def objects(schema):

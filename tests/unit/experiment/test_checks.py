@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import yaml
 
 from drapeline.errors import InputError
 from drapeline.experiment.checks import (
@@ -18,9 +17,9 @@ from drapeline.experiment.config import fill_settings
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.outfits.static_plan import StaticPlan
 from drapeline.registration.to_body.hierarchy import LEVELS
+from toys.schema import SCHEMA
 
 ROOT = Path(__file__).parents[3]
-SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
 SHARES = {"val_share": 0, "test_share": 0.2}
 
 

@@ -4,10 +4,10 @@ import importlib
 import inspect
 
 import pytest
-import yaml
 
 from drapeline.models import compare, contract
 from toys.imported_modules import imported_modules
+from toys.schema import SCHEMA
 from toys.snakemake_run import ROOT
 
 MODELS_FOLDER = ROOT / "src/drapeline/models"
@@ -17,7 +17,6 @@ MODELS = sorted(
     for path in MODELS_FOLDER.iterdir()
     if (path / "__init__.py").is_file() and path.name not in SHARED
 )
-SCHEMA = yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text())
 
 
 @pytest.mark.parametrize("model", MODELS)
