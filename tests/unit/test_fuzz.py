@@ -14,8 +14,7 @@ from fuzz.runs import Loader, run_case
 
 ROOT = Path(__file__).parents[2]
 FEW = (
-    *("motion_length", "amass", "bvh", "amc", "motion_table", "joint_map", "config", "table"),
-    *("body_pickle_2", "info", "packed_info", "cache_pc16", "obj", "scans", "scan_ply", "codes"),
+    *("amass", "bvh", "motion_table", "config", "body_pickle_2", "info", "obj", "scan_ply"),
     "released_decoder",
 )
 

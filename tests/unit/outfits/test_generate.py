@@ -85,9 +85,9 @@ def numbers_of(index, outfit_type, ranges=None):
     return sample_numbers(rng_for(3, index), outfit_type, ranges or OutfitRanges())
 
 
-def test_ten_thousand_outfits_are_all_different():
-    seen = {json.dumps(numbers_of(k, OUTFIT_TYPES[k % len(OUTFIT_TYPES)])) for k in range(10_000)}
-    assert len(seen) == 10_000
+def test_two_thousand_outfits_are_all_different():
+    seen = {json.dumps(numbers_of(k, OUTFIT_TYPES[k % len(OUTFIT_TYPES)])) for k in range(2000)}
+    assert len(seen) == 2000
 
 
 def test_small_garments_get_shorter_edges_where_a_vertex_count_is_asked_for(toy_body, templates):

@@ -10,7 +10,7 @@ from drapeline.errors import InputError
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.train import train_vae
-from drapeline.models.gcvae.vae import DynamicVae, StaticVae
+from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.checkpoints import read_torch_file
 from drapeline.models.training.module import BEST
@@ -32,21 +32,16 @@ SETTINGS = VaeSettings(
     loss=GcvaeLoss(**{**printed("gcvae.loss"), "normals": 1.0}),
     training=GcvaeTraining(epochs=2, batch=8, schedule="constant", normal_parts=2),
 )
-MOVING = SETTINGS.replace(training={"version": "unposed", "mask": False})
-CLASS_AND_SETTINGS = {
-    "paper": (StaticVae, SETTINGS),
-    "moving": (DynamicVae, MOVING),
-}
 
 
 @pytest.fixture
 def train(tmp_path, conditioning):
     """train("name", settings, garments) -> folder of the finished training."""
 
-    def run(name, settings=SETTINGS, garments=None, cls=StaticVae, given=conditioning, **options):
+    def run(name, settings=SETTINGS, garments=None, given=conditioning, **options):
         train_vae(
             tmp_path / name,
-            cls(settings, toy_template()),
+            StaticVae(settings, toy_template()),
             garments or ToyGarments(),
             conditioning=given,
             code="c",
@@ -121,15 +116,13 @@ class DiesAfter(ToyGarments):
         return super().batch(rows)
 
 
-@pytest.mark.parametrize("model", CLASS_AND_SETTINGS)
-def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path, model):
-    cls, settings = CLASS_AND_SETTINGS[model]
-    settings = settings.replace(training={"epochs": 4})
+def test_a_killed_training_goes_on_to_the_same_weights(train, tmp_path):
+    settings = SETTINGS.replace(training={"epochs": 4})
     with pytest.raises(Killed):
-        train("killed", settings, DiesAfter(16), cls)
+        train("killed", settings, DiesAfter(16))
     assert not (tmp_path / "killed").exists()
     assert 0 < read_torch_file(checkpoint_under_way(tmp_path / ".progress" / "killed"))["epoch"] < 3
-    resumed, whole = (train(name, settings, cls=cls) for name in ("killed", "whole"))
+    resumed, whole = (train(name, settings) for name in ("killed", "whole"))
     assert_same(weights(resumed), weights(whole))
     for name in ("epoch", "val_selection"):
         assert column(resumed, name) == pytest.approx(column(whole, name))
