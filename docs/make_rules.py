@@ -32,7 +32,6 @@ STAGES = {
     "smplicit_gallery": "Gallery of SMPLicit",
     "smplicit_images": "SMPLicit on pictures",
     "smplicit_scans": "SMPLicit on scans",
-    "smplicit_displacement": "SMPLicit in motion",
     "evaluation": "Comparison of all models",
     "report": "Report",
 }

@@ -8,7 +8,6 @@ from drapeline.bodies.sequence import first_frames, load_body_sequence
 from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import simulate_sheet
 from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
-from drapeline.models.smplicit.displacement import PoseDisplacement
 from drapeline.models.smplicit.gallery import nearest_type
 from drapeline.models.smplicit.gallery_files import worn_prototype
 from drapeline.models.smplicit.model import SmplicitModel
@@ -33,19 +32,13 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     wearer, meshing = {"gender": gender, "shape": record.shape}, Meshing(**wanted.meshing)
     name, z, garment = worn_prototype(snakemake.input.gallery, model, meshing, **wearer)
     worn = garment, nearest_type(z, model.codes), model.bodies[gender], record
-    displacement = None
-    if snakemake.input.displacement:
-        displacement = PoseDisplacement(snakemake.input.displacement).worn_by(**wearer)
 
-    def clip(frames, skinning, displacement=None):
-        how = {"push_out": wanted.push_out, "displacement": displacement}
-        return worn_clip(*worn, frames, skinning=skinning, **how)
+    def clip(frames, skinning):
+        return worn_clip(*worn, frames, skinning=skinning, push_out=wanted.push_out)
 
     frames = np.arange(min(wanted.frames, len(record.poses)))
     shown = frames[np.linspace(0, len(frames) - 1, wanted.shown).astype(int)]
     rows = {_TITLES[skinning]: clip(shown, skinning) for skinning in SKINNINGS}
-    if displacement is not None:
-        rows["displaced,\nthen skinned"] = clip(shown, wanted.skinning, displacement)
     simulated = []
     if wanted.simulate:
         simulated = simulate_sheet(
@@ -60,7 +53,7 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
         moving = place_clip(simulated, *worn[1:], frames)
         rows["simulated"] = [moving[frame] for frame in shown]
     else:
-        moving = clip(frames, wanted.skinning, displacement)
+        moving = clip(frames, wanted.skinning)
     save_clip(snakemake.output.scene, moving)
     animate_clip(snakemake.output.moving, moving)
     plot_clip(snakemake.output.sheet, rows)

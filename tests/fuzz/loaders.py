@@ -42,7 +42,6 @@ from drapeline.learning_data.dynamic import DynamicData, collect_dynamic
 from drapeline.learning_data.garment_fields import FieldData, collect_fields
 from drapeline.learning_data.moving import load_moving
 from drapeline.learning_data.occlusion import texture_pixels
-from drapeline.learning_data.pose_displacements import DisplacementData
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, write_skinned
@@ -71,7 +70,6 @@ from drapeline.models.smplicit.files import save_model_files
 from drapeline.models.smplicit.gallery_files import CODES, load_gallery, posed_prototype
 from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
 from drapeline.models.smplicit.load import load_field, new_field
-from drapeline.models.smplicit.load_displacement import load_displacement
 from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
 from drapeline.models.smplicit.pictures import read_picture
 from drapeline.models.smplicit.released import load_released
@@ -105,8 +103,6 @@ from drapeline.seeding import rng_for
 from drapeline.storage import save_npz, write_rows
 from fuzz.runs import Loader
 from toys.bodies import toy_body
-from toys.displacement import collect_skirts, write_moving_skirts
-from toys.displacement_trainings import toy_displacement
 from toys.garment4d import CANONICAL, POSED, open_toy_data, save_toy_data
 from toys.gcvae import toy_template
 from toys.gcvae_files import SETTINGS, TypedGarments, save_model, save_static_data
@@ -723,19 +719,6 @@ def _make_fits(folder: Path) -> None:
     save_fitted_scans(folder / "fits.npz", {"00001_003": {"svae_scan": {"Skirt": triangle}}})
 
 
-def _make_displacements(folder: Path) -> None:
-    data = collect_skirts(folder / "data", write_moving_skirts(folder, body()), body())
-    network = toy_displacement(data, body())
-    (folder / "model").mkdir()
-    write_checkpoint(folder / "model" / BEST, network.state_dict(), network.checkpoint_metadata())
-
-
-def _use_displacements(folder: Path) -> None:
-    data = DisplacementData(folder / "data")
-    for split in ("train", "val", "test"):
-        data.rows(split)
-
-
 def _loaders() -> Iterator[Loader]:
     yield Loader("motion", _make_motion, _import)
     yield Loader("motion_length", _make_motion, _count)
@@ -917,10 +900,6 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader("scans", _make_scans, lambda f: load_scans(f / "scans.npz"))
     yield Loader("fitted_scans", _make_fits, lambda f: load_fitted_scans(f / "fits.npz"))
-    yield Loader("displacement_data", _make_displacements, _use_displacements, "data/*")
-    yield Loader(
-        "displacement", _make_displacements, lambda f: load_displacement(f / "model"), "model/*"
-    )
     yield Loader("released_decoder", _make_released, lambda f: load_released(f / "decoder.pth"))
     yield Loader(
         "encoder_weights",

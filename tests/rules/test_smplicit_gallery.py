@@ -15,8 +15,6 @@ from drapeline.models.smplicit.gallery import SHEETS
 from drapeline.models.smplicit.model import FieldGarment, SmplicitModel
 from drapeline.simulation.settings import HealthBounds
 from toys.bounds import NO_BOUNDS
-from toys.displacement import collect_skirts, write_moving_skirts
-from toys.displacement_trainings import train_toy_displacement
 from toys.gallery import TubeField, save_toy_model, save_toy_outfits, training_codes
 
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
@@ -90,13 +88,13 @@ def test_sheets_are_drawn(run_rule, made, tmp_path):
 
 @pytest.fixture
 def pose_garment(run_rule, made, tmp_path, toy_body):
-    """pose_garment(displacement, ...) runs the rule and gives the files that it wrote."""
+    """pose_garment(...) runs the rule and gives the files that it wrote."""
     poses = np.tile(REST_POSE, (6, 1))
     poses[:, 3 * 1] = np.linspace(0, 0.5, 6)
     record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender=0)
     save_body_sequence(tmp_path / "body.npz", record)
 
-    def run(displacement, **changes):
+    def run(**changes):
         names = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
         output = {key: tmp_path / name for key, name in names.items()}
         run_rule(
@@ -105,7 +103,6 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
                 "model": made / "skirt",
                 "gallery": made / "gallery",
                 "body": tmp_path / "body.npz",
-                "displacement": displacement,
             },
             output=output,
             params={
@@ -128,7 +125,7 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
 
 
 def test_a_garment_is_posed(pose_garment):
-    output = pose_garment([])
+    output = pose_garment()
     with Image.open(output["moving"]) as moving:
         assert moving.n_frames == 2
     assert output["scene"].read_bytes()[:4] == b"glTF"
@@ -139,25 +136,12 @@ def test_a_prototype_of_which_nothing_is_left_is_named(pose_garment, monkeypatch
     empty = FieldGarment(nothing, nothing)
     monkeypatch.setattr(SmplicitModel, "decode", lambda self, z, **wearer: empty)
     with pytest.raises(SystemExit, match="nothing is left of the prototype '.*' on the wearer"):
-        pose_garment([])
-
-
-@pytest.mark.portable
-def test_a_displaced_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_path, toy_body):
-    skinned = pose_garment([])
-    with Image.open(skinned["sheet"]) as sheet:
-        height = sheet.height
-    before = skinned["scene"].read_bytes()
-    data = collect_skirts(tmp_path / "data", write_moving_skirts(tmp_path, toy_body), toy_body)
-    displaced = pose_garment(train_toy_displacement(tmp_path, data, toy_body))
-    with Image.open(displaced["sheet"]) as sheet:
-        assert sheet.height == pytest.approx(1.5 * height, rel=0.05)
-    assert displaced["scene"].read_bytes() != before
+        pose_garment()
 
 
 def test_a_simulated_garment_is_shown_below_the_skinned_ones(pose_garment, tmp_path):
     def run(**changes):
-        output = pose_garment([], **changes)
+        output = pose_garment(**changes)
         with Image.open(output["sheet"]) as sheet:
             return sheet.height, output["scene"].read_bytes()
 

@@ -116,21 +116,3 @@ def test_a_target_that_does_not_exist_is_refused(project, tmp_path):
     run = snakemake(project, "--dry-run", target, "--configfile", config)
     assert run.returncode != 0
     assert "MissingRuleException" in run.stderr + run.stdout
-
-
-def test_displacements_are_planned_when_asked_for(project, tmp_path):
-    asked = with_settings(tmp_path, smplicit={"displacement": {"in_all": True}})[-1]
-    for target, configs, jobs in (
-        ("smplicit_displacement", ["config.yaml"], 4),
-        ("all", ["config.yaml"], 0),
-        ("all", ["config.yaml", asked], 4),
-    ):
-        run = snakemake(project, "--dry-run", target, "--configfile", *configs)
-        planned = run.stdout + run.stderr
-        assert run.returncode == 0, planned
-        for rule in ("collect_displacements", "train_displacement", "evaluate_displacement"):
-            assert len(re.findall(rf"^rule {rule}:$", planned, re.MULTILINE)) == jobs
-    bare = with_settings(tmp_path, samples={"count": 1})[-1]
-    run = snakemake(project, "--dry-run", "smplicit_displacement", "--configfile", bare)
-    text = " ".join((run.stdout + run.stderr).split())
-    assert "no model of smplicit.models has simulated garments both for training and" in text

@@ -47,23 +47,6 @@ if PICTURED_SAMPLES or PICTURED_LEARNING:
 if SCAN_FILES:
     METRIC_TABLES["scans"] += ["scans_smplicit"]
 SEGMENTED = config["smplicit"]["scans"]
-# Models with simulated garments both to learn displacements from and to evaluate them on.
-DISPLACED_MODELS = [
-    model
-    for model in SMPLICIT_MODELS
-    if {"train", EVALUATED_SPLITS[0]}
-    <= {
-        planned.split
-        for planned in [*SAMPLES.values(), *LEARNING_PLANS]
-        if set(FIELD_MODELS[model].garments) & {*planned.outfit_type.split("+")}
-    }
-]
-if config["smplicit"]["displacement"]["in_all"]:
-    METRIC_TABLES["metrics"] += [
-        f"smplicit_displacement_{model}" for model in DISPLACED_MODELS
-    ]
-    if DISPLACED_MODELS:
-        DEFAULT_TARGETS += [f"{RESULTS}/report/smplicit_displacement.html"]
 try:
     # The user's own, by name.
     PICTURES = {
@@ -103,25 +86,6 @@ def field_settings(wildcards):
     return chosen
 
 
-def displacement_settings(wildcards):
-    """Params function: settings of a displacement's training, by group."""
-    chosen = config["smplicit"]["displacement"]
-    training = {**chosen["training"], "seed": config["seed"]}
-    return {**{key: chosen[key] for key in ("network", "loss")}, "training": training}
-
-
-def displacement_metrics(wildcards):
-    """Input function: metrics of all displacements that can be learned."""
-    if not DISPLACED_MODELS:
-        raise WorkflowError(
-            "no model of smplicit.models has simulated garments both for training and for"
-            " testing, which displacements need; ask for more samples or other outfits.types"
-        )
-    return expand(
-        f"{RESULTS}/metrics/smplicit_displacement_{{field}}.tsv", field=DISPLACED_MODELS
-    )
-
-
 def encoder_weights(wildcards):
     """Input function: the file that the image encoder starts from, if there is one."""
     return config["smplicit"]["network"]["encoder_weights"] or []
@@ -136,13 +100,6 @@ def gallery_body(wildcards):
             f" {next(iter(SAMPLES))} to {list(SAMPLES)[-1]}"
         )
     return f"{RESULTS}/bodies/{sample}.npz"
-
-
-def gallery_displacement(wildcards):
-    """Input function: what poses do to the garment in motion, if that is asked for and known."""
-    if not GALLERY["displacement"] or wildcards.field not in DISPLACED_MODELS:
-        return []
-    return f"{SMPLICIT}/displacement/{wildcards.field}"
 
 
 def own_picture(wildcards):

@@ -69,7 +69,6 @@ rule pose_smplicit_garment:
         model=f"{SMPLICIT}/{{field}}",
         gallery=f"{SMPLICIT}/gallery/{{field}}",
         body=gallery_body,
-        displacement=gallery_displacement,
     output:
         sheet=report(
             f"{RESULTS}/report/smplicit_{{field}}_posed.png",

@@ -11,7 +11,6 @@ METRICS = {
     "inside_share": Metric("%", "Inside the body", 2, 100),
     "inside_1cm_share": Metric("%", "Deeper than 1 cm", 2, 100),
     "inside_depth_mm": Metric("mm", "Deepest"),
-    "area_ratio": Metric("%", "Area, of the true one", 0, 100, better=""),
     "pieces": Metric("", "Pieces", 2, better=""),
     "surface_to_true_mm": Metric("mm", "To the true garment"),
     "true_to_surface_mm": Metric("mm", "From the true garment"),

@@ -28,16 +28,6 @@ _HELD = {
     "untrained": Variant("Untrained network, fitted code"),
     "constant": Variant("Median distance"),
 }
-_MOVED = {
-    "nearest": Variant("Skinning by the nearest vertex (the paper's)"),
-    "smoothed": Variant("Smoothed skinning"),
-    "mean": Variant("With the mean displacement"),
-    "ridge": Variant("With ridge regression on the pose"),
-    "network": Variant("With the network"),
-    "other_pose": Variant("With the network, pose of another frame"),
-    "at_rest": Variant("With the network, pose of rest"),
-    "untrained": Variant("With the untrained network"),
-}
 _PICTURED = {
     "hung": Variant("Hung: of three outfits the one most like the picture (ours)"),
     "nearest_hung": Variant("Training code with the least loss, hung as well"),
@@ -49,10 +39,9 @@ _PICTURED = {
 }
 VARIANTS = {
     MODEL: {
-        f"{MODEL}_{kind}{part}_{name}": held._replace(group=title)
-        for kind, of_kind in (("", _HELD), ("displacement_", _MOVED))
+        f"{MODEL}_{part}_{name}": held._replace(group=title)
         for part, title in PARTS.items()
-        for name, held in of_kind.items()
+        for name, held in _HELD.items()
     }
     | {f"{MODEL}_images_{name}": pictured for name, pictured in _PICTURED.items()},
     "representation": {MODEL: Variant("SMPLicit, fitted code")},

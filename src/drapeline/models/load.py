@@ -18,21 +18,18 @@ from drapeline.models.garment4d.reconstruction_model import ReconstructionModel,
 from drapeline.models.gcvae.garment_ppca import StaticPpca
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import StaticVae
-from drapeline.models.smplicit.displacement import PoseDisplacement
-from drapeline.models.smplicit.displacement_network import DisplacementField
 from drapeline.models.smplicit.fitting import FittingModel
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 
-TrainedModel = StaticModel | ReconstructionModel | FittingModel | PoseDisplacement
+TrainedModel = StaticModel | ReconstructionModel | FittingModel
 
 _MODELS: dict[str, type[TrainedModel]] = {
     StaticVae.checkpoint_type: StaticModel,
     StaticPpca.checkpoint_type: StaticModel,
     PosedStage.checkpoint_type: ReconstructionModel,
     GarmentField.checkpoint_type: FittingModel,
-    DisplacementField.checkpoint_type: PoseDisplacement,
 }
 
 
@@ -43,13 +40,11 @@ def load(folder: str | Path) -> TrainedModel:
         folder: of a model of garments at rest, such as `results/gcvae/svae` or
             `results/gcvae/static_ppca`; of a garment type of Garment4D, such as
             `results/garment4d/Skirt`, or one of its posed stages; or of SMPLicit, such as
-            `results/smplicit/upper`, or `results/smplicit/displacement/upper` for what poses do
-            to its garments.
+            `results/smplicit/upper`.
 
     Returns:
         A `StaticModel` with `sample`, `encode` and `decode`, a `ReconstructionModel` with
-        `reconstruct`, SMPLicit's `FittingModel` with `field`, `decode` and `fit_image`, or its
-        `PoseDisplacement` with `worn_by`.
+        `reconstruct`, or SMPLicit's `FittingModel` with `field`, `decode` and `fit_image`.
 
     Raises:
         InputError: a file is missing or damaged, or the model is of another kind.

@@ -11,7 +11,7 @@ from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import WornGarment
-from drapeline.models.smplicit.repose import Displacement, repose
+from drapeline.models.smplicit.repose import repose
 
 
 def worn_clip(
@@ -23,7 +23,6 @@ def worn_clip(
     *,
     skinning: str,
     push_out: bool,
-    displacement: Displacement | None = None,
 ) -> list[WornGarment]:
     """A garment on its moving wearer, in the world.
 
@@ -33,17 +32,10 @@ def worn_clip(
         body: of the wearer.
         record: the wearer in motion.
         frames: (F,) which of its frames.
-        skinning, push_out, displacement: see `repose`.
+        skinning, push_out: see `repose`.
     """
-    moved = repose(
-        garment,
-        body,
-        record.shape,
-        record.poses[frames],
-        skinning=skinning,
-        push_out=push_out,
-        displacement=displacement,
-    )
+    poses = record.poses[frames]
+    moved = repose(garment, body, record.shape, poses, skinning=skinning, push_out=push_out)
     sheets = [Mesh(cloth, garment.faces) for cloth in moved]
     return place_clip(sheets, garment_type, body, record, frames)
 

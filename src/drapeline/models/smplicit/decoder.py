@@ -68,7 +68,6 @@ class Decoder(torch.nn.Module):
         clusters: K.
         cut, style: numbers of the two codes.
         width: of hidden layers, as a share of the released network's.
-        outputs: numbers per point; 1 is a distance.
         rng: draws the weights.
     """
 
@@ -79,7 +78,6 @@ class Decoder(torch.nn.Module):
         style: int,
         *,
         width: float = 1.0,
-        outputs: int = 1,
         rng: torch.Generator,
     ) -> None:
         super().__init__()
@@ -91,7 +89,7 @@ class Decoder(torch.nn.Module):
         self.fc1_cloth = WeightNormLinear(style_1, style_2, rng)
         self.fc0_query = WeightNormLinear(3 * clusters, query_1, rng)
         self.fc1_query = WeightNormLinear(query_1, query_2, rng)
-        sizes = [style_2 + query_2 + cut, *joint, outputs]
+        sizes = [style_2 + query_2 + cut, *joint, 1]
         for index, (inputs, outputs) in enumerate(pairwise(sizes)):
             setattr(self, f"fc{index}", WeightNormLinear(inputs, outputs, rng))
         self._style_size, self._joint = style_2, len(joint)
@@ -100,8 +98,6 @@ class Decoder(torch.nn.Module):
         self, points: torch.Tensor, places: torch.Tensor, z_cut: torch.Tensor, z_style: torch.Tensor
     ) -> torch.Tensor:
         """(B, P) distances, in the unit that it was trained in; may be slightly negative.
-
-        Or (B, P, outputs), where there is more than one.
 
         Args:
             points: (B or 1, P, 3) metres, in the rest pose.

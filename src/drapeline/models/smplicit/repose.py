@@ -1,9 +1,8 @@
 """Garments at rest carried through poses by the wearer's skinning (SMPLicit 3.5).
 
-What poses do to cloth beside that is the displacement that comes before, see `displacement`.
+What poses do to cloth beside that, P(p, theta, z_theta) there, is left out: learned networks gave
+no more than a ridge regression, and both less than a simulation.
 """
-
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,23 +18,6 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.smoothing import averaging_matrix
 
 SKINNINGS = ("nearest", "smoothed")
-
-
-class Displacement(Protocol):
-    """P(p, theta, z_theta) of a wearer: what poses do to cloth beside the skinning."""
-
-    def displace(
-        self, points: np.ndarray, weights: np.ndarray, poses: np.ndarray, motions: np.ndarray
-    ) -> np.ndarray:
-        """(N, V, 3) metres in the T-pose.
-
-        Args:
-            points: (V, 3) metres, at rest.
-            weights: (V, 24) of the skinning that follows.
-            poses: (N, 72) rad.
-            motions: (N, 24, 3, 4) of the joints in these poses, of `tpose_motions`.
-        """
-        ...
 
 
 def garment_weights(
@@ -71,7 +53,6 @@ def repose(
     *,
     skinning: str = "nearest",
     push_out: bool = False,
-    displacement: Displacement | None = None,
 ) -> np.ndarray:
     """A garment at rest in other poses; pose blend shapes of the body do not move it.
 
@@ -82,7 +63,6 @@ def repose(
         poses: (N, 72) axis-angle, rad.
         skinning: see `garment_weights`.
         push_out: whether vertices inside the posed body are moved out of it.
-        displacement: of this wearer, added before the skinning; it is learned with "smoothed".
 
     Returns:
         (N, V, 3) float32 metres, the root joint at the origin.
@@ -96,8 +76,6 @@ def repose(
     weights = garment_weights(garment, body, shape, skinning)
     straight = straighten(garment.vertices, weights, body, shape)
     motions = tpose_motions(body, shape, poses)
-    if displacement is not None:
-        straight = straight + displacement.displace(garment.vertices, weights, poses, motions)
     moved = skin_points(straight, motions, weights).astype(np.float32)
     if not push_out or not len(poses):
         return moved

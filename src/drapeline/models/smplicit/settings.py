@@ -2,7 +2,6 @@
 
 from typing import Annotated, Literal
 
-from drapeline.models.smplicit.displacement_settings import Displacement
 from drapeline.models.smplicit.variants import FIELD_MODELS
 from drapeline.models.training.settings import Trainer, Training
 from drapeline.outfits.garment_types import GARMENTS
@@ -390,14 +389,6 @@ class Gallery(Settings):
             "it, which the paper does not do."
         ),
     )
-    displacement: bool = Field(
-        False,
-        description=(
-            "Whether the garment in motion is displaced as its pose asks for before it is "
-            "skinned, by what `snakemake smplicit_displacement` trains. It is learned with "
-            "smoothed skinning."
-        ),
-    )
 
 
 class EvaluatedPictures(Settings):
@@ -473,7 +464,6 @@ class SmplicitSettings(Settings):
     trainer: Trainer = Trainer()
     meshing: Meshing = Meshing()
     evaluation: FieldFitSettings = FieldFitSettings()
-    displacement: Displacement = Displacement()
     gallery: Gallery = Gallery()
     images: Annotated[tuple[str, ...], EachOnce()] = Field(
         (),

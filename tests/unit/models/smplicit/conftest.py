@@ -2,7 +2,6 @@ import pytest
 
 from drapeline.models.smplicit.fitting import FittingModel
 from toys.bodies import toy_body as make_toy_body
-from toys.displacement import collect_skirts, write_moving_skirts
 from toys.smplicit import skirt_pixels, toy_fields
 from toys.smplicit_trainings import train_toy
 
@@ -17,20 +16,6 @@ def fields(tmp_path_factory):
 def fitting_model(tmp_path_factory, fields, toy_body):
     """A model of the toy skirts that finds them in pictures."""
     return FittingModel(train_toy(tmp_path_factory.mktemp("fitting"), fields, toy_body))
-
-
-@pytest.fixture(scope="session")
-def moving_skirts(tmp_path_factory, toy_body):
-    """Samples of toy skirts in motion."""
-    return write_moving_skirts(tmp_path_factory.mktemp("moving"), toy_body)
-
-
-@pytest.fixture(scope="session")
-def displacements(tmp_path_factory, moving_skirts, toy_body):
-    """What poses do to them."""
-    return collect_skirts(
-        tmp_path_factory.mktemp("displacements") / "data", moving_skirts, toy_body
-    )
 
 
 @pytest.fixture

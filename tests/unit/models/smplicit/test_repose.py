@@ -61,28 +61,6 @@ def test_smoothed_weights_differ_less_between_neighbours(toy_body, worn):
     assert along[1] < 0.5 * along[0]
 
 
-def test_cloth_is_displaced_before_it_is_skinned(toy_body):
-    """A displacement by a centimetre moves rigidly skinned cloth by a centimetre."""
-
-    class Up:
-        def displace(self, points, weights, poses, motions):
-            assert weights.shape == (len(points), 24)
-            return np.tile(np.array([0, 0.01, 0]), (len(motions), len(points), 1))
-
-    skin = Mesh(rest_body(toy_body, SHAPE).astype(np.float32), toy_body.faces)
-    turned = np.zeros((2, 72))
-    turned[:, 0] = np.pi / 2
-    turned[1, 2] = 0.3
-    moved, still = (
-        repose(skin, toy_body, SHAPE, turned, skinning="smoothed", displacement=given)
-        for given in (Up(), None)
-    )
-    away = moved - still
-    np.testing.assert_allclose(np.linalg.norm(away, axis=-1), 0.01, atol=1e-5)
-    # The T-pose has Y up, the world Z.
-    np.testing.assert_allclose(away[0], np.tile([0, 0, 0.01], (len(skin.vertices), 1)), atol=1e-5)
-
-
 def test_pushed_out_vertices_are_outside(toy_body):
     sunk = Mesh((0.97 * rest_body(toy_body, SHAPE)).astype(np.float32), toy_body.faces)
     poses = REST_POSE[None]
