@@ -51,8 +51,7 @@ def simulate(solver: str, results: str, folder: str, *samples: str) -> None:
     from drapeline.bodies.model import load_body
     from drapeline.bodies.sequence import load_body_sequence
     from drapeline.outfits.outfit import load_outfit
-    from drapeline.simulation.attempts import SimulationSettings
-    from drapeline.simulation.health import HealthBounds
+    from drapeline.simulation.settings import HealthBounds, SimulationSettings
     from drapeline.simulation.simulate import DressedBody, simulate_outfit
 
     module, accelerator = SOLVERS[solver]

@@ -13,10 +13,10 @@ from side_by_side import Comparison, compare, cpu_seconds
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
-from drapeline.models.smplicit.model import NearBody, SmplicitModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.network import GarmentField
-from drapeline.models.smplicit.network_field import NetworkField
-from drapeline.models.smplicit.walls import Grid, extract_walls
+from drapeline.models.smplicit.surface.fields import NearBody, NetworkField
+from drapeline.models.smplicit.surface.walls import Grid, extract_walls
 
 POINTS, BATCH, CELLS, DENSE = 100_000, 10_000, 256, 2048
 

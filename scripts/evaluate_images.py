@@ -8,10 +8,10 @@ import torch
 from drapeline.dataset.record import read_record
 from drapeline.dataset.shards import samples_of_shards
 from drapeline.errors import InputError
-from drapeline.generation.moving_sheets import make_hang
+from drapeline.generation.moving_sheets import make_draper
 from drapeline.metrics.table import write_metrics
-from drapeline.models.smplicit.evaluate_images import PictureEvaluation, take_pictures
 from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.pictures.evaluate import PictureEvaluation, take_pictures
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.storage import atomic_folder
@@ -43,7 +43,7 @@ with rule_log(snakemake.log[0]):
         fit=fit,
         meshing=Meshing(**params.meshing),
         seed=params.seed,
-        hang=make_hang(solver, fit.hang_frames, **params.hanging),
+        draper=make_draper(solver, fit.hang_frames, **params.hanging),
     )
     rows, shown = evaluation.run(pictures, params.split)
     write_metrics(made.metrics, rows)

@@ -6,7 +6,7 @@ import torch
 
 from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.shards import samples_of_shards
-from drapeline.generation.moving_sheets import make_hang
+from drapeline.generation.moving_sheets import make_draper
 from drapeline.metrics.fitted_scans import BODY, save_fitted_scans
 from drapeline.metrics.table import join, write_metrics
 from drapeline.models.compare_scans import (
@@ -17,7 +17,7 @@ from drapeline.models.compare_scans import (
     truth_shown,
 )
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.scan_fitter import ON_JOINT_BODY, SmplicitScanFitter
+from drapeline.models.smplicit.scans.garments import ON_JOINT_BODY, SmplicitScanFitter
 from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.xpbd.solver import cloth_solver
@@ -34,8 +34,8 @@ with rule_log(snakemake.log[0]):
     scans = known_scans(given.scans, samples, bodies)
     settings = FitScan(**params.fit)
     fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
-    hang = make_hang(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
-    fitter = SmplicitScanFitter(models, *fits, hang)
+    draper = make_draper(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    fitter = SmplicitScanFitter(models, *fits, draper)
     about = {"split": params.split, "seed": params.seed}
     rows, found = compare_scan_fits(scans, fitter, **about)
     states = {

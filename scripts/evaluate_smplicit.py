@@ -6,13 +6,10 @@ import torch
 
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.smplicit.evaluate import (
-    FieldEvaluation,
-    true_meshes,
-)
-from drapeline.models.smplicit.held_out import save_held_out
-from drapeline.models.smplicit.load import new_field
+from drapeline.models.smplicit.evaluate import FieldEvaluation, true_meshes
 from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.network import new_field
+from drapeline.models.smplicit.representation import save_held_out
 from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
 from drapeline.outfits.static import load_static
 from drapeline.rule_log import rule_log

@@ -7,10 +7,10 @@ import torch
 from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.segmented_scans import save_scans, segment_scans
-from drapeline.generation.moving_sheets import make_hang
+from drapeline.generation.moving_sheets import make_draper
 from drapeline.metrics.fitted_scans import save_fitted_scans
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.own_scans import find_in_scans, shown_scan, write_found
+from drapeline.models.smplicit.scans.garments import find_in_scans, shown_scan, write_found
 from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.report.models.scans import OWN
 from drapeline.rule_log import rule_log
@@ -28,8 +28,8 @@ with rule_log(snakemake.log[0]):
     scans = segment_scans(read, params.garments, name=given.points)
     settings = FitScan(**params.fit)
     fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
-    hang = make_hang(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
-    found = find_in_scans(scans, models, *fits, hang)
+    draper = make_draper(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    found = find_in_scans(scans, models, *fits, draper)
     write_found(made.folder, scans, found)
     save_scans(made.scans, scans, [one.body for one in found])
     save_fitted_scans(

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from drapeline.generation.moving_sheets import make_hang
-from drapeline.models.smplicit.fit_pictures import fit_picture, shown_picture, write_fitted
-from drapeline.models.smplicit.hanging import hang_picture
+from drapeline.generation.moving_sheets import make_draper
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.pictures import read_picture
+from drapeline.models.smplicit.pictures.drape import drape_picture
+from drapeline.models.smplicit.pictures.garments import fit_picture, shown_picture, write_fitted
+from drapeline.models.smplicit.pictures.read import read_picture
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.xpbd.solver import cloth_solver
@@ -25,9 +25,9 @@ with rule_log(snakemake.log[0]) as log:
     picture = read_picture(given.picture, bodies, least_px=settings.least_px)
     how = models, settings, Meshing(**params.meshing), params.seed
     people = fit_picture(picture, *how)
-    hang = make_hang(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
-    if hang:
-        people = hang_picture(picture, people, *how, hang)
+    draper = make_draper(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    if draper:
+        people = drape_picture(picture, people, *how, draper)
     write_fitted(made.folder, picture, people)
     shown_picture(picture, models, people).save(made.shown)
     log.info("%s: %s", picture.name, "; ".join(" + ".join(outfit) for outfit in people))

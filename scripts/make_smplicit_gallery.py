@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.models.smplicit.gallery import code_space, plan_gallery, training_measures
-from drapeline.models.smplicit.gallery_files import save_gallery
+from drapeline.models.smplicit.gallery.files import save_gallery
+from drapeline.models.smplicit.gallery.plan import code_space, plan_gallery, training_measures
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.outfits.static import load_static

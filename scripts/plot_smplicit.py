@@ -3,14 +3,13 @@
 from typing import TYPE_CHECKING
 
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.smplicit.evaluate import true_meshes
-from drapeline.models.smplicit.figure_cases import rebuilt_garments
-from drapeline.models.smplicit.held_out import load_held_out
+from drapeline.models.smplicit.evaluate import rebuilt_garments, true_meshes
 from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.representation import load_held_out
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.outfits.static import load_static
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.rebuilt import plot_rebuilt
+from drapeline.report.models.smplicit.garments import plot_rebuilt
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

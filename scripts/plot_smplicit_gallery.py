@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.smplicit.gallery import SHEETS
-from drapeline.models.smplicit.gallery_files import load_gallery
+from drapeline.models.smplicit.gallery.files import load_gallery
+from drapeline.models.smplicit.gallery.plan import SHEETS
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.gallery import plot_gallery
+from drapeline.report.models.smplicit.garments import plot_gallery
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -7,14 +7,13 @@ import numpy as np
 from drapeline.bodies.sequence import first_frames, load_body_sequence
 from drapeline.frames import GENDERS
 from drapeline.generation.moving_sheets import simulate_sheet
-from drapeline.models.smplicit.clip import place_clip, save_clip, worn_clip
-from drapeline.models.smplicit.gallery import nearest_type
-from drapeline.models.smplicit.gallery_files import worn_prototype
+from drapeline.models.smplicit.gallery.files import worn_prototype
+from drapeline.models.smplicit.gallery.motion import SKINNINGS, place_clip, save_clip, worn_clip
+from drapeline.models.smplicit.gallery.plan import nearest_type
 from drapeline.models.smplicit.model import SmplicitModel
-from drapeline.models.smplicit.repose import SKINNINGS
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.gallery import animate_clip, plot_clip
+from drapeline.report.models.smplicit.garments import animate_clip, plot_clip
 from drapeline.rule_log import rule_log
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.xpbd.solver import cloth_solver

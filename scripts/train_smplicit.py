@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.smplicit.files import save_model_files
-from drapeline.models.smplicit.load import new_field
+from drapeline.models.smplicit.model import save_model_files
+from drapeline.models.smplicit.network import new_field
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.smplicit.train import train_field
 from drapeline.rule_log import rule_log

@@ -64,15 +64,15 @@ from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.static_files import load_training_codes
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.load import load
+from drapeline.models.smplicit.decoder import load_released
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
-from drapeline.models.smplicit.files import load_training_codes as load_field_codes
-from drapeline.models.smplicit.files import save_model_files
-from drapeline.models.smplicit.gallery_files import CODES, load_gallery, posed_prototype
-from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
-from drapeline.models.smplicit.load import load_field, new_field
-from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
-from drapeline.models.smplicit.pictures import read_picture
-from drapeline.models.smplicit.released import load_released
+from drapeline.models.smplicit.gallery.files import CODES, load_gallery, posed_prototype
+from drapeline.models.smplicit.model import load_training_codes as load_field_codes
+from drapeline.models.smplicit.model import save_model_files
+from drapeline.models.smplicit.network import load_field, new_field
+from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
+from drapeline.models.smplicit.pictures.read import read_picture
+from drapeline.models.smplicit.representation import HeldOut, load_held_out, save_held_out
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.motions.deepmimic import read_deepmimic
@@ -564,10 +564,9 @@ def _make_field_model(folder: Path) -> None:
 
 
 def _make_released(folder: Path) -> None:
-    from drapeline.models.smplicit.decoder import Decoder
-    from drapeline.models.smplicit.released import export_released
+    from drapeline.models.smplicit.decoder import FieldDecoder, export_released
 
-    export_released(folder / "decoder.pth", Decoder(20, 2, 3, rng=torch.Generator()), 1.0)
+    export_released(folder / "decoder.pth", FieldDecoder(20, 2, 3, rng=torch.Generator()), 1.0)
 
 
 def _encoder() -> ImageEncoder:

@@ -8,7 +8,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.table import read_metrics
-from drapeline.models.smplicit.held_out import load_held_out
+from drapeline.models.smplicit.representation import load_held_out
 from drapeline.outfits.static import save_static
 from toys.smplicit import BOXES, toy_outfits
 

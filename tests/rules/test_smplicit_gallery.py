@@ -10,9 +10,9 @@ from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.sequence import save_body_sequence
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.files import body_file
-from drapeline.models.smplicit.gallery import SHEETS
-from drapeline.models.smplicit.model import FieldGarment, SmplicitModel
+from drapeline.models.smplicit.gallery.plan import SHEETS
+from drapeline.models.smplicit.model import SmplicitModel, body_file
+from drapeline.models.smplicit.surface.sheet import FieldGarment
 from drapeline.simulation.settings import HealthBounds
 from toys.bounds import NO_BOUNDS
 from toys.gallery import TubeField, save_toy_model, save_toy_outfits, training_codes

@@ -9,7 +9,7 @@ from drapeline.bodies.model import BodyModel, save_body
 from drapeline.bodies.rest_body import SHAPES, rest_basis
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.files import TRAINING_CODES, TrainingCodes, body_file
+from drapeline.models.smplicit.model import TRAINING_CODES, GarmentCodes, body_file
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.smplicit.settings import FieldNetwork, FieldSettings
 from drapeline.models.training.checkpoints import write_checkpoint
@@ -74,10 +74,10 @@ def tube_mesh(z: np.ndarray, around: int = 48, down: int = 24) -> Mesh:
     return Mesh(np.concatenate(rings).astype(np.float32), faces.astype(np.int32))
 
 
-def training_codes(count: int = 44) -> TrainingCodes:
+def training_codes(count: int = 44) -> GarmentCodes:
     """Codes in which every number varies, the first one most."""
     z = rng_for(0, "codes").normal(size=(count, LATENT)) * [1.0, 0.7, *[0.1] * (LATENT - 2)]
-    return TrainingCodes(
+    return GarmentCodes(
         z.astype(np.float32),
         np.full(count, GARMENTS.index("Skirt")),
         np.array([f"s{row:05d}" for row in range(count)]),
@@ -86,7 +86,7 @@ def training_codes(count: int = 44) -> TrainingCodes:
     )
 
 
-def save_toy_model(folder: Path, body: BodyModel, codes: TrainingCodes) -> None:
+def save_toy_model(folder: Path, body: BodyModel, codes: GarmentCodes) -> None:
     """What the training leaves, with an untrained network."""
     folder.mkdir(parents=True)
     basis = rest_basis(dict.fromkeys(GENDERS, body))[:, ::400].astype(np.float32)
@@ -97,12 +97,12 @@ def save_toy_model(folder: Path, body: BodyModel, codes: TrainingCodes) -> None:
         save_body(body_file(folder, gender), body)
 
 
-def save_toy_outfits(path: Path, codes: TrainingCodes) -> None:
+def save_toy_outfits(path: Path, codes: GarmentCodes) -> None:
     """The tubes of the codes as static outfits."""
     save_static(path, toy_outfits(codes))
 
 
-def toy_outfits(codes: TrainingCodes) -> list[StaticOutfit]:
+def toy_outfits(codes: GarmentCodes) -> list[StaticOutfit]:
     """The tubes of the codes."""
     return [
         StaticOutfit(

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.smplicit.files import save_model_files
-from drapeline.models.smplicit.load import new_field
+from drapeline.models.smplicit.model import save_model_files
+from drapeline.models.smplicit.network import new_field
 from drapeline.models.smplicit.train import train_field
 from toys.smplicit import toy_bodies, toy_settings
 from toys.threads import THREADS

@@ -291,7 +291,7 @@ def add_toy_garment_type(project):
     colours = project / "src/drapeline/report/colours.py"
     replace(colours, '    "Dress": SKY,\n', '    "Dress": SKY,\n    "Overalls": "#F0E442",\n')
     replace(project / "config.yaml", "\n  types: [", "\n  types: [Overalls, ")
-    kinds = project / "src/drapeline/models/smplicit/properties.py"
+    kinds = project / "src/drapeline/models/smplicit/garments.py"
     last = '        "dress with straps":'
     replace(kinds, last, '        "overalls": Kind("Overalls"),\n' + last)
 
@@ -620,5 +620,5 @@ def test_every_garment_type_is_in_the_places_listed():
     # The paper's own numbers are of its own types.
     naming.remove("src/drapeline/report/models/gcvae/tables.py")
     # Segmentation networks have classes of their own.
-    naming.remove("src/drapeline/models/smplicit/pictures.py")
+    naming.remove("src/drapeline/models/smplicit/pictures/read.py")
     assert naming == {place for place in listed if not place.startswith("docs/")}

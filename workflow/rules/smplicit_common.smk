@@ -1,8 +1,8 @@
 import re
 
 from drapeline.experiment.learning_plan import some_held_out
-from drapeline.models.smplicit.picture_files import files_of_picture, picture_files
-from drapeline.models.smplicit.variants import FIELD_MODELS, MODEL_OF_GARMENT
+from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
+from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
 
 SMPLICIT = f"{RESULTS}/smplicit"
 SMPLICIT_MODELS = config["smplicit"]["models"]

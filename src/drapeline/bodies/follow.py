@@ -51,7 +51,7 @@ def pose_body(body: BodyModel, shape: np.ndarray, pose: np.ndarray, trans: np.nd
     return PosedBody(rest_body(body, shape), posed[0].astype(np.float64), turns, body.faces)
 
 
-def with_cloth(body: PosedBody, rest: np.ndarray, posed: np.ndarray) -> PosedBody:
+def add_cloth(body: PosedBody, rest: np.ndarray, posed: np.ndarray) -> PosedBody:
     """The body and cloth on it, so that points near the cloth follow it.
 
     Args:
@@ -88,7 +88,7 @@ def near_vertices(
     return near.reshape(shape), share / share.sum(axis=1, keepdims=True)
 
 
-def follow(points: np.ndarray, body: PosedBody, neighbours: int) -> np.ndarray:
+def point_motions(points: np.ndarray, body: PosedBody, neighbours: int) -> np.ndarray:
     """(P, 4, 3) affine motions of points at rest into the pose: shift, then the linear part's rows.
 
     A point keeps its place relative to the closest vertices of the body, see `near_vertices`; with
@@ -103,7 +103,7 @@ def follow(points: np.ndarray, body: PosedBody, neighbours: int) -> np.ndarray:
 
 
 def move(points: np.ndarray, motions: np.ndarray) -> np.ndarray:
-    """(P, 3) points after the motions (P, 4, 3) of `follow`."""
+    """(P, 3) points after the motions (P, 4, 3) of `point_motions`."""
     return motions[:, 0] + np.einsum("pab,pb->pa", motions[:, 1:], points)
 
 
@@ -141,7 +141,7 @@ def garment_motions(
     garment: Mesh, body: PosedBody, *, neighbours: int, smoothing: int
 ) -> np.ndarray:
     """(V, 4, 3) motions of a garment's vertices into the pose; see `pose_garment` and `move`."""
-    motions = follow(garment.vertices, body, neighbours)
+    motions = point_motions(garment.vertices, body, neighbours)
     average = averaging_matrix(garment.faces, len(garment.vertices))
     return blur(motions.reshape(-1, 12), average, smoothing).reshape(-1, 4, 3)
 

@@ -26,7 +26,7 @@ from drapeline.geometry.point_cache import PointCache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.worn import HungSheet, wear_in_layers
+from drapeline.outfits.worn import DrapedSheet, stack_layers
 from drapeline.rule_log import LOGGER
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import DressedBody, simulate_outfit
@@ -95,7 +95,7 @@ def simulate_sheets(
     if empty or not sheets:
         raise InputError(f"{' and '.join(empty) or 'sheets'}: no faces, expected cloth to simulate")
     at_rest = pose_body(body, record.shape, REST_POSE, np.zeros(3))
-    layers = wear_in_layers(list(sheets.values()), at_rest)
+    layers = stack_layers(list(sheets.values()), at_rest)
     garments = tuple(
         _garment(name, _coarsen(sheet, edge_length_m))
         for name, sheet in zip(sheets, layers, strict=True)
@@ -130,10 +130,10 @@ def simulate_sheet(
         return []
 
 
-def make_hang(
+def make_draper(
     solver: ClothSolver, frames: int, *, edge_length_m: float, simulation: Mapping[str, Any]
-) -> "Hang | None":
-    """See `Hang`; nothing for no frames.
+) -> "SolverDraper | None":
+    """See `SolverDraper`; nothing for no frames.
 
     Args:
         solver, frames, edge_length_m: see there.
@@ -141,12 +141,12 @@ def make_hang(
     """
     if not frames:
         return None
-    return Hang(solver, frames, edge_length_m, SimulationSettings(**simulation))
+    return SolverDraper(solver, frames, edge_length_m, SimulationSettings(**simulation))
 
 
 @dataclass(frozen=True)
-class Hang:
-    """Hangs sheets on people in one pose: from rest they go along into it, and wait there.
+class SolverDraper:
+    """Drapes sheets on people in one pose: from rest they go along into it, and wait there.
 
     Attributes:
         solver: moves the cloth.
@@ -170,7 +170,7 @@ class Hang:
         pose: np.ndarray,
         trans: np.ndarray,
         up: np.ndarray,
-    ) -> dict[str, HungSheet]:
+    ) -> dict[str, DrapedSheet]:
         """Sheets as they hang on a person; none if the simulation failed, which is logged.
 
         Args:
@@ -203,10 +203,10 @@ class Hang:
                 bounds=_WORN,
             )
         except InputError as error:
-            LOGGER.info("skinned, not hung: %s", error)
+            LOGGER.info("skinned, not draped: %s", error)
             return {}
         return {
-            name: HungSheet(
+            name: DrapedSheet(
                 sheet.rest,
                 Mesh(
                     (upright.inv().apply(sheet.frames[-1].vertices) + trans).astype(np.float32),

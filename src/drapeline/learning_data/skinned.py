@@ -50,7 +50,7 @@ from drapeline.storage import (
 _SKIRT_REACH_M = 0.12
 
 
-class Worn(NamedTuple):
+class PosedOutfit(NamedTuple):
     """An outfit in motion, metres relative to the root joint.
 
     Attributes:
@@ -62,7 +62,7 @@ class Worn(NamedTuple):
     garments: dict[str, np.ndarray]
 
 
-def wear(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> Worn:
+def skin_outfit(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> PosedOutfit:
     """Move an outfit's garments with its wearer by linear blend skinning, then out of the body.
 
     Args:
@@ -83,7 +83,7 @@ def wear(outfit: Outfit, body: BodyModel, poses: np.ndarray) -> Worn:
         solid.move(vertices)
         for name, cloth in garments.items():
             cloth[frame] = solid.push_out(cloth[frame], averages[name])
-    return Worn(posed, garments)
+    return PosedOutfit(posed, garments)
 
 
 def worn_weights(garment: Garment, rest: np.ndarray, body: BodyModel) -> np.ndarray:
@@ -227,7 +227,7 @@ def _write(
         number = rng.integers(len(motion.poses) - span[-1]) + span
         poses = motion.poses[number]
         body = bodies[static.outfit.gender]
-        worn = wear(static.outfit, body, poses)
+        worn = skin_outfit(static.outfit, body, poses)
         part = slice(index * settings.frames, (index + 1) * settings.frames)
         points[part], labels[part] = _clouds(static, body, worn, settings.clouds)
         for vertices in worn.garments.values():
@@ -252,7 +252,7 @@ def _write(
 
 
 def _clouds(
-    static: StaticOutfit, body: BodyModel, worn: Worn, settings: CloudSettings
+    static: StaticOutfit, body: BodyModel, worn: PosedOutfit, settings: CloudSettings
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (T, P, 3) and labels (T, P) of an outfit in motion."""
     garments = static.outfit.garments

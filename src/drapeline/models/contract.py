@@ -5,15 +5,15 @@ A model has a folder of its own, `models/<name>/`, and imports no other model. T
 - `settings.py`: the model's block of the config, as a `drapeline.settings.Settings`;
 - `train.py`: from data and settings to the folder of a training, for networks by
   `training.lightning.fit`, which resumes trainings and writes checkpoints;
-- `load.py`: trained modules from the checkpoints in that folder, without executing anything;
+- a function that loads what that folder holds, without executing anything;
 - evaluation: a `metrics.table.METRICS` table for held-out garments, from codes, from
   reconstructions, or from whatever else the model predicts;
 - for figures, what `report/` draws, as files or in types of `metrics/` such as `WornGarment` of
   `metrics.predictions`; `report/` does not import models;
 - `representation.py`: each way in which the model holds a garment, as a `Representation`, by which
   all models are compared on the same garments;
-- if its garments can be fitted to points, `scan_fitter.py`: a `ScanFitter`, by which models are
-  compared on the same segmented scans.
+- if its garments can be fitted to points, a `ScanFitter`, by which models are compared on the same
+  segmented scans.
 
 docs/how-to/extending.md lists what it has outside its folder.
 """

@@ -18,18 +18,18 @@ from drapeline.models.garment4d.reconstruction_model import ReconstructionModel,
 from drapeline.models.gcvae.garment_ppca import StaticPpca
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import StaticVae
-from drapeline.models.smplicit.fitting import FittingModel
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 
-TrainedModel = StaticModel | ReconstructionModel | FittingModel
+TrainedModel = StaticModel | ReconstructionModel | SmplicitModel
 
 _MODELS: dict[str, type[TrainedModel]] = {
     StaticVae.checkpoint_type: StaticModel,
     StaticPpca.checkpoint_type: StaticModel,
     PosedStage.checkpoint_type: ReconstructionModel,
-    GarmentField.checkpoint_type: FittingModel,
+    GarmentField.checkpoint_type: SmplicitModel,
 }
 
 
@@ -44,7 +44,7 @@ def load(folder: str | Path) -> TrainedModel:
 
     Returns:
         A `StaticModel` with `sample`, `encode` and `decode`, a `ReconstructionModel` with
-        `reconstruct`, or SMPLicit's `FittingModel` with `field`, `decode` and `fit_image`.
+        `reconstruct`, or SMPLicit's `SmplicitModel` with `field` and `decode`.
 
     Raises:
         InputError: a file is missing or damaged, or the model is of another kind.

@@ -18,7 +18,7 @@ _LAYER_M = 0.05  # cloth deeper than this below another layer is not meant to be
 _ROUNDS, _SPREAD = 3, 4
 
 
-class HungSheet(NamedTuple):
+class DrapedSheet(NamedTuple):
     """The same cloth at rest, root-relative metres, and as it hangs on a posed wearer.
 
     Attributes:
@@ -31,7 +31,7 @@ class HungSheet(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Wearing:
+class SkinningOptions:
     """How garments follow the body, see `pose_garment`.
 
     Attributes:
@@ -43,24 +43,26 @@ class Wearing:
     smoothing: int = 20
 
 
-def wear(garments: Mapping[str, Mesh], body: PosedBody, wearing: Wearing) -> dict[str, Mesh]:
+def pose_in_layers(
+    garments: Mapping[str, Mesh], body: PosedBody, skinning: SkinningOptions
+) -> dict[str, Mesh]:
     """Garments at rest, posed and in layers.
 
     Args:
         garments: by name, from the innermost to the outermost; some may have no faces.
         body: the wearer.
-        wearing: how they follow it.
+        skinning: how they follow it.
     """
     posed = [
-        pose_garment(one, body, neighbours=wearing.neighbours, smoothing=wearing.smoothing)
+        pose_garment(one, body, neighbours=skinning.neighbours, smoothing=skinning.smoothing)
         if len(one.faces)
         else one
         for one in garments.values()
     ]
-    return dict(zip(garments, wear_in_layers(posed, body), strict=True))
+    return dict(zip(garments, stack_layers(posed, body), strict=True))
 
 
-def wear_in_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
+def stack_layers(sheets: Sequence[Mesh], body: PosedBody) -> list[Mesh]:
     """Posed sheets pushed out of the body, and each out of those below it.
 
     Args:

@@ -8,7 +8,7 @@ from drapeline.bodies.follow import PosedBody
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh, vertex_normals
-from drapeline.outfits.worn import wear_in_layers
+from drapeline.outfits.worn import stack_layers
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.to_points import fit_to_points
 
@@ -54,4 +54,4 @@ def move_to_scan(
             )
             mesh = Mesh(vertices[0], mesh.faces)
         moved[name] = mesh
-    return dict(zip(moved, wear_in_layers([*moved.values()], body), strict=True))
+    return dict(zip(moved, stack_layers([*moved.values()], body), strict=True))

@@ -3,13 +3,13 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.follow import (
     PosedBody,
-    follow,
+    add_cloth,
     move,
     move_to_rest,
     near_vertices,
+    point_motions,
     pose_body,
     pose_garment,
-    with_cloth,
 )
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import REST_POSE
@@ -25,14 +25,16 @@ def test_skin_follows_itself_into_the_pose(toy_body):
     shape = np.linspace(-1, 1, 10)
     body = pose_body(toy_body, shape, pose, TRANS)
     expected, _ = posed_vertices(toy_body, shape, pose[None], TRANS[None])
-    found = move(body.rest, follow(body.rest, body, 1))
+    found = move(body.rest, point_motions(body.rest, body, 1))
     np.testing.assert_allclose(found, expected[0], atol=1e-4)
 
 
 def test_at_rest_points_only_shift(toy_body):
     body = pose_body(toy_body, np.zeros(10), REST_POSE.copy(), TRANS)
     points = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 3))
-    np.testing.assert_allclose(move(points, follow(points, body, 8)), points + TRANS, atol=1e-4)
+    np.testing.assert_allclose(
+        move(points, point_motions(points, body, 8)), points + TRANS, atol=1e-4
+    )
 
 
 def test_near_vertices_count_by_the_inverse_square_of_their_distance():
@@ -63,7 +65,7 @@ def test_points_near_the_skin_come_back_to_where_they_were(toy_body):
     pose = REST_POSE + np.random.default_rng(3).normal(scale=0.05, size=72)
     body = pose_body(toy_body, np.zeros(10), pose, TRANS)
     points = body.rest[::29] + 0.001
-    posed = move(points, follow(points, body, 1))
+    posed = move(points, point_motions(points, body, 1))
     np.testing.assert_allclose(move_to_rest(posed, body, 1).places, points, atol=1e-3)
 
 
@@ -71,13 +73,13 @@ def test_points_near_cloth_follow_it_and_others_the_body(toy_body):
     body = pose_body(toy_body, np.zeros(10), REST_POSE.copy(), TRANS)
     cloth = tube(0.3, -0.5, 0.0, around=64, rings=30).vertices.astype(float)
     turn = Rotation.from_rotvec([0.1, 0.4, 0.9])
-    both = with_cloth(body, cloth, turn.apply(cloth) + SHIFT)
+    both = add_cloth(body, cloth, turn.apply(cloth) + SHIFT)
     assert both.faces is body.faces
     near_cloth = 1.005 * cloth
-    found = move(near_cloth, follow(near_cloth, both, 4))
+    found = move(near_cloth, point_motions(near_cloth, both, 4))
     np.testing.assert_allclose(found, turn.apply(near_cloth) + SHIFT, atol=1e-6)
     skin = body.rest[body.rest[:, 2] > 0.3]
-    np.testing.assert_allclose(move(skin, follow(skin, both, 1)), skin + TRANS, atol=1e-4)
+    np.testing.assert_allclose(move(skin, point_motions(skin, both, 1)), skin + TRANS, atol=1e-4)
 
 
 def test_folded_cloth_turns_and_is_not_mirrored(toy_body):
@@ -85,6 +87,6 @@ def test_folded_cloth_turns_and_is_not_mirrored(toy_body):
     rows, columns = np.meshgrid(np.arange(8) * 0.02, np.arange(8) * 0.02)
     flat = np.stack([rows.ravel(), columns.ravel(), np.zeros(64)], axis=1)
     over = flat * [-1, 1, -1]  # half a turn about Y
-    turns = with_cloth(body, flat, over).turns[len(body.rest) :]
+    turns = add_cloth(body, flat, over).turns[len(body.rest) :]
     np.testing.assert_allclose(np.linalg.det(turns), 1, atol=1e-9)
     np.testing.assert_allclose(turns, np.tile(np.diag([-1.0, 1, -1]), (64, 1, 1)), atol=1e-6)

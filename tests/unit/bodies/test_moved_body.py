@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drapeline.bodies.follow import follow, move, pose_body
+from drapeline.bodies.follow import move, point_motions, pose_body
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.moved_body import UNKNOWNS, BodyState, MovedBody
 from drapeline.frames import REST_POSE
@@ -81,7 +81,7 @@ def test_points_off_the_skin_turn_with_it(toy_body, state):
 
     def value(at):
         body = pose_body(toy_body, at.shape, at.pose, at.trans)
-        motions = follow(body.rest[ids], body, 1)
+        motions = point_motions(body.rest[ids], body, 1)
         return (move(body.rest[ids] + offsets, motions) * along).sum(axis=1)
 
     found = moved.slopes(moved.points_of_vertices(ids), along, offsets)

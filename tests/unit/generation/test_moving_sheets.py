@@ -10,7 +10,7 @@ from drapeline.bodies.sequence import body_sequence_vertices
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.generation import moving_sheets
-from drapeline.generation.moving_sheets import Hang, simulate_sheets
+from drapeline.generation.moving_sheets import SolverDraper, simulate_sheets
 from drapeline.geometry.mesh import Mesh, edge_lengths, edges, mean_edge_length
 from drapeline.simulation.settings import SimulationSettings
 from drapeline.xpbd.solver import cloth_solver
@@ -102,7 +102,7 @@ def test_bad_input_is_refused(toy_body, record, skirt):
 SITTING = REST_POSE.copy()
 SITTING[3:9] += [-1.2, 0, 0, -1.2, 0, 0]
 TRANS = np.array([0.3, -1.0, 2.0])
-HANG = Hang(cloth_solver(1), 3, 0.01, SETTINGS)
+HANG = SolverDraper(cloth_solver(1), 3, 0.01, SETTINGS)
 
 
 def hang(sheets, toy_body, turn, pose=SITTING):
@@ -159,4 +159,4 @@ def test_what_cannot_hang_is_left_out(toy_body, skirt, monkeypatch, caplog):
     monkeypatch.setattr(moving_sheets, "_WORN", strict)
     with caplog.at_level("INFO", logger="drapeline"):
         assert hang({"Skirt": skirt}, toy_body, still) == {}
-    assert "skinned, not hung: Skirt: stretch_" in caplog.text
+    assert "skinned, not draped: Skirt: stretch_" in caplog.text

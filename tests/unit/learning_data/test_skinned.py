@@ -16,7 +16,7 @@ from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import edges, triangulate
 from drapeline.learning_data.settings import SkinnedSettings
-from drapeline.learning_data.skinned import load_skinned, wear, worn_weights, write_skinned
+from drapeline.learning_data.skinned import load_skinned, skin_outfit, worn_weights, write_skinned
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit, save_static
 from drapeline.storage import read_json
@@ -53,7 +53,7 @@ def lifted(hip_rad):
 
 
 def test_an_outfit_at_rest_stays_as_it_is(toy_body, skirt, top):
-    worn = wear(outfit(skirt, top), toy_body, REST_POSE[None])
+    worn = skin_outfit(outfit(skirt, top), toy_body, REST_POSE[None])
     np.testing.assert_allclose(worn.body[0], rest_body(toy_body, SHAPE), atol=1e-5)
     for one in (skirt, top):
         assert worn.garments[one.name].dtype == np.float32
@@ -63,7 +63,7 @@ def test_an_outfit_at_rest_stays_as_it_is(toy_body, skirt, top):
 def test_a_turned_wearer_turns_the_outfit(toy_body, skirt, top):
     pose = REST_POSE.copy()
     pose[:3] = 0  # from upright to lying: the body model's own frame
-    worn = wear(outfit(skirt, top), toy_body, pose[None])
+    worn = skin_outfit(outfit(skirt, top), toy_body, pose[None])
     for one in (skirt, top):
         x, y, z = one.vertices.T
         np.testing.assert_allclose(worn.garments[one.name][0], np.stack([x, z, -y], -1), atol=1e-4)
@@ -100,9 +100,9 @@ def test_other_garments_keep_their_weights(toy_body, skirt):
 
 
 def test_a_lifted_leg_takes_its_side_of_the_skirt_along(toy_body, skirt):
-    before, after = wear(outfit(skirt), toy_body, np.stack([REST_POSE, lifted(0.6)])).garments[
-        "Skirt"
-    ]
+    before, after = skin_outfit(
+        outfit(skirt), toy_body, np.stack([REST_POSE, lifted(0.6)])
+    ).garments["Skirt"]
     shift = (after - before)[skirt.vertices[:, 2] < -0.5]
     left = skirt.vertices[skirt.vertices[:, 2] < -0.5][:, 0] > 0.2
     right = skirt.vertices[skirt.vertices[:, 2] < -0.5][:, 0] < -0.2
@@ -114,7 +114,7 @@ def test_cloth_leaves_the_body(toy_body):
     """A tight tube about the hips, of which some begins inside."""
     tight = garment("Trousers", tube(0.16, -0.1, 0.05, around=40, rows=12))
     poses = np.stack([REST_POSE, lifted(0.4)])
-    worn = wear(outfit(tight), toy_body, poses)
+    worn = skin_outfit(outfit(tight), toy_body, poses)
 
     def depth(cloth, body):
         return -igl.signed_distance(
@@ -170,7 +170,7 @@ def test_cloth_and_clouds_are_those_of_the_poses_named(written, inputs, toy_body
     outfits = inputs[2]
     for one, static in zip(load_skinned(written), outfits, strict=False):
         np.testing.assert_array_equal(np.diff(one.number), 1)
-        worn = wear(static.outfit, toy_body, one.poses)
+        worn = skin_outfit(static.outfit, toy_body, one.poses)
         assert list(one.garments) == [g.name for g in static.outfit.garments]
         for name, cloth in one.garments.items():
             np.testing.assert_array_equal(cloth, worn.garments[name])

@@ -2,7 +2,7 @@ import numpy as np
 
 from drapeline.bodies.follow import PosedBody
 from drapeline.geometry.mesh import Mesh
-from drapeline.outfits.worn import Wearing, wear, wear_in_layers
+from drapeline.outfits.worn import SkinningOptions, pose_in_layers, stack_layers
 from toys.smplicit import tube
 
 CORE = tube(0.15, -0.5, 0.5, around=64, rings=41)
@@ -24,7 +24,7 @@ def test_layers_lie_over_one_another_and_over_the_body():
     rings = {"around": 64, "rings": 21}
     sheets = [tube(0.19, -0.3, 0.3, **rings), none, tube(0.185, -0.1, 0.1, **rings)]
     posed = [Mesh((s.vertices + SHIFT).astype(np.float32), s.faces) for s in sheets]
-    inner, nothing, outer = wear_in_layers(posed, shifted())
+    inner, nothing, outer = stack_layers(posed, shifted())
     np.testing.assert_allclose(radius(inner), 0.19, atol=1e-4)
     assert len(nothing.faces) == 0
     assert radius(outer).min() > 0.19
@@ -33,13 +33,13 @@ def test_layers_lie_over_one_another_and_over_the_body():
 def test_what_is_inside_the_body_comes_out():
     sheet = tube(0.145, -0.2, 0.2, around=64, rings=21)
     posed = Mesh((sheet.vertices + SHIFT).astype(np.float32), sheet.faces)
-    (worn,) = wear_in_layers([posed], shifted())
+    (worn,) = stack_layers([posed], shifted())
     assert radius(worn).min() > 0.1485
 
 
 def test_garments_at_rest_are_posed_and_come_back_by_name():
     none = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     sheet = tube(0.2, -0.2, 0.2)
-    worn = wear({"Skirt": sheet, "Top": none}, shifted(), Wearing())
+    worn = pose_in_layers({"Skirt": sheet, "Top": none}, shifted(), SkinningOptions())
     np.testing.assert_allclose(worn["Skirt"].vertices, sheet.vertices + SHIFT, atol=1e-5)
     assert len(worn["Top"].faces) == 0

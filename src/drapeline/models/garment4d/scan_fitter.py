@@ -26,7 +26,7 @@ from drapeline.geometry.mesh import (
 )
 from drapeline.models.garment4d.reconstruct import reconstruct, refine
 from drapeline.models.garment4d.reconstruction_model import DEFAULT_REFINING, ReconstructionModel
-from drapeline.outfits.worn import Wearing, wear
+from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.to_scan import move_to_scan
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.seeding import rng_for
@@ -49,14 +49,14 @@ class FitTemplate:
         points: of the garment that count, and vertices of the template.
         weight: of the points, as a number of independent ones.
         points_m: how far garments are off the points, metres.
-        wearing: how the template follows the body.
+        skinning: how the template follows the body.
     """
 
     steps: int = 20
     points: int = 1500
     weight: float = 100.0
     points_m: float = 0.005
-    wearing: Wearing = field(default_factory=Wearing)
+    skinning: SkinningOptions = field(default_factory=SkinningOptions)
 
 
 class Garment4dScanFitter:
@@ -96,7 +96,7 @@ class Garment4dScanFitter:
                 found[POSED][name], found[REFINED][name] = Mesh(posed, faces), Mesh(refined, faces)
         if at_rest:
             posed = follow.pose_body(wearer, body.shape, body.pose, body.trans)
-            found[PCA] = wear(at_rest, posed, self._settings.wearing)
+            found[PCA] = pose_in_layers(at_rest, posed, self._settings.skinning)
             found[MOVED] = move_to_scan(found[PCA], at_rest, scan, posed)
         return {variant: garments for variant, garments in found.items() if garments}
 
@@ -174,8 +174,8 @@ def fit_template(
         motions = follow.garment_motions(
             Mesh(rest, space.faces),
             posed_body,
-            neighbours=settings.wearing.neighbours,
-            smoothing=settings.wearing.smoothing,
+            neighbours=settings.skinning.neighbours,
+            smoothing=settings.skinning.smoothing,
         )
         posed = follow.move(rest, motions)
         slopes = np.einsum("nab,dnb->nad", motions[:, 1:], space.components)

@@ -28,8 +28,9 @@ from drapeline.metrics.garment import garment_mesh
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import decode_codes
 from drapeline.models.gcvae.sampling.draw import Request
+from drapeline.models.training.optimise import CosineAdam
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.outfits.worn import Wearing, wear
+from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.to_body.topology import topology_codes
 from drapeline.registration.to_scan import move_to_scan
 
@@ -43,14 +44,14 @@ class FitCode:
         rate: its first learning rate, which falls to zero.
         mask: weight of the mask's cross entropy beside offsets in units of their deviation.
         prior: weight of the mean square of the code.
-        wearing: how garments follow the body.
+        skinning: how garments follow the body.
     """
 
     steps: int = 40
     rate: float = 0.1
     mask: float = 0.5
     prior: float = 0.01
-    wearing: Wearing = field(default_factory=Wearing)
+    skinning: SkinningOptions = field(default_factory=SkinningOptions)
 
 
 class RegisteredPoints(NamedTuple):
@@ -96,7 +97,7 @@ class CodeScanFitter:
                 rest = model.body_template.rest_body(request.cvar)
                 registered = register_points(rest, rest_points, scan, name)
                 garments[name] = self._decode(model, request, rest, registered)
-            worn = found[variant] = wear(garments, posed, self._settings.wearing)
+            worn = found[variant] = pose_in_layers(garments, posed, self._settings.skinning)
             found[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed)
         return found
 
@@ -152,18 +153,17 @@ def fit_code(
     offsets, mask, known = (torch.from_numpy(part) for part in registered)
     given = torch.from_numpy(cvar), torch.from_numpy(topology)
     batch = {"offsets": offsets[None], "mask": mask[None], "cvar": given[0], "topology": given[1]}
-    z = model.encode(batch).mean.clone().requires_grad_(True)
-    optimizer = torch.optim.Adam([z], lr=settings.rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.steps)
     covered, scale = mask & known, model.offset_std
-    for _ in range(settings.steps):
+
+    def loss(z: torch.Tensor) -> torch.Tensor:
         decoded, probability = model.decode(z, *given)
         away = ((decoded[0] - offsets) / scale)[covered].abs().mean()
         crossing = functional.binary_cross_entropy(
             probability[0][known].clamp(1e-4, 1 - 1e-4), mask[known].float()
         )
-        loss = away + settings.mask * crossing + settings.prior * z.square().mean()
-        (z.grad,) = torch.autograd.grad(loss, z)
-        optimizer.step()
-        schedule.step()
-    return z.detach().numpy()
+        return away + settings.mask * crossing + settings.prior * z.square().mean()
+
+    adam = CosineAdam(model.encode(batch).mean, rate=settings.rate, steps=settings.steps)
+    for _ in range(settings.steps):
+        adam.step(loss)
+    return adam.x.detach().numpy()

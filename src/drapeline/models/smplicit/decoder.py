@@ -6,17 +6,26 @@ can be loaded. Like it, and unlike the paper's text, the decoder takes z_cut as 
 B garments, P points, K clusters of the body.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from torch.nn import functional
 
+from drapeline.errors import InputError
 from drapeline.models.layers.precision import full_precision
+from drapeline.models.training.checkpoints import read_torch_file, write_torch_file
 
 STYLE_WIDTHS = (128, 128)
 QUERY_WIDTHS = (128, 256)
 WIDTHS = (312, 312, 256, 128)
+# There, the layers that see points are convolutions over them, with one more dimension.
+_STYLE_LAYERS = ("fc0_cloth", "fc1_cloth")
+_LAST = "fc4"
+# Layers that tell the sizes of the others.
+_SIZED = ("fc0_cloth", "fc1_cloth", "fc0_query", "fc1_query", "fc0")
 
 
 class WeightNormLinear(torch.nn.Module):
@@ -48,7 +57,7 @@ class WeightNormLinear(torch.nn.Module):
 
 
 class Conditioned(NamedTuple):
-    """What the decoder computes once per garment.
+    """The part of the decoder that is computed once per garment.
 
     Attributes:
         query_weight: (B or 1, H, 3) of the first query layer, for the point alone.
@@ -61,7 +70,7 @@ class Conditioned(NamedTuple):
     base: torch.Tensor
 
 
-class Decoder(torch.nn.Module):
+class FieldDecoder(torch.nn.Module):
     """Unsigned distance of points to the garment of a code.
 
     Args:
@@ -119,7 +128,7 @@ class Decoder(torch.nn.Module):
     def condition(
         self, places: torch.Tensor, z_cut: torch.Tensor, z_style: torch.Tensor
     ) -> Conditioned:
-        """What does not depend on the points; see `forward`."""
+        """The part that does not depend on the points; see `forward`."""
         return Conditioned(*self.fold(places), self.base(z_cut, z_style))
 
     def base(self, z_cut: torch.Tensor, z_style: torch.Tensor) -> torch.Tensor:
@@ -152,7 +161,7 @@ class Decoder(torch.nn.Module):
         return self.query_of(points @ weight.mT + bias[:, None])
 
     def query_of(self, first: torch.Tensor) -> torch.Tensor:
-        """The same for sums (B, P, H) of the first query layer, before its ReLU."""
+        """`query` of sums (B, P, H) of the first query layer, before its ReLU."""
         query = torch.relu(self.fc1_query(torch.relu(first)))
         _, weight = self._joint_split()
         return query @ weight.T
@@ -186,3 +195,66 @@ class Decoder(torch.nn.Module):
         weight, end = self.fc0.weight, self._style_size
         style, query, cut = weight.split([end, weight.shape[1] - end - self.cut, self.cut], 1)
         return torch.cat([style, cut], 1), query
+
+
+def load_released(path: str | Path) -> FieldDecoder:
+    """A decoder from a checkpoint of the released code, of any of its garments.
+
+    The sizes are read off the weights. Its distances are in the unit that the file was trained in,
+    which the released code does not state. Checkpoints of hair and shoes load like those of
+    garments, though drapeline has no data to train them on.
+
+    Raises:
+        InputError: the file is missing, executes code, or lacks a weight of the expected shape.
+    """
+    state = read_torch_file(path)
+    if not isinstance(state, dict):
+        raise InputError(f"{path}: holds no weights by name, expected a checkpoint of SMPLicit")
+    state = {
+        name: value.squeeze(-1)
+        if name.endswith(("weight_g", "weight_v")) and value.ndim == 3
+        else value
+        for name, value in state.items()
+        if isinstance(value, torch.Tensor)
+    }
+    shapes = {name: tuple(value.shape) for name, value in state.items()}
+    for name in _SIZED:
+        if len(shapes.get(f"{name}.weight_v", ())) != 2:
+            raise InputError(
+                f"{path}: lacks a matrix '{name}.weight_v', expected a checkpoint of SMPLicit"
+            )
+    style_2, query_2 = (shapes[f"{name}.weight_v"][0] for name in ("fc1_cloth", "fc1_query"))
+    decoder = FieldDecoder(
+        shapes["fc0_query.weight_v"][1] // 3,
+        shapes["fc0.weight_v"][1] - style_2 - query_2,
+        shapes["fc0_cloth.weight_v"][1],
+        rng=torch.Generator(),
+    )
+    expected = {name: tuple(value.shape) for name, value in decoder.state_dict().items()}
+    for name, shape in expected.items():
+        if shapes.get(name) != shape:
+            raise InputError(f"{path}: '{name}' has shape {shapes.get(name)}, expected {shape}")
+    decoder.load_state_dict({name: state[name] for name in expected})
+    return decoder.eval()
+
+
+def export_released(path: str | Path, decoder: FieldDecoder, unit_m: float) -> None:
+    """Write a decoder as the released code saves its own; its distances are in metres.
+
+    Args:
+        path: of the checkpoint.
+        decoder: of the released sizes, if the released code is to load it.
+        unit_m: metres per unit of the decoder's distances.
+    """
+    write_torch_file(path, released_weights(decoder, unit_m))
+
+
+def released_weights(decoder: FieldDecoder, unit_m: float) -> Mapping[str, torch.Tensor]:
+    """The weights by their released names and in their released shapes; see `export_released`."""
+    state = {name: value.detach().clone() for name, value in decoder.state_dict().items()}
+    for name in (f"{_LAST}.weight_g", f"{_LAST}.bias"):
+        state[name] *= unit_m
+    return {
+        name: value if name.split(".")[0] in _STYLE_LAYERS or value.ndim == 1 else value[..., None]
+        for name, value in state.items()
+    }

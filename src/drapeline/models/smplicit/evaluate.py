@@ -1,4 +1,4 @@
-"""How well held-out garments are held by the codes of a trained model.
+"""Evaluation of a trained model: how well its codes hold held-out garments.
 
 A garment's code starts at the encoder's z_cut and a style of zero and is fitted to samples of its
 distance field. The surfaces of the fitted field are then compared with the garment itself.
@@ -12,13 +12,7 @@ import torch
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import (
-    Mesh,
-    face_normals,
-    loop_count,
-    mean_edge_length,
-    triangulate,
-)
+from drapeline.geometry.mesh import Mesh, face_normals, loop_count, mean_edge_length, triangulate
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.garment import (
@@ -27,15 +21,17 @@ from drapeline.metrics.garment import (
     area_distances_mm,
     shape_measures,
 )
+from drapeline.metrics.predictions import RebuiltGarment
 from drapeline.metrics.static import measured_at_rest
 from drapeline.metrics.table import join, summarise
-from drapeline.models.smplicit.held_out import HeldOut
-from drapeline.models.smplicit.model import SmplicitModel, garment_of_field
-from drapeline.models.smplicit.network import GarmentField, Points
-from drapeline.models.smplicit.network_field import NetworkField
+from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.network import GarmentField, Points, fit_codes
+from drapeline.models.smplicit.representation import HeldOut
 from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
+from drapeline.models.smplicit.surface.fields import NetworkField
+from drapeline.models.smplicit.surface.sheet import garment_of_field
 from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, resize
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.garment_types import GARMENTS, first_of_each
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
 from drapeline.schema import Table
@@ -90,7 +86,7 @@ def fit_held_out(
                 for name, count in (("near", settings.near), ("space", settings.space))
             )
             points = some_points(network, batch, near, space)
-            z = network.fit_codes(points, places, z, settings.latent, settings.steps)
+            z = fit_codes(network.decoder, points, places, z, settings.latent, settings.steps)
         found.append(z.numpy())
     return np.concatenate(found)
 
@@ -130,7 +126,7 @@ def field_errors(
 
 
 def constant_errors(data: FieldData, rows: np.ndarray, d_max_m: float) -> list[Measures]:
-    """The same for the trivial answer, the median distance of all training points of a kind."""
+    """`field_errors` of the trivial answer, the median distance of all training points."""
     train = data.rows("train")
     found: list[Measures] = [{} for _ in rows]
     for name in ("near", "space"):
@@ -277,7 +273,9 @@ class FieldEvaluation:
                 known[gender] = found.sheet, mean
             sheet, mean = known[gender]
             body = self._body(row)
-            garment = carry(sheet, mean.vertices, body.vertices) if len(sheet.faces) else sheet
+            garment = (
+                transfer_to_body(sheet, mean.vertices, body.vertices) if len(sheet.faces) else sheet
+            )
             yield surface_measures(garment, self._meshes[int(row)], body)
 
     def _nearest(self, rows: np.ndarray, z: np.ndarray, part: slice) -> Iterator[Measures]:
@@ -287,7 +285,9 @@ class FieldEvaluation:
         for row, code in zip(rows, z, strict=True):
             near = int(np.linalg.norm(codes.z[:, part] - code, axis=1).argmin())
             body, other = self._body(row), self._body(known[near])
-            garment = carry(self._meshes[int(known[near])], other.vertices, body.vertices)
+            garment = transfer_to_body(
+                self._meshes[int(known[near])], other.vertices, body.vertices
+            )
             yield surface_measures(garment, self._meshes[int(row)], body)
 
     def _rows(self, name: str, measures: Sequence[Measures], rows: np.ndarray, split: str) -> Table:
@@ -297,7 +297,7 @@ class FieldEvaluation:
         return summarise(measured, **how, stream=(variant, split), by_source=False)
 
 
-def carry(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:
+def transfer_to_body(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:
     """A garment moved from one body to another, as the body under it moves (6.1).
 
     Args:
@@ -308,3 +308,49 @@ def carry(garment: Mesh, body: np.ndarray, other: np.ndarray) -> Mesh:
     edge_m = mean_edge_length(garment.vertices, garment.faces)
     passes = round(RESIZE_PASSES * (RESIZE_EDGE_M / edge_m) ** 2)
     return Mesh(resize(garment.vertices, average, body, other, passes), garment.faces)
+
+
+def rebuilt_garments(
+    model: SmplicitModel,
+    data: FieldData,
+    meshes: Mapping[int, Mesh],
+    held_out: Mapping[tuple[str, str], tuple[np.ndarray, Mesh]],
+    meshing: Meshing,
+) -> list[RebuiltGarment]:
+    """The first held-out garment of each of a model's types.
+
+    Args:
+        model: trained.
+        data: of its garments.
+        meshes: row -> garment as it was made.
+        held_out: as `load_held_out` reads them.
+        meshing: how surfaces are extracted.
+    """
+    rows = {(str(data.outfit[row]), GARMENTS[data.garment[row]]): row for row in range(len(data))}
+    return [
+        _rebuilt(model, data, rows[key], meshes, *held_out[key], meshing)
+        for key in first_of_each((key[1], key) for key in held_out)
+    ]
+
+
+def _rebuilt(
+    model: SmplicitModel,
+    data: FieldData,
+    row: int,
+    meshes: Mapping[int, Mesh],
+    z: np.ndarray,
+    sheet: Mesh,
+    meshing: Meshing,
+) -> RebuiltGarment:
+    garment, gender = GARMENTS[data.garment[row]], GENDERS[data.gender[row]]
+    wearer = {"gender": gender, "shape": data.shape[row]}
+    body = model.bodies[gender]
+    return RebuiltGarment(
+        f"{garment}\n{gender}",
+        garment,
+        meshes[row],
+        sheet,
+        model.decode(z, **wearer, meshing=meshing).walls,
+        model.decode(model.mean_code, **wearer, meshing=meshing).sheet,
+        Mesh(rest_body(body, data.shape[row]), body.faces),
+    )

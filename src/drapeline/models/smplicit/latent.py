@@ -1,6 +1,6 @@
 """SMPLicit's codes: samples, interpolations, principal axes, prototypes and edits (3.4 and 4.1).
 
-N codes of Z numbers each, z_cut followed by z_style; P properties, see `properties`.
+N codes of Z numbers each, z_cut followed by z_style; P properties, see `metrics.properties`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -237,7 +237,7 @@ class PropertyEdits:
 
 
 def explained_share(codes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """How much of each property's variance codes predict of garments that are left out.
+    """Share of each property's variance that codes predict of garments that are left out.
 
     Args:
         codes: (N, Z).

@@ -1,57 +1,42 @@
 """A trained model as users of the library take it: codes in, meshes out.
 
-    from drapeline.models.smplicit.model import SmplicitModel
+    from drapeline.models.load import load
 
-    upper = SmplicitModel("results/smplicit/upper")
+    upper = load("results/smplicit/upper")
     garment = upper.decode(upper.codes.z[0], gender="female", shape=[0.0] * 10)
 
-Everything comes from the folder that the training left, see `files`. Meshes are in metres, in the
-rest pose, with the root joint at the origin, Z up, facing -Y. The numbers of a code are z_cut
-followed by z_style.
+Everything comes from the folder that the training left. Meshes are in metres, in the rest pose,
+with the root joint at the origin, Z up, facing -Y. The numbers of a code are z_cut followed by
+z_style.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
+import torch
 
-from drapeline.bodies.model import BodyModel, load_body
+from drapeline.bodies.model import BodyModel, load_body, save_body
 from drapeline.bodies.rest_body import SHAPES, rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.closest import closest_points
-from drapeline.geometry.mesh import Mesh, face_normals
-from drapeline.models.smplicit.fields import Field
-from drapeline.models.smplicit.files import body_file, load_training_codes
+from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.models.smplicit.garments import FIELD_MODELS
 from drapeline.models.smplicit.latent import draw_between
-from drapeline.models.smplicit.load import load_field
-from drapeline.models.smplicit.network_field import NetworkField
+from drapeline.models.smplicit.network import GarmentField, load_field
 from drapeline.models.smplicit.settings import Meshing
-from drapeline.models.smplicit.sheet import extract_sheet
-from drapeline.models.smplicit.variants import FIELD_MODELS, Box
-from drapeline.models.smplicit.walls import Grid, extract_walls
+from drapeline.models.smplicit.surface.fields import NetworkField
+from drapeline.models.smplicit.surface.sheet import FieldGarment, garment_of_field
+from drapeline.models.training.checkpoints import load_state, read_checkpoint
+from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
+from drapeline.storage import load_npz, save_npz
 
-# No garment at rest is further from the body; the widest skirts are 30 cm from the legs.
-REACH_M = 0.35
-_BLOCK_M = 0.06
-_LEAF = 32  # vertices in a tree's leaf; for points far from all of them twice as fast as 10
-
-
-class FieldGarment(NamedTuple):
-    """A garment of a code on a body at rest.
-
-    Attributes:
-        sheet: one layer, open at the garment's openings; no faces if nothing is left of it.
-        walls: the closed surface of the paper, on both sides of the cloth.
-    """
-
-    sheet: Mesh
-    walls: Mesh
+TRAINING_CODES = "training_codes.npz"
 
 
 class SmplicitModel:
@@ -131,59 +116,6 @@ class SmplicitModel:
         return garment_of_field(field, self.box, body, meshing or Meshing())
 
 
-def garment_of_field(field: Field, box: Box, body: Mesh, meshing: Meshing) -> FieldGarment:
-    """Walls and sheet of a field.
-
-    Args:
-        field: of the garment.
-        box: lowest and highest corner, metres.
-        body: the wearer at rest, triangles.
-        meshing: cell and threshold.
-    """
-    low, high = np.asarray(box)
-    near = NearBody(field, box, body.vertices)
-    walls = extract_walls(near, Grid(low, high, meshing.cell_m), meshing.threshold_m)
-    outward = away_from_body(walls.vertices, body)
-    return FieldGarment(extract_sheet(field, walls, meshing.threshold_m, outward), walls)
-
-
-class NearBody:
-    """A field that is evaluated only where cloth can be; elsewhere it is `REACH_M`.
-
-    Args:
-        field: within the box.
-        box: lowest and highest corner, metres.
-        body: (V, 3) the wearer.
-    """
-
-    def __init__(self, field: Field, box: Box, body: np.ndarray) -> None:
-        self._field, self._low, self.clip_m = field, np.asarray(box[0]), field.clip_m
-        counts = np.ceil((np.asarray(box[1]) - self._low) / _BLOCK_M).astype(int) + 1
-        centres = np.stack(np.indices(counts), axis=-1).reshape(-1, 3) + 0.5
-        reach = REACH_M + _BLOCK_M * 3**0.5 / 2
-        tree = KDTree(body, leafsize=_LEAF)
-        away, _ = tree.query(self._low + _BLOCK_M * centres, distance_upper_bound=reach)
-        self._near = np.isfinite(away).reshape(counts)
-
-    def distances(self, points: np.ndarray) -> np.ndarray:
-        """(P,) metres of points (P, 3) within the box."""
-        block = ((points - self._low) / _BLOCK_M).astype(int)
-        near = self._near[tuple(np.clip(block, 0, np.array(self._near.shape) - 1).T)]
-        found = np.full(len(points), REACH_M, dtype=np.float32)
-        found[near] = self._field.distances(points[near])
-        return found
-
-    def gradients(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the field itself."""
-        return self._field.gradients(points)
-
-
-def away_from_body(points: np.ndarray, body: Mesh) -> np.ndarray:
-    """(P, 3) normals of the body's nearest faces."""
-    _, face = closest_points(points, body.vertices, body.faces)
-    return face_normals(body.vertices, body.faces[face])
-
-
 def check_gender(gender: str) -> None:
     """Refuse other genders than the bodies'.
 
@@ -204,3 +136,73 @@ def finite(name: str, values: Sequence[float] | np.ndarray, size: int) -> np.nda
     if array.shape != (size,) or not np.isfinite(array).all():
         raise InputError(f"{name}: shape {array.shape}, expected {size} finite numbers")
     return array
+
+
+class GarmentCodes(NamedTuple):
+    """The training garments of a model.
+
+    Attributes:
+        z: (n, cut + style) codes.
+        garment: (n,) types, indices into `GARMENTS`.
+        outfit: (n,) names of their outfits.
+        shape: (n, 10) of the wearers.
+        gender: (n,) of the wearers, 0 female, 1 male.
+    """
+
+    z: np.ndarray
+    garment: np.ndarray
+    outfit: np.ndarray
+    shape: np.ndarray
+    gender: np.ndarray
+
+
+def body_file(folder: str | Path, gender: str) -> Path:
+    """Path of the body of a gender in a model's folder."""
+    return Path(folder) / f"{gender}.npz"
+
+
+def save_model_files(
+    folder: Path, model: GarmentField, data: FieldData, bodies: Mapping[str, BodyModel]
+) -> None:
+    """Complete the folder of a training.
+
+    Args:
+        folder: with the checkpoint.
+        model: that was trained; gets the weights of the checkpoint, which are the best ones.
+        data: that it was trained on.
+        bodies: by gender.
+    """
+    load_state(model, read_checkpoint(folder / BEST), folder / BEST)
+    model.eval()
+    rows = data.rows("train")
+    with torch.no_grad():
+        z_cut = model.encoder(torch.from_numpy(data.occlusion[rows]).to(model.device))
+        z = torch.cat([z_cut, model.styles[torch.from_numpy(rows)]], 1)
+    save_npz(
+        folder / TRAINING_CODES,
+        z=z.cpu().numpy(),
+        garment=data.garment[rows],
+        outfit=data.outfit[rows],
+        shape=data.shape[rows],
+        gender=data.gender[rows],
+    )
+    for gender, body in bodies.items():
+        save_body(body_file(folder, gender), body)
+
+
+_CODES = {
+    "z": "float n *",
+    "garment": f"int<{len(GARMENTS)} n",
+    "outfit": "str n",
+    "shape": "float n 10",
+    "gender": f"int<{len(GENDERS)} n",
+}
+
+
+def load_training_codes(folder: str | Path) -> GarmentCodes:
+    """Read what `save_model_files` wrote of the training garments.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    return GarmentCodes(**load_npz(Path(folder) / TRAINING_CODES, _CODES))

@@ -1,24 +1,56 @@
 """SMPLicit's decoder, image encoder and styles as they are trained together (3.3).
 
-B garments, P points, K clusters of the body. The network's distances are in units of d_max.
+B garments, P points, K clusters of the body, Z numbers of a code, H0 outputs of the decoder's first
+joint layer. The network's distances are in units of d_max.
 """
 
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 
-from drapeline.models.smplicit.clusters import cluster_places
-from drapeline.models.smplicit.decoder import Decoder
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.rest_body import SHAPES, rest_basis
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.learning_data.garment_fields import FieldData
+from drapeline.models.layers.precision import full_precision
+from drapeline.models.smplicit.decoder import FieldDecoder
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
-from drapeline.models.smplicit.fit_fields import fit_codes
-from drapeline.models.smplicit.optimizer import JointOptimizer, Muon
+from drapeline.models.smplicit.garments import FIELD_MODELS
 from drapeline.models.smplicit.settings import FieldSettings
 from drapeline.models.training.batches import Batch
-from drapeline.models.training.module import RATE_SHARE, TrainableModule
+from drapeline.models.training.checkpoints import load_network
+from drapeline.models.training.module import BEST, RATE_SHARE, TrainableModule
+from drapeline.models.training.optimise import JointOptimizer, Linearised, Muon, fit_least_squares
 from drapeline.seeding import rng_for
 
+BASIS_ROWS = len(GENDERS) * (1 + SHAPES)
+# Below them, absolute values are taken for squares: distances in units of d_max, and codes.
+_LEAST_RESIDUAL, _LEAST_NUMBER = 0.1, 0.02
 _VALIDATION_STEPS = 16
+
+
+def cluster_basis(bodies: Mapping[str, BodyModel], clusters: np.ndarray) -> torch.Tensor:
+    """(`BASIS_ROWS`, K, 3) float32 rows of `rest_basis` for some vertices (K,) of the bodies."""
+    return torch.from_numpy(rest_basis(bodies)[:, clusters].astype(np.float32))
+
+
+def cluster_places(basis: torch.Tensor, shape: torch.Tensor, gender: torch.Tensor) -> torch.Tensor:
+    """(B, K, 3) clusters of bodies at rest, metres.
+
+    Args:
+        basis: of `cluster_basis`.
+        shape: (B, 10).
+        gender: (B,) 0 female, 1 male.
+    """
+    male = gender.to(shape)[:, None]
+    one = torch.cat([torch.ones_like(male), shape], 1)
+    factors = torch.cat([one * (1 - male), one * male], 1)
+    return (factors @ basis.flatten(1)).unflatten(1, (-1, 3))
 
 
 class Points(NamedTuple):
@@ -26,6 +58,59 @@ class Points(NamedTuple):
 
     places: torch.Tensor
     distance: torch.Tensor
+
+
+@full_precision
+def fit_codes(
+    decoder: FieldDecoder,
+    points: Points,
+    places: torch.Tensor,
+    z: torch.Tensor,
+    latent: float,
+    steps: int,
+) -> torch.Tensor:
+    """(B, cut + style) codes with the least mean error of distances plus `latent` times their size.
+
+    Absolute values are minimised as weighted squares. A code reaches the decoder through the first
+    joint layer alone, as one summand for all points, so the derivatives by 18 numbers take a single
+    backward pass, and what the points contribute is computed once. The decoder is left as it is. No
+    code is worse than the one that it started from.
+
+    Args:
+        decoder: of the field.
+        points: of B garments.
+        places: (B, K, 3) clusters of the wearers.
+        z: (B, cut + style) to start from.
+        latent: lambda_z, the weight of the codes' mean absolute value.
+        steps: each takes one pass through the decoder and back.
+    """
+    with torch.no_grad():
+        query = decoder.query(points.places, *decoder.fold(places))
+        squares = partial(_linearise, decoder, query, points.distance, latent)
+        return fit_least_squares(z.detach(), squares, steps)
+
+
+def _linearise(
+    decoder: FieldDecoder,
+    query: torch.Tensor,
+    distance: torch.Tensor,
+    latent: float,
+    z: torch.Tensor,
+) -> Linearised:
+    z_cut, z_style = z.split([decoder.cut, decoder.style], 1)
+    hidden = query + decoder.base(z_cut, z_style)[:, None]
+    with torch.enable_grad():
+        hidden.requires_grad_(True)
+        predicted = decoder.joint(hidden)
+        (by_hidden,) = torch.autograd.grad(predicted.sum(), hidden)
+    residual = predicted.detach() - distance
+    return Linearised(
+        residual,
+        by_hidden @ decoder.base_slopes(z_style),  # (B, P, H0) by (B, H0, Z)
+        1 / residual.abs().clamp(min=_LEAST_RESIDUAL) / residual.shape[1],
+        latent / z.shape[1] / z.abs().clamp(min=_LEAST_NUMBER),
+        residual.abs().mean(1) + latent * z.abs().mean(1),
+    )
 
 
 class GarmentField(TrainableModule):
@@ -58,7 +143,7 @@ class GarmentField(TrainableModule):
         self.name, self.settings = name, settings
         sizes, seed = settings.network, settings.training.seed
         rng = torch.Generator().manual_seed(int(rng_for(seed, "weights").integers(2**62)))
-        self.decoder = Decoder(
+        self.decoder = FieldDecoder(
             place_basis.shape[1], sizes.cut, sizes.style, width=sizes.width, rng=rng
         )
         self.encoder = ImageEncoder(sizes.cut, sizes.encoder_width, rng)
@@ -69,7 +154,7 @@ class GarmentField(TrainableModule):
 
     @property
     def d_max_m(self) -> float:
-        """Where distances are clipped, metres."""
+        """Distance at which others are clipped, metres."""
         return self.settings.loss.d_max_m
 
     def checkpoint_metadata(self) -> dict[str, Any]:
@@ -120,7 +205,7 @@ class GarmentField(TrainableModule):
         z_cut = self.encoder(batch["occlusion"])
         z_style = torch.zeros(len(z_cut), self.decoder.style, device=z_cut.device)
         start, latent = torch.cat([z_cut, z_style], 1), self.settings.loss.latent
-        z = self.fit_codes(known, places, start, latent, _VALIDATION_STEPS)
+        z = fit_codes(self.decoder, known, places, start, latent, _VALIDATION_STEPS)
         with torch.no_grad():
             distance = 1000 * self.d_max_m * self._loss(asked, places, z)
         self.log_means("val", {"distance_mm": distance}, len(z))
@@ -135,20 +220,6 @@ class GarmentField(TrainableModule):
         """
         z_cut, z_style = z.split([self.decoder.cut, self.decoder.style], 1)
         return self.decoder(points, places, z_cut, z_style)
-
-    def fit_codes(
-        self, points: Points, places: torch.Tensor, z: torch.Tensor, latent: float, steps: int
-    ) -> torch.Tensor:
-        """(B, cut + style) codes that give the distances at some points; see `fit_fields`.
-
-        Args:
-            points: of B garments.
-            places: (B, K, 3) clusters of the wearers.
-            z: (B, cut + style) to start from.
-            latent: lambda_z, the weight of the codes' mean absolute value.
-            steps: of the fit.
-        """
-        return fit_codes(self.decoder, *points, places, z, latent, steps)
 
     def _loss(self, points: Points, places: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
         return (self.predict(points.places, places, z) - points.distance).abs().mean()
@@ -203,3 +274,40 @@ class GarmentField(TrainableModule):
             group = [{"params": matrices, RATE_SHARE: training.muon_rate}]
             parts.append(Muon(group, lr=training.learning_rate))
         return JointOptimizer(parts)
+
+
+def load_field(folder: str | Path) -> GarmentField:
+    """A trained model, ready to predict.
+
+    Args:
+        folder: of the training.
+
+    Raises:
+        InputError: the checkpoint is missing, damaged, or of another model.
+    """
+
+    def build(metadata: Mapping[str, Any]) -> GarmentField:
+        name = metadata["name"]
+        if name not in list(FIELD_MODELS):
+            raise InputError(
+                f"the model is named {name!r:.100}, expected {' or '.join(FIELD_MODELS)}"
+            )
+        settings = FieldSettings(**metadata["settings"])
+        basis = torch.zeros(BASIS_ROWS, metadata["clusters"], 3)
+        return GarmentField(name, settings, basis, metadata["rows"], start=False)
+
+    return load_network(Path(folder) / BEST, GarmentField.checkpoint_type, build)
+
+
+def new_field(
+    name: str, data: FieldData, bodies: Mapping[str, BodyModel], settings: FieldSettings
+) -> GarmentField:
+    """An untrained model.
+
+    Args:
+        name: of `FIELD_MODELS`.
+        data: of its garments.
+        bodies: by gender.
+        settings: sizes, losses and training.
+    """
+    return GarmentField(name, settings, cluster_basis(bodies, data.clusters), len(data))

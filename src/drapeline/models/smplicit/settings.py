@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from drapeline.models.smplicit.variants import FIELD_MODELS
+from drapeline.models.smplicit.garments import FIELD_MODELS
 from drapeline.models.training.settings import Trainer, Training
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings

@@ -1,6 +1,6 @@
 import pytest
 
-from drapeline.models.smplicit.fitting import FittingModel
+from drapeline.models.smplicit.model import SmplicitModel
 from toys.bodies import toy_body as make_toy_body
 from toys.smplicit import skirt_pixels, toy_fields
 from toys.smplicit_trainings import train_toy
@@ -15,7 +15,7 @@ def fields(tmp_path_factory):
 @pytest.fixture(scope="session")
 def fitting_model(tmp_path_factory, fields, toy_body):
     """A model of the toy skirts that finds them in pictures."""
-    return FittingModel(train_toy(tmp_path_factory.mktemp("fitting"), fields, toy_body))
+    return SmplicitModel(train_toy(tmp_path_factory.mktemp("fitting"), fields, toy_body))
 
 
 @pytest.fixture

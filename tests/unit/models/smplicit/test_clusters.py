@@ -5,7 +5,7 @@ import torch
 
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
-from drapeline.models.smplicit.clusters import BASIS_ROWS, cluster_basis, cluster_places
+from drapeline.models.smplicit.network import BASIS_ROWS, cluster_basis, cluster_places
 from drapeline.seeding import rng_for
 
 CLUSTERS = np.array([3, 50, 400])

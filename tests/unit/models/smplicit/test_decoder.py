@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch.nn.utils.parametrizations import weight_norm
 
-from drapeline.models.smplicit.decoder import Decoder, WeightNormLinear
+from drapeline.models.smplicit.decoder import FieldDecoder, WeightNormLinear
 
 CLUSTERS, CUT, STYLE = 7, 2, 3
 
@@ -10,7 +10,7 @@ CLUSTERS, CUT, STYLE = 7, 2, 3
 @pytest.fixture(scope="module")
 def decoder():
     rng = torch.Generator().manual_seed(0)
-    return Decoder(CLUSTERS, CUT, STYLE, width=0.1, rng=rng).double()
+    return FieldDecoder(CLUSTERS, CUT, STYLE, width=0.1, rng=rng).double()
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_weights_are_normalised_as_torch_does_it():
 
 def test_weights_come_from_the_generator_alone():
     one, same = (
-        Decoder(3, 2, 2, width=0.1, rng=torch.Generator().manual_seed(5)) for _ in range(2)
+        FieldDecoder(3, 2, 2, width=0.1, rng=torch.Generator().manual_seed(5)) for _ in range(2)
     )
     for a, b in zip(one.parameters(), same.parameters(), strict=True):
         assert torch.equal(a, b)

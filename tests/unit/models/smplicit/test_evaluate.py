@@ -7,16 +7,16 @@ from drapeline.geometry.mesh import Mesh, loop_count
 from drapeline.models.smplicit import evaluate
 from drapeline.models.smplicit.evaluate import (
     FieldEvaluation,
-    carry,
     constant_errors,
     field_errors,
     fit_held_out,
     some_points,
     surface_measures,
+    transfer_to_body,
     true_meshes,
 )
-from drapeline.models.smplicit.load import new_field
 from drapeline.models.smplicit.model import SmplicitModel
+from drapeline.models.smplicit.network import new_field
 from drapeline.models.smplicit.settings import FieldFitSettings, Meshing
 from toys.smplicit import toy_bodies, toy_outfits, toy_settings, tube
 from toys.smplicit_trainings import train_toy
@@ -76,9 +76,11 @@ def test_where_surfaces_touch_in_a_vertex_there_are_no_loops_to_count():
 def test_a_garment_is_carried_as_the_body_moves(toy_body):
     body = rest_body(toy_body, np.zeros(10))
     garment = tube(0.3, -0.5, 0.0)
-    moved = carry(garment, body, body + [0.1, -0.2, 0.3])
+    moved = transfer_to_body(garment, body, body + [0.1, -0.2, 0.3])
     np.testing.assert_allclose(moved.vertices, garment.vertices + [0.1, -0.2, 0.3], atol=1e-6)
-    np.testing.assert_allclose(carry(garment, body, body).vertices, garment.vertices, atol=1e-9)
+    np.testing.assert_allclose(
+        transfer_to_body(garment, body, body).vertices, garment.vertices, atol=1e-9
+    )
 
 
 def test_meshes_are_found_by_outfit_and_type(fields):

@@ -1,9 +1,9 @@
 import pytest
 import torch
 
-from drapeline.models.smplicit import fit_fields
-from drapeline.models.smplicit.decoder import Decoder
-from drapeline.models.smplicit.fit_fields import fit_codes
+from drapeline.models.smplicit import network
+from drapeline.models.smplicit.decoder import FieldDecoder
+from drapeline.models.smplicit.network import Points, fit_codes
 
 CLUSTERS, CUT, STYLE, GARMENTS, POINTS = 7, 2, 3, 3, 40
 
@@ -15,7 +15,9 @@ def draw(seed, *shape):
 
 @pytest.fixture
 def decoder():
-    made = Decoder(CLUSTERS, CUT, STYLE, width=0.1, rng=torch.Generator().manual_seed(0)).double()
+    made = FieldDecoder(
+        CLUSTERS, CUT, STYLE, width=0.1, rng=torch.Generator().manual_seed(0)
+    ).double()
     with torch.no_grad():  # untrained weights hardly let codes through
         for name in ("fc0_cloth", "fc1_cloth", "fc0", "fc1", "fc2", "fc3"):
             getattr(made, name).weight_g.mul_(2)
@@ -38,7 +40,7 @@ def loss(decoder, points, distance, z, latent):
 
 def fit(decoder, points, distance, z, latent=0.0, steps=20):
     places, clusters = points
-    return fit_codes(decoder, places, distance, clusters, z, latent, steps)
+    return fit_codes(decoder, Points(places, distance), clusters, z, latent, steps)
 
 
 def test_the_code_that_made_the_distances_is_found(decoder, points):
@@ -62,7 +64,7 @@ def test_single_distances_that_are_wrong_hardly_matter(decoder, points):
 def test_derivatives_are_those_of_the_decoder(decoder, points):
     z = draw(5, GARMENTS, CUT + STYLE)
     query = decoder.query(points[0], *decoder.fold(points[1]))
-    found = fit_fields._look(decoder, query, torch.zeros(GARMENTS, POINTS), z, 0.1)
+    found = network._linearise(decoder, query, torch.zeros(GARMENTS, POINTS), 0.1, z)
     expected = torch.autograd.functional.jacobian(
         lambda code: decoder(*points, *code.split([CUT, STYLE], 1)), z
     )

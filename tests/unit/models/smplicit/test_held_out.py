@@ -3,7 +3,7 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.smplicit.held_out import HeldOut, load_held_out, save_held_out
+from drapeline.models.smplicit.representation import HeldOut, load_held_out, save_held_out
 from drapeline.outfits.garment_types import GARMENTS
 from toys.smplicit import tube
 

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.smplicit.load import load_field, new_field
+from drapeline.models.smplicit.network import load_field, new_field
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from toys.smplicit import toy_bodies, toy_settings

@@ -5,14 +5,10 @@ from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, boundary_loops
 from drapeline.learning_data.garment_fields import unsigned_distances
 from drapeline.models.load import load
-from drapeline.models.smplicit.model import (
-    REACH_M,
-    NearBody,
-    SmplicitModel,
-    away_from_body,
-    garment_of_field,
-)
+from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.settings import Meshing
+from drapeline.models.smplicit.surface.fields import REACH_M, NearBody
+from drapeline.models.smplicit.surface.sheet import away_from_body, garment_of_field
 from toys.smplicit import tube
 from toys.smplicit_trainings import train_toy
 

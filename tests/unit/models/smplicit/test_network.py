@@ -7,8 +7,7 @@ import torch
 from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.models.smplicit.load import new_field
-from drapeline.models.smplicit.network import Points
+from drapeline.models.smplicit.network import Points, fit_codes, new_field
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import RATE_SHARE, Position
 from toys.learning import (
@@ -111,7 +110,7 @@ def test_codes_are_fitted_and_the_network_is_left(model, fields, batch):
         with torch.no_grad():
             return (model.predict(batch["near"], places, z) - clipped).abs().mean()
 
-    z = model.fit_codes(Points(batch["near"], clipped), places, start, 1e-3, 5)
+    z = fit_codes(model.decoder, Points(batch["near"], clipped), places, start, 1e-3, 5)
     assert error(z) < error(start)
     assert not z.requires_grad
     for name, value in model.state_dict().items():

@@ -4,8 +4,12 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.smplicit.decoder import Decoder
-from drapeline.models.smplicit.released import export_released, load_released, released_weights
+from drapeline.models.smplicit.decoder import (
+    FieldDecoder,
+    export_released,
+    load_released,
+    released_weights,
+)
 
 # Clusters, numbers of z_cut and of z_style, and of all weights, of the released models.
 SIZES = {
@@ -54,7 +58,7 @@ def test_released_checkpoints_load_and_come_back(tmp_path, name):
 
 
 def test_exported_decoders_give_metres(tmp_path):
-    decoder = Decoder(20, 6, 12, rng=torch.Generator().manual_seed(1))
+    decoder = FieldDecoder(20, 6, 12, rng=torch.Generator().manual_seed(1))
     export_released(tmp_path / "own.pth", decoder, 0.03)
     rng = torch.Generator().manual_seed(2)
     given = [torch.randn(1, *shape, generator=rng) for shape in ((4, 3), (20, 3), (6,), (12,))]

@@ -2,8 +2,7 @@ import numpy as np
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.contract import HeldOutGarment
-from drapeline.models.smplicit.held_out import HeldOut, save_held_out
-from drapeline.models.smplicit.representation import FieldCode
+from drapeline.models.smplicit.representation import FieldCode, HeldOut, save_held_out
 from drapeline.outfits.garment_types import GARMENTS
 from toys.smplicit import tube
 

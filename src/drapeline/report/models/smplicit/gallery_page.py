@@ -1,4 +1,4 @@
-"""What SMPLicit's codes say about properties of garments: correlations, edits and samples."""
+"""The page on codes and properties of garments: correlations, edits and samples."""
 
 import csv
 from collections.abc import Mapping, Sequence

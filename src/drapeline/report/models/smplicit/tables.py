@@ -1,4 +1,4 @@
-"""How well SMPLicit holds held-out garments, beside trivial answers."""
+"""Tables of how well SMPLicit holds held-out garments, beside trivial answers."""
 
 from functools import partial
 from pathlib import Path

@@ -3,7 +3,7 @@ from PIL import Image
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import RebuiltGarment
-from drapeline.report.models.smplicit.rebuilt import COLUMNS, _views, plot_rebuilt
+from drapeline.report.models.smplicit.garments import REBUILT_COLUMNS, _rebuilt_views, plot_rebuilt
 from toys.smplicit import tube
 
 BODY = tube(0.15, -0.9, 0.6)
@@ -19,8 +19,8 @@ GARMENT = RebuiltGarment(
 
 
 def test_a_row_shows_each_surface_and_the_error_of_the_layer():
-    views = _views(GARMENT)
-    assert len(views) == len(COLUMNS)
+    views = _rebuilt_views(GARMENT)
+    assert len(views) == len(REBUILT_COLUMNS)
     radii = [np.linalg.norm(view.garment.vertices[:, :2], axis=1).max() for view in views]
     np.testing.assert_allclose(radii, [0.3, 0.32, 0.32, 0.34, 0.36], atol=1e-6)
     np.testing.assert_allclose(views[2].error_mm, 20, atol=2)

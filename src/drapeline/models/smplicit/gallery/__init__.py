@@ -1,0 +1,1 @@
+"""The gallery of a trained model's codes."""
