@@ -39,7 +39,7 @@ AFTER_A_KILL = { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
    echo "If no other Snakemake works in this folder, one was killed here: 'make unlock CONFIG=$(CONFIG)', then the same command again."; \
    exit 1; }
 
-.PHONY: setup run tiny dataset unlock report docs check test test-near test-install test-portable test-browser mutants \
+.PHONY: setup run tiny dataset unlock report docs bodies check test test-near test-install test-portable test-browser mutants \
         fuzz bench lint format lock clean
 
 setup: .venv/ready
@@ -107,6 +107,10 @@ format: .venv/ready
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
+
+# Bakes the bodies that come with drapeline; a new version of them has a new number in `bodies/model.py`.
+bodies: .venv/ready
+	PYTHONPATH=src $(BIN)/python -m drapeline.bodies.bake
 
 docs: .venv/ready
 	PYTHONPATH=src $(BIN)/python docs/make_settings.py

@@ -11,10 +11,9 @@ from typing import Any
 
 import pytest
 
-from drapeline.bodies.model import BodyModel, load_body
+from drapeline.bodies.model import BodyModel, free_body, load_body
 from drapeline.frames import GENDERS
 from portable.marks import portable_tests
-from toys import made
 from toys.bodies import toy_body as build_toy_body
 from toys.threads import THREADS
 
@@ -90,7 +89,5 @@ def toy_body() -> BodyModel:
 
 @pytest.fixture(scope="session")
 def baked_bodies() -> dict[str, BodyModel]:
-    """The real baked bodies."""
-    pytest.importorskip("anny", reason="needs torch, as the baking of bodies does")
-    folder = made.baked_bodies()
-    return {gender: load_body(folder / f"{gender}.npz") for gender in GENDERS}
+    """The real bodies, which come with drapeline."""
+    return {gender: load_body(free_body(gender)) for gender in GENDERS}

@@ -37,7 +37,7 @@ assert len(garment.body.faces)
 # No arguments.
 PIPELINE = """
 import bpy, snakemake
-import drapeline.bodies.bake, drapeline.blender.solver, drapeline.models.training.lightning
+import drapeline.blender.solver, drapeline.models.training.lightning
 """
 
 

@@ -16,7 +16,7 @@ import yaml
 from drapeline.dataset.reader import Cloth3D
 from drapeline.geometry.mesh import edges
 from drapeline.rendering.raytracer import ray_share
-from toys.made import baked_bodies, made_tiny
+from toys.made import made_tiny
 from toys.notebooks import run_notebook
 from toys.snakemake_run import ROOT, copy_project, snakemake
 
@@ -25,19 +25,12 @@ SETTINGS = yaml.safe_load((ROOT / TINY).read_text())
 EXPERIMENT = ["--configfile", TINY]
 
 
-def copy_with_bodies(folder):
-    """A copy of the project in which the bodies are baked."""
-    copy_project(folder)
-    shutil.copytree(baked_bodies(), folder / "resources/body")
-    return folder
-
-
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     """A project with the tiny experiment: the one that is made, or a copy where it is made."""
     if (made := made_tiny()) is not None:
         return made
-    folder = copy_with_bodies(tmp_path_factory.mktemp("tiny"))
+    folder = copy_project(tmp_path_factory.mktemp("tiny"))
     run = snakemake(folder, "all", *EXPERIMENT, many_jobs=True)
     assert run.returncode == 0, run.stderr[-4000:]
     return folder
@@ -163,7 +156,7 @@ def bad_and_good_clip(folder, **samples):
 @pytest.fixture(scope="module")
 def fresh(tmp_path_factory):
     """A copy of the project in which nothing but the bodies is made."""
-    return copy_with_bodies(tmp_path_factory.mktemp("fresh"))
+    return copy_project(tmp_path_factory.mktemp("fresh"))
 
 
 def test_a_bad_clip_fails_alone_in_one_sentence(fresh, tmp_path):

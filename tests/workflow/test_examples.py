@@ -12,7 +12,7 @@ from toys.snakemake_run import ROOT, snakemake
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.yaml"))
 DATASET = {
-    *("bake_body", "import_motion", "animate_body", "build_templates", "make_outfit"),
+    *("copy_body", "import_motion", "animate_body", "build_templates", "make_outfit"),
     *("simulate_outfit", "write_sample", "collect_dataset", "dataset"),
 }
 
@@ -64,7 +64,7 @@ def test_the_readme_lists_every_example():
 )
 def test_examples_plan_the_dataset_and_nothing_else(jobs, name, clips, samples):
     planned = jobs(name)
-    assert planned.keys() == DATASET - ({"bake_body"} if name == "own_body" else set())
+    assert planned.keys() == DATASET - ({"copy_body"} if name == "own_body" else set())
     assert planned["import_motion"] == clips
     assert planned["simulate_outfit"] == samples
 

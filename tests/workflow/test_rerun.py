@@ -33,7 +33,7 @@ HANG = {
 }
 # Function, method or constant -> the scripts that run it.
 CASES = {
-    "drapeline.bodies.bake:bake_bodies": {"bake_body"},
+    "drapeline.bodies.model:free_body": {"copy_body"},
     "drapeline.motions.retarget:retarget": {"import_motion", "import_learning_motions"},
     "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | {"make_outfit", "make_static_outfits"},
     "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG,

