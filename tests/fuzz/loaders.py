@@ -473,7 +473,7 @@ def _make_skinned(folder: Path) -> None:
         stages / "000.npz",
         [stages / "samples" / "00001"],
         bodies(),
-        SkinnedSettings(frames=3, clouds=CloudSettings(points=60)),
+        SkinnedSettings(frames=3, step=1, clouds=CloudSettings(points=60)),
         garments=["Skirt"],
     )
 

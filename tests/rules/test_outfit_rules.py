@@ -135,9 +135,9 @@ def test_the_solver_settings_and_bounds_are_those_of_the_rule(run_rule, stages):
     assert [attempt["steps"] for attempt in status["attempts"]] == [7]
     names = {"Skirt.f32", "Top.f32", "health.npz", "status.json"}
     assert {path.name for path in (stages / "simulation").iterdir()} == names
-    refused = simulate(run_rule, stages, settings=settings, bounds=bounds | {"slip_m": -1})
+    refused = simulate(run_rule, stages, settings=settings, bounds=bounds | {"stretch_low": 1})
     assert refused["status"] == "rejected"
-    assert "slip_m" in refused["reason"]
+    assert "stretch_low" in refused["reason"]
 
 
 def test_a_rejected_body_is_a_rejected_sample_with_its_reason(run_rule, stages, toy_body):

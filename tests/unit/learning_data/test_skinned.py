@@ -23,7 +23,7 @@ from drapeline.storage import read_json
 from toys.tiny_sample import tube, write_tiny_sample
 
 SHAPE = np.zeros(10)
-SETTINGS = SkinnedSettings(frames=3, clouds=CloudSettings(points=100))
+SETTINGS = SkinnedSettings(frames=3, step=1, clouds=CloudSettings(points=100))
 
 
 def garment(name, mesh):
@@ -194,10 +194,10 @@ def test_the_same_seed_writes_the_same(written, inputs, toy_body, tmp_path):
 def test_frames_may_lie_apart_but_not_beyond_the_motion(inputs, toy_body, tmp_path):
     shard, samples, _ = inputs
     bodies = {"female": toy_body}
-    apart = dataclasses.replace(SETTINGS, step=2)
+    apart = SETTINGS.replace(step=2)
     write_skinned(tmp_path / "a", shard, samples, bodies, apart, garments=["Skirt"])
     assert [one.number.tolist() for one in load_skinned(tmp_path / "a")] == [[0, 2, 4]] * 2
-    far = dataclasses.replace(SETTINGS, step=3)
+    far = SETTINGS.replace(step=3)
     with pytest.raises(InputError, match="longest of 2 samples has 5 frames, expected at least 7"):
         write_skinned(tmp_path / "b", shard, samples, bodies, far, garments=["Skirt"])
 
