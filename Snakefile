@@ -13,6 +13,7 @@ if not workflow.overwrite_configfiles:
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/groups_common.smk"
 include: "workflow/rules/resources_common.smk"
 include: "workflow/rules/bodies.smk"
 include: "workflow/rules/outfits.smk"
@@ -20,14 +21,12 @@ include: "workflow/rules/simulation.smk"
 include: "workflow/rules/dataset.smk"
 include: "workflow/rules/renders.smk"
 include: "workflow/rules/registration.smk"
-include: "workflow/rules/learning_samples.smk"
 include: "workflow/rules/learning_data.smk"
 include: "workflow/rules/scans.smk"
 # One line for each model, which adds itself to the tables of metrics, the report and `all`.
 include: "workflow/rules/gcvae.smk"
 include: "workflow/rules/garment4d.smk"
 include: "workflow/rules/smplicit.smk"
-include: "workflow/rules/shards.smk"
 include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/report.smk"
 

@@ -20,7 +20,7 @@ from PIL import Image
 
 from drapeline.bodies.model import BodyModel, load_body
 from drapeline.frames import FPS
-from drapeline.generation.settled import settle
+from drapeline.generation.hung_outfits import Hanger
 from drapeline.geometry.mesh import mean_edge_length
 from drapeline.geometry.point_cache import PointCache, write_point_cache
 from drapeline.outfits.fabrics import FABRICS
@@ -149,12 +149,12 @@ def worn(solver: ClothSolver, body: BodyModel, outfit: Outfit, fabric: str) -> G
     settings = SimulationSettings(
         steps_min=_STEPS, steps_max=_STEPS, shape_frames=4, pose_frames=1, attempts=1
     )
-    settled, reason = settle(
-        replace(outfit, garments=(made,)), body, solver, _SKIRT_FRAMES, settings, _NO_BOUNDS
-    )
+    how = {"settings": settings.plain(), "bounds": _NO_BOUNDS.plain()}
+    hanger = Hanger(solver, frames=_SKIRT_FRAMES, **how)
+    hung, reason = hanger.hang(replace(outfit, garments=(made,)), body)
     if reason:
         raise SystemExit(f"{solver.name}, {fabric}: {reason}")
-    return settled.garments[0]
+    return hung.garments[0]
 
 
 def _picture(

@@ -7,10 +7,10 @@ from side_by_side import cpu_seconds
 
 from drapeline.dataset.reader import Cloth3D, Sample
 from drapeline.dataset.record import read_record
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_of
 from drapeline.geometry.mesh import edges
 from drapeline.simulation.health import HealthGarment, HealthMonitor
-from drapeline.storage import read_json, read_rows
+from drapeline.storage import read_rows
 
 _SAMPLES = 4
 
@@ -39,12 +39,11 @@ def sentence(results: Path) -> str:
     health = jobs = 0.0
     count = 0
     for sample in Cloth3D(results / "dataset"):
-        status = read_json(results / f"simulation/{sample.id}/status.json")
+        status = read_record(sample.folder).meta["simulation"]
         if status["solver"]["name"] == "blender" and len(status["attempts"]) == 1:
             health += health_seconds(sample)
-            _, (row,) = read_rows(
-                results / f"benchmarks/simulate_outfit/{sample.id}.tsv", "a benchmark"
-            )
+            job = f"benchmarks/simulate_outfits/dataset_{sample.id}.tsv"
+            _, (row,) = read_rows(results / job, "a benchmark")
             jobs += float(row["cpu_time"])
             count += 1
             if count == _SAMPLES:
@@ -54,16 +53,17 @@ def sentence(results: Path) -> str:
         f" {count} jobs that simulate a sample with Blender ({health:.1f} of {jobs:.0f} s), so that"
         f" these take {1 / (1 - health / jobs):.2f} times as long as without."
     )
-    shards = sorted((results / "learning/samples").glob("[!.]*"))
+    shards = sorted((results / "samples/learning").glob("[!.]*"))
     return blender + (_learning(results, shards[0]) if shards else "")
 
 
 def _learning(results: Path, shard: Path) -> str:
-    made = [folder for folder in samples_of_shards([shard]) if read_record(folder).accepted]
+    made = [folder for folder in samples_of([shard]) if read_record(folder).accepted]
     fast = sum(health_seconds(Sample(folder)) for folder in made)
-    _, (row,) = read_rows(results / f"benchmarks/simulate_learning/{shard.name}.tsv", "a benchmark")
+    job = f"benchmarks/simulate_outfits/learning_{shard.name}.tsv"
+    _, (row,) = read_rows(results / job, "a benchmark")
     whole = float(row["cpu_time"])
     return (
-        f" With the fast solver it takes {fast / whole:.1%} of a job of the learning group:"
-        f" {fast:.1f} s for {len(made)} accepted samples, of {whole:.0f} s from bodies to files."
+        f" With the fast solver it takes {fast / whole:.1%} of a job that simulates the learning"
+        f" group: {fast:.1f} s for {len(made)} accepted samples, of {whole:.0f} s."
     )

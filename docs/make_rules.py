@@ -18,10 +18,8 @@ STAGES = {
     "dataset": "Dataset and exports",
     "renders": "Pictures",
     "registration": "Registration to the body",
-    "learning_samples": "Learning group",
     "learning_data": "Data for learning",
     "scans": "Segmented scans",
-    "shards": "Samples in shards",
     "gcvae": "Garment VAEs",
     "gcvae_figures": "Figures and samples of the garment VAEs",
     "garment4d": "Garment4D",
@@ -41,9 +39,8 @@ def rules_of(file: str) -> dict[str, str]:
     """Rules of a file of the workflow that run a script -> what they do, in a sentence."""
     found: dict[str, str] = {}
     text = (ROOT / f"workflow/rules/{file}.smk").read_text()
-    # Rules that a loop makes name themselves inside.
-    for block in re.split(r"^ *(?=rule(?: \w+)?:$)", text, flags=re.MULTILINE):
-        name = re.match(r'rule(?: |:\n +name:\n +f")(\w+?)(?:_\{|:)', block)
+    for block in re.split(r"^(?=rule \w+:$)", text, flags=re.MULTILINE):
+        name = re.match(r"rule (\w+):", block)
         script = re.search(r'"\.\./\.\./(scripts/\w+\.py)"', block)
         if name and script:
             docstring = ast.get_docstring(ast.parse((ROOT / script[1]).read_text())) or ""

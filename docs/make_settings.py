@@ -98,7 +98,7 @@ def settings_page(schema: Mapping[str, Any], paper: Mapping[str, Any]) -> str:
 
 
 def _is_group(part: Mapping[str, Any]) -> bool:
-    return "properties" in part
+    return "properties" in part and "overrides" not in part
 
 
 def _leaves(group: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:

@@ -19,7 +19,7 @@ import pandas as pd
 
 from drapeline.dataset.card import markdown_table
 from drapeline.dataset.record import SampleRecord, read_record
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_of
 from drapeline.dataset.splits import SPLITS
 from drapeline.metrics.fitted_scans import CLASSES, COMMON
 from drapeline.metrics.registry import variants
@@ -46,7 +46,6 @@ SURFACES = ("surface_to_true_mm", "true_to_surface_mm")
 STAGES = {
     "bodies, motion, outfits": ("bodies", "outfits"),
     "cloth simulation": ("simulation",),
-    "learning group": ("learning_samples",),
     "dataset, pictures, report": ("dataset", "renders", "report", "evaluation"),
     "registration and data for learning": ("registration", "learning_data"),
     "garment VAEs": ("gcvae", "gcvae_figures"),
@@ -129,12 +128,9 @@ class Results:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.metrics = read_test_metrics(folder / "metrics.tsv")
-        samples = sorted(path for path in (folder / "samples").iterdir() if path.is_dir())
-        records = map(read_record, samples)
+        records = _records(folder, "dataset")
         self.records: list[SampleRecord] = [record for record in records if record.accepted]
-        group = folder / "learning" / "samples"
-        shards = sorted(group.iterdir()) if group.is_dir() else []
-        self.learning = list(map(read_record, samples_of_shards(shards)))
+        self.learning = _records(folder, "learning")
 
 
 def _span(numbers: Sequence[int]) -> str:
@@ -183,6 +179,12 @@ def registration(results: Results) -> str:
         }
         for garment, part in errors.groupby("garment", sort=False)
     )
+
+
+def _records(folder: Path, group: str) -> list[SampleRecord]:
+    """Of all samples of a group, rejected ones too."""
+    shards = sorted((folder / "samples" / group).glob("[!.]*"))
+    return list(map(read_record, samples_of(shards)))
 
 
 def learning_group(results: Results) -> str:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_named, samples_of
 from drapeline.frames import GENDERS
 from drapeline.learning_data.sequence_sources import simulated_sequences, skinned_sequences
 from drapeline.learning_data.sequences import collect_sequences
@@ -18,15 +18,14 @@ with rule_log(snakemake.log[0]) as log:
     given, params, garment = snakemake.input, snakemake.params, snakemake.wildcards.garment
     bodies = {gender: load_body(given[gender]) for gender in GENDERS if params.body_relative_points}
     tables = load_tables(given.fits, garment)
-    learned = {path.name: path for path in samples_of_shards(given.learning)}
-    clouds = samples_of_shards(given.learning_clouds)
+    clouds = samples_of(given.clouds)
+    samples = samples_named(given.samples, [path.name for path in clouds])
     frames = collect_sequences(
         snakemake.output[0],
         garment,
         [
-            *simulated_sequences(garment, given.samples, given.clouds, tables),
-            *simulated_sequences(garment, [learned[path.name] for path in clouds], clouds, tables),
-            *skinned_sequences(garment, given.skinned, given.shards, tables),
+            *simulated_sequences(garment, samples, clouds, tables),
+            *skinned_sequences(garment, given.skinned, given.outfits, tables),
         ],
         load_template(given.template).faces,
         params.components,

@@ -12,5 +12,9 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]) as log:
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
-    count = collect_static(snakemake.output[0], snakemake.input.shards, bodies)
+    count = collect_static(
+        snakemake.output[0],
+        [f"{shard}/offsets.npz" for shard in snakemake.input.registrations],
+        bodies,
+    )
     log.info("%d garments", count)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.learning_data.moving import load_moving, moving_folders
+from drapeline.learning_data.moving import load_moving
 from drapeline.metrics.table import write_metrics
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
 from drapeline.models.gcvae.evaluate_dynamic import evaluate_dynamic
@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 
 with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
-    folders = moving_folders(given)
     rows = evaluate_dynamic(
         load_codec(Path(given.model) / BEST),
         load_dynamic_garments(given.data, given.static, params.frames),
-        {split: load_moving(*folders, split) for split in params.splits},
+        {split: load_moving(given.samples, given.registrations, split) for split in params.splits},
         {gender: load_body(given[gender]) for gender in GENDERS},
         load_topology(given.topology),
         snakemake.wildcards.dynamic,

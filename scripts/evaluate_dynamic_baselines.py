@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.learning_data.moving import load_moving, moving_folders
+from drapeline.learning_data.moving import load_moving
 from drapeline.metrics.measured_baselines import moving_baseline_summary
 from drapeline.metrics.table import write_metrics
 from drapeline.registration.to_body.topology import load_topology
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    files = moving_folders(snakemake.input)
+    files = snakemake.input.samples, snakemake.input.registrations
     rows = moving_baseline_summary(
         load_moving(*files, "train"),
         {split: load_moving(*files, split) for split in snakemake.params.splits},

@@ -1,12 +1,13 @@
 """Rule `evaluate_images`: garments found in pictures of held-out samples, with their metrics."""
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import torch
 
 from drapeline.dataset.record import read_record
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_named
 from drapeline.errors import InputError
 from drapeline.generation.moving_sheets import make_draper
 from drapeline.metrics.table import write_metrics
@@ -15,7 +16,6 @@ from drapeline.models.smplicit.pictures.evaluate import PictureEvaluation, take_
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
 from drapeline.storage import atomic_folder
-from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -24,20 +24,20 @@ with rule_log(snakemake.log[0]):
     given, params, made = snakemake.input, snakemake.params, snakemake.output
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
-    chosen = [p for p in samples_of_shards(given.learning) if p.name in params.learning_samples]
-    dataset, learning = (
-        [folder for folder in folders if read_record(folder).accepted]
-        for folders in (given.samples, chosen)
+    spread, others = (
+        [path for path in samples_named(given.samples, names) if read_record(path).accepted]
+        for names in (params.samples, params.others)
     )
-    if not dataset and not learning:
+    if not spread and not others:
         raise InputError(
-            f"all {len(given.samples) + len(chosen)} samples of the {params.split} split that"
-            " pictures were wanted of were rejected, expected one that is accepted"
+            f"all {len(params.samples) + len(params.others)} samples of the {params.split} split"
+            " that pictures were wanted of were rejected, expected one that is accepted"
         )
     about = {"size_px": params.size_px, "seed": params.seed}
-    pictures = take_pictures(dataset, models, count=params.dataset_pictures, **about)
-    pictures += take_pictures(learning, models, count=len(learning), **about)
-    fit, solver = FitImage(**params.fit), cloth_solver(snakemake.threads)
+    pictures = take_pictures(spread, models, count=params.pictures, **about)
+    pictures += take_pictures(others, models, count=len(others), **about)
+    fit = FitImage(**params.fit)
+    solver = import_module(params.solver).cloth_solver(snakemake.threads)
     evaluation = PictureEvaluation(
         models,
         fit=fit,

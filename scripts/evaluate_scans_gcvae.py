@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from drapeline.bodies.model import load_body
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
 from drapeline.metrics.fitted_scans import save_fitted_scans
 from drapeline.metrics.table import write_metrics
@@ -24,8 +24,7 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     bodies = {gender: load_body(given[gender]) for gender in GENDERS}
     models = {f"{Path(path).name}_scan": load_codec(Path(path) / BEST) for path in given.models}
-    samples = [*given.samples, *samples_of_shards(given.learning)]
-    scans = known_scans(given.scans, samples, bodies)
+    scans = known_scans(given.scans, samples_of(given.samples), bodies)
     fitter = CodeScanFitter(models, bodies, FitCode())
     rows, found = compare_scan_fits(scans, fitter, split=params.split, seed=params.seed)
     write_metrics(made.metrics, rows)

@@ -1,11 +1,12 @@
 """Rule `evaluate_scans_smplicit`: SMPLicit's garments in scans of held-out samples."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import torch
 
 from drapeline.bodies.settings import BodyFit
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_of
 from drapeline.generation.moving_sheets import make_draper
 from drapeline.metrics.fitted_scans import BODY, save_fitted_scans
 from drapeline.metrics.table import join, write_metrics
@@ -20,7 +21,6 @@ from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.scans.garments import ON_JOINT_BODY, SmplicitScanFitter
 from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.rule_log import rule_log
-from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -30,11 +30,11 @@ with rule_log(snakemake.log[0]):
     torch.set_num_threads(snakemake.threads)
     models = {model.name: model for model in map(SmplicitModel, given.models)}
     bodies = next(iter(models.values())).bodies
-    samples = [*given.samples, *samples_of_shards(given.learning)]
-    scans = known_scans(given.scans, samples, bodies)
+    scans = known_scans(given.scans, samples_of(given.samples), bodies)
     settings = FitScan(**params.fit)
     fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
-    draper = make_draper(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    solver = import_module(params.solver).cloth_solver(snakemake.threads)
+    draper = make_draper(solver, settings.hang_frames, **params.hanging)
     fitter = SmplicitScanFitter(models, *fits, draper)
     about = {"split": params.split, "seed": params.seed}
     rows, found = compare_scan_fits(scans, fitter, **about)

@@ -1,5 +1,6 @@
 """Rules `export_sample` and `export_reconstructed`: garments in motion for other programs."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.blender.export import export_sample
@@ -9,5 +10,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]) as log:
-    names = export_sample(snakemake.input[0], snakemake.output[0], snakemake.wildcards.format)
+    wanted = snakemake.wildcards
+    sample = Path(snakemake.input[0], getattr(wanted, "sample", ""))
+    names = export_sample(sample, snakemake.output[0], wanted.format)
     log.info("wrote %s", ", ".join(names))

@@ -1,5 +1,6 @@
 """Rule `fit_own_scans`: bodies and garments in a user's segmented scans."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import torch
@@ -14,7 +15,6 @@ from drapeline.models.smplicit.scans.garments import find_in_scans, shown_scan, 
 from drapeline.models.smplicit.settings import FitScan, Meshing
 from drapeline.report.models.scans import OWN
 from drapeline.rule_log import rule_log
-from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -28,7 +28,8 @@ with rule_log(snakemake.log[0]):
     scans = segment_scans(read, params.garments, name=given.points)
     settings = FitScan(**params.fit)
     fits = BodyFit(**params.body), settings, Meshing(**params.meshing), params.seed
-    draper = make_draper(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    solver = import_module(params.solver).cloth_solver(snakemake.threads)
+    draper = make_draper(solver, settings.hang_frames, **params.hanging)
     found = find_in_scans(scans, models, *fits, draper)
     write_found(made.folder, scans, found)
     save_scans(made.scans, scans, [one.body for one in found])

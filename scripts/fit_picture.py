@@ -1,5 +1,6 @@
 """Rule `fit_picture`: the garments of the people in one picture, at rest and as worn."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import torch
@@ -11,7 +12,6 @@ from drapeline.models.smplicit.pictures.garments import fit_picture, shown_pictu
 from drapeline.models.smplicit.pictures.read import read_picture
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.rule_log import rule_log
-from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -25,7 +25,8 @@ with rule_log(snakemake.log[0]) as log:
     picture = read_picture(given.picture, bodies, least_px=settings.least_px)
     how = models, settings, Meshing(**params.meshing), params.seed
     people = fit_picture(picture, *how)
-    draper = make_draper(cloth_solver(snakemake.threads), settings.hang_frames, **params.hanging)
+    solver = import_module(params.solver).cloth_solver(snakemake.threads)
+    draper = make_draper(solver, settings.hang_frames, **params.hanging)
     if draper:
         people = drape_picture(picture, people, *how, draper)
     write_fitted(made.folder, picture, people)

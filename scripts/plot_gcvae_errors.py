@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.learning_data.moving import moving_files_test_first, moving_folders
+from drapeline.learning_data.moving import moving_files_test_first
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
@@ -34,7 +34,7 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
     cases += moving_cases(
         load_codec(Path(given.dvae) / BEST),
         load_dynamic_garments(given.dynamic, given.static, snakemake.params.frames),
-        moving_files_test_first(*moving_folders(given)),
+        moving_files_test_first(given.samples, given.registrations),
         {gender: load_body(given[f"super_{gender}"]) for gender in GENDERS},
         bodies,
         load_topology(given.topology),

@@ -1,5 +1,6 @@
 """Rule `pose_smplicit_garment`: a garment of a model through a clip, on its wearer."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,6 @@ from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.smplicit.garments import animate_clip, plot_clip
 from drapeline.rule_log import rule_log
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
-from drapeline.xpbd.solver import cloth_solver
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -26,7 +26,7 @@ _TITLES = {"nearest": "nearest vertex\n(the paper's)", "smoothed": "smoothed\nwe
 with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
     wanted = snakemake.params
     model = SmplicitModel(snakemake.input.model)
-    record = load_body_sequence(snakemake.input.body)
+    record = load_body_sequence(f"{snakemake.input.bodies}/{wanted.sample}.npz")
     gender = GENDERS[record.gender]
     wearer, meshing = {"gender": gender, "shape": record.shape}, Meshing(**wanted.meshing)
     name, z, garment = worn_prototype(snakemake.input.gallery, model, meshing, **wearer)
@@ -43,7 +43,7 @@ with rule_log(snakemake.log[0]) as log, ray_share(snakemake.params.rays):
         simulated = simulate_sheet(
             *worn[:3],
             first_frames(record, len(frames)),
-            cloth_solver(snakemake.threads),
+            import_module(wanted.solver).cloth_solver(snakemake.threads),
             edge_length_m=wanted.edge_length_m,
             simulation=SimulationSettings(**wanted.simulation),
             bounds=HealthBounds(**wanted.bounds),

@@ -1,13 +1,21 @@
-"""Rule `render_gallery`: a still and a moving picture of one sample."""
+"""Rule `render_gallery`: a still and a moving picture of each sample."""
 
 from typing import TYPE_CHECKING
 
+from drapeline.dataset.shards import samples_of
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.dataset.gallery import render_gallery
 from drapeline.rule_log import rule_log
+from drapeline.storage import atomic_folder
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
-    render_gallery(snakemake.input[0], snakemake.output.still, snakemake.output.moving)
+with (
+    rule_log(snakemake.log[0]),
+    ray_share(snakemake.params.rays),
+    atomic_folder(snakemake.output[0]) as folder,
+):
+    for sample in samples_of(snakemake.input):
+        still, moving = (folder / f"{sample.name}{end}.png" for end in ("", "_moving"))
+        render_gallery(sample, still, moving)

@@ -1,5 +1,6 @@
 """Rule `render_modalities`: colour, depth, normals, velocities and segments of chosen frames."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drapeline.blender.render import render_modalities
@@ -9,4 +10,5 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with rule_log(snakemake.log[0]):
-    render_modalities(snakemake.input[0], snakemake.output[0], snakemake.params.frames)
+    sample = Path(snakemake.input[0], snakemake.wildcards.sample)
+    render_modalities(sample, snakemake.output[0], snakemake.params.frames)

@@ -12,6 +12,5 @@ with rule_log(snakemake.log[0]):
     write_registration_tables(
         snakemake.output.table,
         snakemake.output.page,
-        static=snakemake.input.static,
-        samples=snakemake.input.samples,
+        {group: snakemake.input[group] for group in snakemake.params.groups},
     )

@@ -13,7 +13,11 @@ with rule_log(snakemake.log[0]):
     write_overview(
         snakemake.output[0],
         snakemake.input.dataset,
-        {Path(picture).stem: picture for picture in snakemake.input.pictures},
+        {
+            path.stem: path
+            for shard in snakemake.input.pictures
+            for path in Path(shard).glob("*[0-9].png")
+        },
         snakemake.input.registration,
         snakemake.input.metrics,
     )

@@ -1,7 +1,7 @@
 """JSON schemas of settings in the form that configs are checked against, and in words.
 
 Such a schema is closed and plain: no references, a default for every key, unions of a type and null
-as a list of types.
+as a list of types. An object with the keyword `overrides` has a default of its own, its keys none.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,7 @@ _ORDER = (
     *("$schema", "title", "type", "enum", "pattern", "minimum", "exclusiveMinimum", "maximum"),
     *("multipleOf", "minLength", "minItems", "maxItems", "uniqueItems", "items"),
     *("additionalProperties", "anyOf", "default", "description", "dependentRequired"),
-    "properties",
+    *("overrides", "properties"),
 )
 
 
@@ -46,6 +46,8 @@ def _plain(part: Mapping[str, Any], classes: Mapping[str, Any]) -> dict[str, Any
     if "propertyNames" in found:
         found |= _mapping(found.pop("propertyNames"), found["additionalProperties"], classes)
     elif "properties" in found:
+        if isinstance(found.get("additionalProperties"), Mapping):  # more of them, by any name
+            found["additionalProperties"] = _plain(found["additionalProperties"], classes)
         found["properties"] = {
             key: _property(one, classes) for key, one in found["properties"].items()
         }
@@ -66,6 +68,13 @@ def _with_default(part: Mapping[str, Any], default: Any) -> dict[str, Any]:
     if not isinstance(default, Mapping) or "properties" not in part:
         # 1 is left as it was written; among those of a group it is 1.0.
         return part if part.get("default", ...) == default else {**part, "default": default}
+    if "overrides" in part:
+        own = {key: value for key, value in default.items() if value is not None}
+        keys = {
+            key: {name: value for name, value in one.items() if name != "default"}
+            for key, one in part["properties"].items()
+        }
+        return {**part, "default": own, "properties": keys}
     keys = {
         key: _with_default(one, default[key]) if key in default else one
         for key, one in part["properties"].items()

@@ -28,7 +28,6 @@ from pathlib import Path
 from survive import (
     CONFIG,
     LONGEST_S,
-    RESULTS,
     SNAKEMAKE,
     examine,
     fresh,
@@ -38,12 +37,10 @@ from survive import (
 )
 
 NODES = ("node1", "node2")
-# Samples as clusters have them: several to a job.
-SHARDS = ["tests/data/tiny_shards.yaml"]
 # Quick checks of the state of jobs, since those of tiny take seconds; and as many threads as the
 # local run has, with which sums are to the bit as there.
 RUN = [
-    *("all", *CONFIG, *SHARDS, "--workflow-profile", "workflow/profiles/slurm"),
+    *("all", *CONFIG, "--workflow-profile", "workflow/profiles/slurm"),
     *("--slurm-init-seconds-before-status-checks", "3", "--max-threads", "1"),
 ]
 SETTINGS = """\
@@ -179,18 +176,6 @@ def disturb(project: Path, rng: random.Random, longest_s: float) -> int:
     return done
 
 
-def unfold_shards(results: Path) -> None:
-    """Put what the steps of shards left behind where a local run has it."""
-    for shard in sorted((results / "shards").iterdir()):
-        for path in [path for path in shard.rglob("*") if path.is_file()]:
-            target = results / path.relative_to(shard)
-            # Folders are whole on either side, and small things are made by every shard.
-            if not target.exists():
-                target.parent.mkdir(parents=True, exist_ok=True)
-                path.rename(target)
-    shutil.rmtree(results / "shards")
-
-
 def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
@@ -204,7 +189,6 @@ def main(arguments: Sequence[str]) -> int:
         began = time.monotonic()
         done = disturb(project, random.Random(given.seed), given.longest)
         say(f"run on the cluster: {time.monotonic() - began:.0f} s")
-    unfold_shards(project / RESULTS)
     counts = examine(folder, project, "all", done)
     return 1 if counts.different or counts.leftovers else 0
 

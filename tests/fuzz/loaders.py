@@ -83,7 +83,7 @@ from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import load_outfit
 from drapeline.outfits.own_garments import own_garments
-from drapeline.outfits.static import load_static, save_static
+from drapeline.outfits.static import load_static
 from drapeline.outfits.templates import build_templates, load_templates
 from drapeline.outfits.user_garment import load_user_garment
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment
@@ -117,6 +117,7 @@ from toys.motion_files import (
     write_deepmimic,
 )
 from toys.moving import write_registered_sample
+from toys.outfits_at_rest import save_static
 from toys.schema import SCHEMA
 from toys.smplicit import RESOLUTION, toy_fields, toy_outfits, toy_settings, toy_shard
 from toys.smplicit import tube as sheet
@@ -268,6 +269,7 @@ def _write_again(folder: Path) -> None:
         body_record=folder / "bodies" / "00001.npz",
         outfit=folder / "outfits" / "00001.npz",
         simulation=folder / "simulation" / "00001",
+        status={"status": "accepted", "reason": ""},
         seed=0,
         split="train",
     )
@@ -407,9 +409,7 @@ def _make_moving(folder: Path) -> None:
 
 
 def _load_moving(folder: Path) -> Any:
-    return list(
-        load_moving([folder / "samples" / "00001"], [folder / "registration" / "00001"], "train")
-    )
+    return list(load_moving([folder / "samples"], [folder / "registration"], "train"))
 
 
 def _make_dynamic(folder: Path) -> None:
@@ -467,10 +467,10 @@ def _make_skinned(folder: Path) -> None:
     stages = folder / "stages"
     write_tiny_sample(stages, body(), "00001", "train")
     outfits = toy_outfits()[:1]
-    save_static(stages / "000.npz", outfits)
+    save_static(stages / "outfits_at_rest", outfits)
     write_skinned(
         folder / "out",
-        stages / "000.npz",
+        stages / "outfits_at_rest",
         [stages / "samples" / "00001"],
         bodies(),
         SkinnedSettings(frames=3, step=1, clouds=CloudSettings(points=60)),
@@ -823,8 +823,9 @@ def _loaders() -> Iterator[Loader]:
     )
     yield Loader(
         "static_outfits",
-        lambda f: save_static(f / "000.npz", toy_outfits()[:2]),
-        lambda f: load_static(f / "000.npz"),
+        lambda f: save_static(f / "outfits", toy_outfits()[:2]),
+        lambda f: load_static(f / "outfits"),
+        "outfits/*",
     )
     yield Loader("topology", _make_topology, lambda f: load_topology(f / "topology.npz"))
     yield Loader("hierarchy", _make_hierarchy, lambda f: load_hierarchy(f / "hierarchy.npz"))

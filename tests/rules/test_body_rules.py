@@ -75,22 +75,21 @@ def test_import_motion_refuses_nan_in_one_sentence_and_writes_nothing(
 def animate(run_rule, toy_body, motion_file, tmp_path, seed=3, **changes):
     body = tmp_path / "body.npz"
     save_body(body, toy_body)
-    output = tmp_path / "animation.npz"
-    plan = SamplePlan("00001", "swing", 1, 6, 18, "male", "Tshirt+Trousers")
+    plan = SamplePlan("00001", "male", "Tshirt+Trousers", "", "swing", 1, 6, 18)
     run_rule(
-        "animate_body",
-        input={"body": body, "motion": motion_file},
-        output=[output],
+        "animate_bodies",
+        input={"female": body, "male": body, "motions": [motion_file]},
+        output=[tmp_path / "bodies"],
         params={
             "seed": seed,
-            "plan": asdict(replace(plan, **changes)),
+            "plans": [asdict(replace(plan, **changes))],
             "settings": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
         },
     )
-    return load_body_sequence(output)
+    return load_body_sequence(tmp_path / "bodies" / "00001.npz")
 
 
-def test_animate_body_cuts_the_clip_and_draws_a_shape(run_rule, toy_body, motion_file, tmp_path):
+def test_animate_bodies_cuts_the_clip_and_draws_a_shape(run_rule, toy_body, motion_file, tmp_path):
     record = animate(run_rule, toy_body, motion_file, tmp_path)
     np.testing.assert_allclose(record.poses, swing().poses[6:18])
     assert record.gender == 1
@@ -100,7 +99,7 @@ def test_animate_body_cuts_the_clip_and_draws_a_shape(run_rule, toy_body, motion
     assert np.ptp(record.shape) > 0.3
 
 
-def test_animate_body_makes_a_piece_slower_and_mirrors_it(
+def test_animate_bodies_makes_a_piece_slower_and_mirrors_it(
     run_rule, toy_body, motion_file, tmp_path
 ):
     plain = animate(run_rule, toy_body, motion_file, tmp_path)
@@ -111,7 +110,7 @@ def test_animate_body_makes_a_piece_slower_and_mirrors_it(
     np.testing.assert_array_equal(record.shape, plain.shape)
 
 
-def test_animate_body_gives_each_seed_its_own_shape(run_rule, toy_body, motion_file, tmp_path):
+def test_animate_bodies_gives_each_seed_its_own_shape(run_rule, toy_body, motion_file, tmp_path):
     first = animate(run_rule, toy_body, motion_file, tmp_path)
     again = animate(run_rule, toy_body, motion_file, tmp_path)
     other = animate(run_rule, toy_body, motion_file, tmp_path, seed=4)

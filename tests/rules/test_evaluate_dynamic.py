@@ -17,7 +17,7 @@ from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.static import StaticOutfit, save_static
+from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_body.topology import save_topology
 from drapeline.storage import save_npz, write_json
 from toys.gcvae_files import (
@@ -28,6 +28,7 @@ from toys.gcvae_files import (
     template_on_body,
     torso_registration,
 )
+from toys.outfits_at_rest import save_static
 from toys.tiny_sample import write_tiny_sample
 
 FRAMES = 4
@@ -67,10 +68,8 @@ def stages(toy_body, tmp_path_factory):
     save_model(made / "dvae", DynamicVae(SETTINGS.replace(training=training), body_template).eval())
     return {
         **given,
-        "samples": samples,
-        "registrations": registrations,
-        "learning": [],
-        "learning_registrations": [],
+        "samples": [made / "samples"],
+        "registrations": [made / "registration"],
         "static": made / "static",
         "dynamic": made / "dynamic",
         "data": made / "dynamic",
@@ -160,7 +159,7 @@ def test_figure_7_shows_garments_at_rest_and_in_motion(
     none = np.zeros((0, 3), dtype=np.float32)
     worn = Garment("Top", toy_body.v_template, toy_body.faces, none, none, none, none)
     outfit = Outfit((worn,), shape, np.zeros(2), np.zeros(2), "female")
-    save_static(tmp_path / "outfits.npz", [StaticOutfit("s00001", "test", outfit)])
+    save_static(tmp_path / "outfits_at_rest", [StaticOutfit("s00001", "test", outfit)])
     data = tmp_path / "static_data"
     data.mkdir()
     np.save(data / "offsets.npy", registered.offsets[None])
@@ -193,7 +192,7 @@ def test_figure_7_shows_garments_at_rest_and_in_motion(
             "svae": stages_of_either["static"],
             "codes": tmp_path / "codes.npz",
             "data": data,
-            "outfits": [tmp_path / "outfits.npz"],
+            "outfits": [tmp_path / "outfits_at_rest"],
         },
         output=[tmp_path / "errors.png"],
         params={"frames": FRAMES, "rays": 0.02},

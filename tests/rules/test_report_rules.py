@@ -39,7 +39,12 @@ def test_tables_and_viewer_are_pages(run_rule, dataset, tmp_path):
     run_rule("tabulate_dataset", input={"dataset": dataset}, output=[page])
     assert "CLOTH3D, as printed" in page.read_text()
     run_rule("view_example", input={"dataset": dataset}, output=[tmp_path / "example.html"])
-    run_rule("view_sample", input=[tmp_path / "samples/00001"], output=[tmp_path / "sample.html"])
+    run_rule(
+        "view_sample",
+        input=[tmp_path / "samples"],
+        output=[tmp_path / "sample.html"],
+        wildcards={"sample": "00001"},
+    )
     assert "<canvas" in (tmp_path / "sample.html").read_text()
 
 
@@ -69,7 +74,7 @@ def test_write_overview_shows_stills_numbers_and_samples(run_rule, dataset, tmp_
         "write_overview",
         input={
             "dataset": dataset,
-            "pictures": [still],
+            "pictures": [still.parent],
             "registration": registration,
             "metrics": metrics,
         },

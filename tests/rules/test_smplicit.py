@@ -9,7 +9,7 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.metrics.table import read_metrics
 from drapeline.models.smplicit.representation import load_held_out
-from drapeline.outfits.static import save_static
+from toys.outfits_at_rest import save_static
 from toys.smplicit import BOXES, toy_outfits
 
 SETTINGS = {
@@ -27,7 +27,7 @@ def folder(tmp_path_factory, toy_body):
     folder = tmp_path_factory.mktemp("smplicit_rules")
     for gender in GENDERS:
         save_body(folder / f"{gender}.npz", toy_body)
-    save_static(folder / "000.npz", toy_outfits())
+    save_static(folder / "outfits_at_rest", toy_outfits())
     return folder
 
 
@@ -37,7 +37,7 @@ def made(folder, run_rule):
     bodies = {gender: folder / f"{gender}.npz" for gender in GENDERS}
     run_rule(
         "sample_fields",
-        input={**bodies, "outfits": folder / "000.npz"},
+        input={**bodies, "outfits": folder / "outfits_at_rest"},
         output=[folder / "fields.npz"],
         params={"seed": 0, "near": 64, "space": 64, "resolution": 32, "boxes": BOXES},
     )
@@ -61,7 +61,11 @@ def made(folder, run_rule):
     )
     run_rule(
         "evaluate_smplicit",
-        input={"model": folder / "model", "data": folder / "data", "outfits": [folder / "000.npz"]},
+        input={
+            "model": folder / "model",
+            "data": folder / "data",
+            "outfits": [folder / "outfits_at_rest"],
+        },
         output={"metrics": folder / "metrics.tsv", "held_out": folder / "held_out.npz"},
         params={
             "split": "test",
@@ -93,7 +97,7 @@ def test_pages_and_figures_are_made(made, run_rule, tmp_path):
             "models": [made / "model"],
             "data": [made / "data"],
             "held_out": [made / "held_out.npz"],
-            "outfits": [made / "000.npz"],
+            "outfits": [made / "outfits_at_rest"],
         },
         output=[tmp_path / "garments.png"],
         params={"meshing": MESHING, "rays": 0.01},
@@ -108,7 +112,7 @@ def test_a_model_that_is_missing_is_named(made, run_rule, tmp_path):
             input={
                 "model": tmp_path / "nowhere",
                 "data": made / "data",
-                "outfits": [made / "000.npz"],
+                "outfits": [made / "outfits_at_rest"],
             },
             output={"metrics": tmp_path / "m.tsv", "held_out": tmp_path / "h.npz"},
             params={"split": "test", "meshing": MESHING, "fit": {}, "seed": 0},

@@ -40,10 +40,10 @@ def made(run_rule, tmp_path_factory, toy_body, exact_fields):
     folder = tmp_path_factory.mktemp("smplicit")
     codes = training_codes()
     save_toy_model(folder / "skirt", toy_body, codes)
-    save_toy_outfits(folder / "outfits.npz", codes)
+    save_toy_outfits(folder / "outfits_at_rest", codes)
     run_rule(
         "make_smplicit_gallery",
-        input={"model": folder / "skirt", "outfits": [folder / "outfits.npz"]},
+        input={"model": folder / "skirt", "outfits": [folder / "outfits_at_rest"]},
         output=[folder / "gallery"],
         params={"samples": 2, "seed": 0, "meshing": MESHING},
     )
@@ -92,7 +92,7 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
     poses = np.tile(REST_POSE, (6, 1))
     poses[:, 3 * 1] = np.linspace(0, 0.5, 6)
     record = make_body_sequence(toy_body, np.zeros(10), poses, np.zeros((6, 3)), gender=0)
-    save_body_sequence(tmp_path / "body.npz", record)
+    save_body_sequence(tmp_path / "bodies" / "00001.npz", record)
 
     def run(**changes):
         names = {"sheet": "sheet.png", "moving": "moving.png", "scene": "scene.glb"}
@@ -102,10 +102,12 @@ def pose_garment(run_rule, made, tmp_path, toy_body):
             input={
                 "model": made / "skirt",
                 "gallery": made / "gallery",
-                "body": tmp_path / "body.npz",
+                "bodies": tmp_path / "bodies",
             },
             output=output,
             params={
+                "sample": "00001",
+                "solver": "drapeline.xpbd.solver",
                 "frames": 4,
                 "shown": 2,
                 "skinning": "smoothed",

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -18,10 +17,11 @@ TO_CAMERA = [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 2.5], [0, 0, 0, 1]]
 FIT = {"points": 20000, "rays": 20, "starts": 3, "rounds": 1, "steps": 2}
 MESHING = {"cell_m": 0.03, "threshold_m": 0.018}
 HANGING = {
+    "solver": "drapeline.xpbd.solver",
     "hanging": {
         "edge_length_m": 0.05,
         "simulation": {"steps_min": 4, "steps_max": 4, "shape_frames": 1, "pose_frames": 1},
-    }
+    },
 }
 
 
@@ -104,17 +104,18 @@ def test_a_picture_of_unlearned_garments_is_refused(run_rule, skirt, picture, tm
     assert not (tmp_path / "made/street").exists()
 
 
-def evaluate(run_rule, skirt, folder, samples, learning):
-    """Rows of the table, and names of the pictures, of samples and of some of a shard's."""
+def evaluate(run_rule, skirt, folder, samples, others):
+    """Rows of the table, and names of the pictures, of samples that were written to a folder."""
     run_rule(
         "evaluate_images",
-        input={"models": [skirt], "samples": samples, "learning": [folder / "shard"]},
+        input={"models": [skirt], "samples": [folder / "samples"]},
         output={"metrics": folder / "metrics.tsv", "shown": folder / "shown"},
         params={
             "split": "test",
-            "dataset_pictures": 2,
+            "samples": samples,
+            "pictures": 2,
+            "others": others,
             "size_px": 48,
-            "learning_samples": learning,
             "fit": FIT,
             "meshing": MESHING,
             "seed": 0,
@@ -129,25 +130,20 @@ def evaluate(run_rule, skirt, folder, samples, learning):
 
 @pytest.fixture
 def pictured(toy_body, tmp_path):
-    """Writes a sample: of the dataset, or in a shard of the learning group; returns its folder."""
+    """Writes a test sample into a shard."""
 
     def write(name, **values):
-        made = write_tiny_sample(tmp_path / name, toy_body, name, "test", **values).folder
-        if name.startswith("L"):
-            made = shutil.move(made, tmp_path / "shard" / name)
-        return made
+        write_tiny_sample(tmp_path, toy_body, name, "test", **values)
 
-    (tmp_path / "shard").mkdir()
     return write
 
 
 @pytest.mark.portable
 def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, pictured, tmp_path):
-    samples = [pictured(name, seed=seed) for seed, name in enumerate(("00001", "00002"))]
-    for seed, name in enumerate(("L00001", "L00002"), 2):
+    for seed, name in enumerate(("00001", "00002", "L00001", "L00002")):
         pictured(name, seed=seed)
-    rows, names = evaluate(run_rule, skirt, tmp_path, samples, ["L00002"])
-    # A picture of each sample, and of the one of the learning group that was asked for.
+    rows, names = evaluate(run_rule, skirt, tmp_path, ["00001", "00002"], ["L00002"])
+    # A picture of each sample, and of the one of another group that was asked for.
     count = {row["variant"]: row["n"] for row in rows if row["metric"] == "silhouette_iou"}
     # Two by two, of three people one stays out.
     assert count.pop("smplicit_images_fitted_in_pair") == "2"
@@ -169,10 +165,11 @@ def test_pictures_of_samples_are_measured_and_drawn(run_rule, skirt, pictured, t
 
 @pytest.mark.portable
 def test_rejected_samples_are_not_pictured(run_rule, skirt, pictured, tmp_path):
-    rejected = [pictured("00001", status="rejected"), pictured("L00001", status="rejected")]
+    for name in ("00001", "L00001"):
+        pictured(name, status="rejected")
     pictured("L00002")
-    _, names = evaluate(run_rule, skirt, tmp_path, rejected[:1], ["L00001", "L00002"])
+    _, names = evaluate(run_rule, skirt, tmp_path, ["00001"], ["L00001", "L00002"])
     # Once, although two were asked for.
     assert names == ["L00002_003"]
     with pytest.raises(SystemExit, match="all 2 samples of the test split .* were rejected"):
-        evaluate(run_rule, skirt, tmp_path, rejected[:1], ["L00001"])
+        evaluate(run_rule, skirt, tmp_path, ["00001"], ["L00001"])

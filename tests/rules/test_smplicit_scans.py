@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.bodies.model import posed_vertices, save_body
 from drapeline.dataset.segmented_scans import load_scans
-from drapeline.frames import REST_POSE
+from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.obj import load_obj
 from drapeline.metrics.fitted_scans import BODY, TRUE, load_fitted_scans
 from drapeline.metrics.table import read_metrics
@@ -23,7 +23,10 @@ SIMULATION = {
     "shape_frames": 1,
     "pose_frames": 2,
 }
-HANGING = {"hanging": {"edge_length_m": 0.05, "simulation": SIMULATION}}
+HANGING = {
+    "solver": "drapeline.xpbd.solver",
+    "hanging": {"edge_length_m": 0.05, "simulation": SIMULATION},
+}
 TRANS = np.array([0.2, 0.1, 0.9])
 
 
@@ -33,11 +36,15 @@ def scanned(run_rule, tmp_path, toy_body):
     sample = write_tiny_sample(tmp_path, toy_body).folder
     save_body(tmp_path / "body.npz", toy_body)
     run_rule(
-        "scan_sample",
-        input={"sample": sample, "body": tmp_path / "body.npz"},
+        "scan_samples",
+        input={"samples": sample.parent, **dict.fromkeys(GENDERS, tmp_path / "body.npz")},
         output=[tmp_path / "scans.npz"],
-        params={"scans": {"frames": 1, "points": 800}, "body": BODY_FIT, "seed": 0},
-        wildcards={"sample": sample.name},
+        params={
+            "samples": [sample.name],
+            "scans": {"frames": 1, "points": 800},
+            "body": BODY_FIT,
+            "seed": 0,
+        },
     )
     return sample, tmp_path / "scans.npz"
 
@@ -54,7 +61,7 @@ def test_held_out_scans_get_garments_rows_and_a_sheet(run_rule, scanned, skirt, 
     sample, scans = scanned
     run_rule(
         "evaluate_scans_smplicit",
-        input={"scans": [scans], "samples": [sample], "learning": [], "models": [skirt]},
+        input={"scans": [scans], "samples": [sample.parent], "models": [skirt]},
         output={"metrics": tmp_path / "metrics.tsv", "shown": tmp_path / "shown.npz"},
         params={
             "split": "test",

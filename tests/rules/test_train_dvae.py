@@ -1,7 +1,5 @@
 """The rules that collect garments in motion and train on them, on a toy body."""
 
-import shutil
-
 import numpy as np
 import pytest
 import torch
@@ -48,29 +46,15 @@ def collected(run_rule, stages, folder):
         output = folder / "dynamic" / version
         if output.exists():
             return output
-        for sample in SPLITS:
-            run_rule(
-                "register_sample",
-                input={
-                    "sample": folder / "samples" / sample,
-                    "topology": stages["topology"],
-                    **bodies,
-                },
-                output=[folder / "registration" / sample],
-                wildcards={"sample": sample},
-            )
-        # The first sample by itself, the others as a shard of the learning group.
-        lists = {"samples": [], "registrations": [], "learning": [], "learning_registrations": []}
-        for kind, part in (("samples", "samples"), ("registrations", "registration")):
-            first, *others = [folder / part / sample for sample in SPLITS]
-            lists[kind] = [first]
-            for other in others:
-                shard = folder / "shards" / part
-                shutil.copytree(other, shard / other.name, dirs_exist_ok=True)
-            lists["learning" if kind == "samples" else "learning_registrations"] = [shard]
+        run_rule(
+            "register_samples",
+            input={"samples": folder / "samples", "topology": stages["topology"], **bodies},
+            output=[folder / "registration"],
+        )
+        shards = {"samples": [folder / "samples"], "registrations": [folder / "registration"]}
         run_rule(
             "collect_dynamic",
-            input={**lists, **bodies},
+            input={**shards, **bodies},
             output=[output],
             params={"frame_step": 2},
             wildcards={"version": version},

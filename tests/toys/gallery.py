@@ -16,9 +16,10 @@ from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.static import StaticOutfit, save_static
+from drapeline.outfits.static import StaticOutfit
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz
+from toys.outfits_at_rest import save_static
 
 SETTINGS = FieldSettings(network=FieldNetwork(width=0.05, encoder_width=2))
 LATENT = SETTINGS.network.cut + SETTINGS.network.style
@@ -97,9 +98,9 @@ def save_toy_model(folder: Path, body: BodyModel, codes: GarmentCodes) -> None:
         save_body(body_file(folder, gender), body)
 
 
-def save_toy_outfits(path: Path, codes: GarmentCodes) -> None:
+def save_toy_outfits(shard: Path, codes: GarmentCodes) -> None:
     """The tubes of the codes as static outfits."""
-    save_static(path, toy_outfits(codes))
+    save_static(shard, toy_outfits(codes))
 
 
 def toy_outfits(codes: GarmentCodes) -> list[StaticOutfit]:

@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.point_cache import write_point_cache
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.seeding import rng_for
-from drapeline.storage import save_npz, write_json
+from drapeline.storage import save_npz
 
 GARMENTS = ("Tshirt", "Skirt")
 
@@ -28,6 +28,7 @@ class TinySample(NamedTuple):
         vertices: garment name -> (N, V, 3) float32 root-relative.
         meshes: garment name -> rest mesh.
         poses, trans, shape: what moves the body.
+        status: what became of its simulation.
     """
 
     folder: Path
@@ -37,6 +38,7 @@ class TinySample(NamedTuple):
     poses: np.ndarray
     trans: np.ndarray
     shape: np.ndarray
+    status: dict[str, Any]
 
 
 def tube(radius_m: float, bottom_m: float, top_m: float, around: int = 12, rows: int = 5) -> Mesh:
@@ -135,19 +137,16 @@ def write_stages(
     for name, values in vertices.items():
         write_point_cache(simulation / f"{name}.f32", values)
     save_npz(simulation / "health.npz", inside_share=np.linspace(0, 0.01, frames))
-    write_json(
-        simulation / "status.json",
-        {
-            "status": status,
-            "reason": "" if status == "accepted" else "1.20 % of the vertices inside the body",
-            "solver": {"name": "blender"},
-            "attempts": [{"steps": 14}],
-            "frames_per_second": 2.0,
-            "versions": {"bpy": "4.5.15"},
-        },
-    )
+    told = {
+        "status": status,
+        "reason": "" if status == "accepted" else "1.20 % of the vertices inside the body",
+        "solver": {"name": "blender"},
+        "attempts": [{"steps": 14}],
+        "frames_per_second": 2.0,
+        "versions": {"bpy": "4.5.15"},
+    }
     folder = stages / "samples" / sample
-    return TinySample(folder, stages, vertices, meshes, poses, trans, shape)
+    return TinySample(folder, stages, vertices, meshes, poses, trans, shape, told)
 
 
 def write_tiny_sample(
@@ -162,6 +161,7 @@ def write_tiny_sample(
         body_record=stages / "bodies" / f"{sample}.npz",
         outfit=stages / "outfits" / f"{sample}.npz",
         simulation=stages / "simulation" / sample,
+        status=tiny.status,
         seed=stage_values.get("seed", 0),
         split=split,
     )

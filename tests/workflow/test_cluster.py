@@ -9,7 +9,7 @@ import yaml
 
 from toys.snakemake_run import ROOT, snakemake
 
-TINY, SHARDS = "tests/data/tiny.yaml", "tests/data/tiny_shards.yaml"
+TINY = "tests/data/tiny.yaml"
 
 
 def planned_jobs(project, *arguments):
@@ -30,53 +30,62 @@ def planned_jobs(project, *arguments):
 def paper(project, tmp_path_factory):
     """The paper's size, with a tenth of its samples and outfits: plans in seconds."""
     config = yaml.safe_load((ROOT / "workflow/config/paper.yaml").read_text())
-    config["samples"]["count"] //= 10
-    config["static"]["count"] //= 10
+    for group in ("dataset", "static"):
+        config["groups"][group]["count"] //= 10
     path = tmp_path_factory.mktemp("paper") / "paper.yaml"
     path.write_text(json.dumps(config))
     return planned_jobs(project, "all", "--configfile", str(path))
 
 
+SHARDED = {
+    *("animate_bodies", "make_outfits", "simulate_outfits", "write_samples", "render_gallery"),
+    *("register_samples", "register_outfits", "fit_templates", "sample_clouds", "sample_fields"),
+}
+
+
 def test_the_paper_s_size_is_few_long_jobs(paper):
-    per_share = [job for job in paper if re.match(r"make_samples|.*static|sample_fields", job[0])]
-    others = len(paper) - len(per_share)
-    assert 10 * len(per_share) + others < 3000
+    sharded = [job for job in paper if job[0] in SHARDED]
+    assert 10 * len(sharded) + len(paper) - len(sharded) < 3000
     # What is asked for is three times what is expected.
-    minutes = [int(resources["runtime"]) / 3 for _, resources in paper]
-    weights = [10 if job in per_share else 1 for job in paper]
+    minutes = [int(job[1]["runtime"]) / 3 for job in paper]
+    weights = [10 if job[0] in SHARDED else 1 for job in paper]
     spread = [m for m, weight in zip(minutes, weights, strict=True) for _ in range(weight)]
-    assert median(spread) > 5
+    assert median(spread) > 3
+    assert sum(spread) / len(spread) > 10
 
 
 def test_a_shard_asks_for_its_longest_and_not_for_the_sum(paper):
-    shards = [resources for rule, resources in paper if rule.startswith("make_samples_")]
-    assert len(shards) == 35
+    shards = [resources for rule, resources in paper if rule == "simulate_outfits"]
+    assert len(shards) == 18
     assert {int(resources["mem_mb"]) for resources in shards} == {3000}
     assert all(60 < int(resources["runtime"]) < 24 * 60 for resources in shards)
 
 
-def test_shards_replace_the_steps_of_samples(project):
-    rules = [rule for rule, _ in planned_jobs(project, "all", "--configfile", TINY, SHARDS)]
-    assert rules.count("make_samples_000") == rules.count("make_samples_001") == 1
-    assert not {"write_sample", "render_gallery", "register_sample", "scan_sample"} & set(rules)
-    single = [rule for rule, _ in planned_jobs(project, "all", "--configfile", TINY)]
-    assert single.count("write_sample") == 3
-    assert not any(rule.startswith("make_samples") for rule in single)
+def test_each_step_is_a_job_for_each_shard(project, tmp_path):
+    pairs = tmp_path / "pairs.yaml"
+    pairs.write_text(json.dumps({"groups": {"dataset": {"shard_size": 2}}}))
+    steps = ("animate_bodies", "make_outfits", "simulate_outfits", "write_samples")
+    for configs, jobs in (([TINY], 5), ([TINY, str(pairs)], 4)):
+        rules = [rule for rule, _ in planned_jobs(project, "all", "--configfile", *configs)]
+        at_rest = 2
+        assert {rule: rules.count(rule) for rule in steps} == {
+            **dict.fromkeys(steps, jobs),
+            "make_outfits": jobs + at_rest,
+        }
 
 
 @pytest.mark.parametrize(
     ("solver", "accelerator", "gpus"),
     [("xpbd", "gpu", "1"), ("xpbd", "auto", "0"), ("blender", "gpu", "0")],
 )
-def test_shards_ask_for_a_gpu_where_their_simulations_do(
+def test_simulations_ask_for_a_gpu_where_their_solver_can_use_one(
     project, tmp_path, solver, accelerator, gpus
 ):
     mine = {"simulation": {"solver": solver, "accelerator": accelerator}}
     (tmp_path / "mine.yaml").write_text(json.dumps(mine))
-    files = TINY, SHARDS, str(tmp_path / "mine.yaml")
-    jobs = planned_jobs(project, "all", "--configfile", *files)
-    asked = [resources["gpu"] for rule, resources in jobs if rule.startswith("make_samples")]
-    assert asked == [gpus] * 2
+    jobs = planned_jobs(project, "dataset", "--configfile", TINY, str(tmp_path / "mine.yaml"))
+    for rule in ("simulate_outfits", "write_samples"):
+        assert [resources["gpu"] for name, resources in jobs if name == rule] == [gpus] * 3
 
 
 @pytest.mark.parametrize(("accelerator", "gpus"), [("auto", "0"), ("gpu", "1")])
@@ -87,9 +96,10 @@ def test_what_uses_a_gpu_asks_for_one_where_the_config_does(project, tmp_path, a
     config.setdefault("simulation", {})["accelerator"] = accelerator
     (tmp_path / "mine.yaml").write_text(json.dumps(config))
     jobs = planned_jobs(project, "all", "--configfile", str(tmp_path / "mine.yaml"))
-    asked = {rule: resources.get("gpu") for rule, resources in jobs}
+    asked = {}
+    for rule, resources in jobs:
+        asked.setdefault(rule, set()).add(resources.get("gpu"))
     for rule in ("train_svae", "train_dvae", "train_garment4d_posed", "evaluate_garment4d"):
-        assert asked[rule] == gpus, rule
-    assert asked["simulate_learning"] == gpus
-    assert asked["simulate_outfit"] == "0"  # by Blender
-    assert asked["evaluate_static"] is None
+        assert asked[rule] == {gpus}, rule
+    assert asked["simulate_outfits"] == {"0", gpus}  # by Blender, and by the other solver
+    assert asked["evaluate_static"] == {None}

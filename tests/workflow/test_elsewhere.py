@@ -40,7 +40,7 @@ def planned(run):
 def folder(tmp_path):
     """An empty folder with a small config of its own in `config/`."""
     (tmp_path / "config").mkdir()
-    settings = {"samples": {"count": 2}, "motions": {"sequences": ["walk", "run"]}}
+    settings = {"groups": {"dataset": {"count": 2}}, "motions": {"sequences": ["walk", "run"]}}
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(settings))
     return tmp_path
 
@@ -49,7 +49,7 @@ def test_another_folder_gets_the_default_experiment(project, folder):
     jobs = planned(
         snakemake(folder, "--dry-run", "dataset", "--snakefile", str(project / "Snakefile"))
     )
-    assert jobs["simulate_outfit"] == "16"
+    assert jobs["simulate_outfits"] == "16"
     assert jobs["import_motion"] == "8"
 
 
@@ -64,7 +64,7 @@ def test_a_module_makes_the_dataset_of_another_workflow(project, folder, snakefi
     (folder / "Snakefile").write_text(MODULE.format(snakefile=project / snakefile))
     run = snakemake(folder, "--dry-run", "count")
     jobs = planned(run)
-    assert jobs["drapeline_simulate_outfit"] == "2"
+    assert jobs["drapeline_simulate_outfits"] == "2"
     assert jobs["drapeline_import_motion"] == "2"
     assert "walk.npz" in run.stdout + run.stderr
 

@@ -134,7 +134,7 @@ def test_the_tour_runs_on_these_results(results):
     assert len(made["codes"].mean) == 1
 
 
-def bad_and_good_clip(folder, **samples):
+def bad_and_good_clip(folder, **dataset):
     """A config of two samples, the first on a clip that is damaged."""
     with np.load(ROOT / "workflow/resources/motions/walk.npz") as archive:
         arrays = dict(archive)
@@ -147,7 +147,7 @@ def bad_and_good_clip(folder, **samples):
     settings = {
         "results": str(folder / "results"),
         "motions": {"table": str(table), "sequences": [], "frames": 12, "frames_min": 12},
-        "samples": {"count": 2, **samples},
+        "groups": {"dataset": {"count": 2, **dataset}},
     }
     (folder / "mine.yaml").write_text(yaml.safe_dump(settings))
     return folder / "mine.yaml"
@@ -161,30 +161,23 @@ def fresh(tmp_path_factory):
 
 def test_a_bad_clip_fails_alone_in_one_sentence(fresh, tmp_path):
     config = bad_and_good_clip(tmp_path)
-    wanted = [str(tmp_path / "results" / "bodies" / f"0000{k}.npz") for k in (1, 2)]
+    wanted = [str(tmp_path / "results/bodies/dataset" / f"0000{k}") for k in (1, 2)]
     run = snakemake(fresh, "--keep-going", *wanted, "--configfile", str(config))
     assert run.returncode != 0
     assert not Path(wanted[0]).exists()
     assert Path(wanted[1]).exists()
-    log = (tmp_path / "results" / "logs" / "import_motion" / "bad.log").read_text()
+    log = (tmp_path / "results" / "logs" / "import_motion" / "bad_whole.log").read_text()
     assert "bad.npz" in log
     assert "drapeline: " in run.stderr
     assert "left_elbow" in run.stderr
 
 
-def test_a_shard_keeps_what_it_has_made_when_a_sample_fails(fresh, tmp_path):
+def test_a_shard_is_made_in_one_job_of_each_step(fresh, tmp_path):
     config, results = bad_and_good_clip(tmp_path, shard_size=2), tmp_path / "results"
-    wanted = [str(results / "samples" / "00001"), "--configfile", TINY, str(config)]
-    run = snakemake(fresh, *wanted)
-    assert run.returncode != 0
-    assert "files could not be made; the next try goes on with these" in run.stderr
-    assert "left_elbow" in (results / "shards/000/output.txt").read_text()
-    assert not (results / "samples").exists()
-    kept = results / "shards/000/simulation/00002/status.json"
-    before = kept.stat().st_mtime_ns
-
     shutil.copy(tmp_path / "good.npz", tmp_path / "bad.npz")
+    wanted = [str(results / "registration/dataset/00001"), "--configfile", TINY, str(config)]
     run = snakemake(fresh, *wanted)
     assert run.returncode == 0, run.stderr[-2000:]
-    assert sorted(path.name for path in (results / "samples").iterdir()) == ["00001", "00002"]
-    assert kept.stat().st_mtime_ns == before
+    for step in ("bodies", "outfits", "simulation", "samples", "registration"):
+        (shard,) = (results / step / "dataset").iterdir()
+        assert {path.stem for path in shard.iterdir()} == {"00001", "00002"}

@@ -62,7 +62,7 @@ DISTRIBUTIONS = {
 
 
 # Their environment is that of the solver, which the config names.
-SIMULATIONS = ("simulate_outfit", "simulate_learning")
+SIMULATIONS = ("simulate_outfits", "write_samples")
 
 
 def script_environments():

@@ -12,8 +12,8 @@ from toys.snakemake_run import ROOT, snakemake
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.yaml"))
 DATASET = {
-    *("copy_body", "import_motion", "animate_body", "build_templates", "make_outfit"),
-    *("simulate_outfit", "write_sample", "collect_dataset", "dataset"),
+    *("copy_body", "import_motion", "animate_bodies", "build_templates", "make_outfits"),
+    *("simulate_outfits", "write_samples", "collect_dataset", "dataset"),
 }
 
 
@@ -66,12 +66,12 @@ def test_examples_plan_the_dataset_and_nothing_else(jobs, name, clips, samples):
     planned = jobs(name)
     assert planned.keys() == DATASET - ({"copy_body"} if name == "own_body" else set())
     assert planned["import_motion"] == clips
-    assert planned["simulate_outfit"] == samples
+    assert planned["simulate_outfits"] == samples
 
 
 def test_scans_are_reconstructed_by_networks_of_the_default_experiment(jobs):
     planned = jobs("scans")
-    assert planned["simulate_outfit"] == 16
+    assert planned["simulate_outfits"] == 16 + 11  # of the dataset, and shards of others
     assert planned["reconstruct_garment"] == 1
     assert planned["train_garment4d_posed"] == 1
 
@@ -80,4 +80,4 @@ def test_pictures_are_fitted_by_models_of_the_default_experiment(jobs):
     planned = jobs("pictures")
     assert planned["fit_picture"] == planned["plot_fitted_picture"] == 1
     assert planned["train_smplicit"] == 4
-    assert "simulate_outfit" not in planned
+    assert "simulate_outfits" not in planned

@@ -14,6 +14,8 @@ import yaml
 from drapeline.blender.fabric_units import cloth_parameters
 from drapeline.bodies.model import save_body
 from drapeline.bodies.sequence import save_body_sequence
+from drapeline.dataset.record import read_meta
+from drapeline.experiment.groups import AT_REST
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import read_metrics, write_metrics
@@ -25,7 +27,6 @@ from drapeline.report.colours import FABRIC_COLOURS, GARMENT_COLOURS
 from drapeline.seeding import rng_for
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.simulate import simulate_outfit
-from drapeline.storage import read_json
 from toys.cloth import Follower, dress
 from toys.cloth_solvers import cloth_solvers
 from toys.imported_modules import imported_modules
@@ -219,9 +220,11 @@ def add_toy_solver(project):
     append(project / "src/drapeline/toy_cloth/solver.py", TOY_SOLVER)
     replace(project / "src/drapeline/experiment/settings.py", '"xpbd"]', '"xpbd", "toy"]')
     write_schema(project)
-    line = '    "toy": ("drapeline.toy_cloth.solver", "../../envs/geometry.yaml"),\n'
+    line = (
+        '    "toy": Solver("drapeline.toy_cloth.solver", "../../envs/geometry.yaml", False, 50),\n'
+    )
     table = "CLOTH_SOLVERS = {\n"
-    replace(project / "workflow/rules/simulation.smk", table, table + line)
+    replace(project / "workflow/rules/groups_common.smk", table, table + line)
 
 
 TOY_TYPE = """
@@ -239,7 +242,7 @@ import yaml
 
 from drapeline.dataset.labels import LABELS
 from drapeline.experiment.config import fill_settings
-from drapeline.experiment.samples import plan_samples
+from drapeline.experiment.plan import Wardrobe, plan_at_rest
 from drapeline.outfits.generate import sample_outfit
 from drapeline.outfits.templates import build_templates
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
@@ -254,11 +257,7 @@ wanted = {
     "gcvae": {"sampling": {"garments": ["Overalls"]}},
 }
 types = fill_settings(wanted, schema, "toy.yaml")["outfits"]["types"]
-samples = plan_samples(
-    1, {"walk": 60}, frames=60, frames_min=60, count=3, val_share=0.0, test_share=0.0,
-    female_share=0.0, outfit_types=types, male_skirts=False,
-)
-plan = samples["00001"]
+(plan,) = plan_at_rest(1, "", {"val": 0.0, "test": 0.0}, Wardrobe(0.0, types, False))
 body = toy_body()
 outfit = sample_outfit(
     rng_for(1), build_templates(body), body,
@@ -463,17 +462,18 @@ def test_a_cloth_solvers_folder_and_two_lines_simulate_with_it(extended, toy_bod
     results = extended / "results/tiny"
     for gender in GENDERS:
         save_body(extended / f"resources/body/{gender}.npz", toy_body)
-    save_body_sequence(results / "bodies/00001.npz", dressed.motion)
-    dressed.outfit.save(results / "outfits/00001.npz", results / "outfits/00001.json")
+    save_body_sequence(results / "bodies/dataset/00001/00001.npz", dressed.motion)
+    outfit = results / "outfits/dataset/00001/00001"
+    dressed.outfit.save(f"{outfit}.npz", f"{outfit}.json")
     settings = {"simulation": {"solver": "toy", "settings": {"attempts": 1}}}
     (extended / "toy.yaml").write_text(yaml.safe_dump(settings))
     run = snakemake(
         extended,
-        *("--allowed-rules", "simulate_outfit", "--configfile", CONFIG, "toy.yaml"),
-        *("--", "results/tiny/simulation/00001"),
+        *("--allowed-rules", "simulate_outfits", "write_samples"),
+        *("--configfile", CONFIG, "toy.yaml", "--", "results/tiny/samples/dataset/00001"),
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    status = read_json(results / "simulation/00001/status.json")
+    status = read_meta(results / "samples/dataset/00001/00001")["simulation"]
     assert status["solver"] == {"name": "toy", "settings": {}}
     # Cloth that hangs in the air where the body was is no good.
     assert status["status"] == "rejected"
@@ -501,17 +501,20 @@ def test_a_cloth_solvers_room_has_its_layer(extended):
 
 def test_a_cloth_solver_counts_where_it_is_chosen(extended):
     sources = Sources(extended / "src")
-    script = extended / "scripts/simulate_outfit.py"
+    script = extended / "scripts/simulate_outfits.py"
     module = extended / "src/drapeline/toy_cloth/solver.py"
     assert module not in sources.imported_files(script)
     assert module in sources.imported_files(script, "drapeline.toy_cloth.solver")
     rules = (ROOT / "workflow/rules/simulation.smk").read_text()
-    assert 'source_hash("simulate_outfit", SOLVER_MODULE)' in rules
+    for rule in ("simulate_outfits", "write_samples"):
+        assert f'code=solver_hash("{rule}")' in rules
 
 
 def test_the_schema_and_the_rule_name_the_same_cloth_solvers():
     solver = SCHEMA["properties"]["simulation"]["properties"]["solver"]
     assert solver["enum"] == [*cloth_solvers()]
+    group = SCHEMA["properties"]["groups"]["additionalProperties"]["properties"]["solver"]
+    assert group["enum"] == [*solver["enum"], AT_REST, None]
     for name, (module, environment) in cloth_solvers().items():
         assert import_module(module).cloth_solver(1).name == name
         assert (ROOT / "workflow/rules" / environment).is_file()
@@ -526,18 +529,24 @@ def project_files():
 
 
 def test_nothing_but_settings_and_rule_name_a_cloth_solver():
-    """Blender renders and exports as well: these scripts and environments do not count."""
+    """Blender renders and exports as well: these scripts and environments do not count.
+
+    Nor do configs, which choose one, and the profile that says which simulations ask for a GPU.
+    """
     other = re.compile(r"envs/blender\.yaml|drapeline\.blender\.(render|export)\b")
+    names = re.compile(rf"\b({'|'.join(cloth_solvers())})\b")
+    rooms = [ROOT.joinpath("src", *code.split(".")[:2]) for code, _ in cloth_solvers().values()]
+    chosen = [ROOT / "workflow/config", ROOT / "workflow/profiles"]
     naming = {
         str(path.relative_to(ROOT))
         for path in project_files()
-        if not path.is_relative_to(ROOT / "src/drapeline/blender")
-        and re.search(r"\bblender\b", other.sub("", path.read_text()))
+        if not any(path.is_relative_to(folder) for folder in [*rooms, *chosen])
+        and names.search(other.sub("", path.read_text()))
     }
     assert naming == {
         "src/drapeline/experiment/settings.py",
         "workflow/schemas/config.schema.yaml",
-        "workflow/rules/simulation.smk",
+        "workflow/rules/groups_common.smk",
     }
 
 

@@ -8,14 +8,14 @@ from drapeline.manifest import write_manifest
 from toys.snakemake_run import copy_project, snakemake
 
 CONFIG = ["--configfile", "tests/data/tiny.yaml"]
-MOTION = "results/tiny/motions/punch.npz"
+MOTION = "results/tiny/motions/punch/whole.npz"
 
 
 @pytest.fixture
 def killed(tmp_path):
     """A project in which a job was killed that was writing, and Snakemake with it."""
     project = copy_project(tmp_path)
-    scrap = project / f"results/tiny/samples/.writing-00001@{socket.gethostname()}.abc"
+    scrap = project / f"results/tiny/samples/dataset/.writing-00001@{socket.gethostname()}.abc"
     scrap.mkdir(parents=True)
     (scrap / "info.mat").touch()
     locks = project / ".snakemake/locks"
@@ -31,7 +31,7 @@ def test_after_a_kill_the_lock_is_removed_by_hand_and_scraps_by_themselves(kille
     assert "--unlock" in refused.stdout + refused.stderr  # Snakemake says what to type
     assert snakemake(killed, "--unlock", *CONFIG).returncode == 0
     assert snakemake(killed, *target, "--dry-run").returncode == 0
-    (scrap,) = (killed / "results/tiny/samples").iterdir()  # a dry run removes nothing
+    (scrap,) = (killed / "results/tiny/samples/dataset").iterdir()  # a dry run removes nothing
     run = snakemake(killed, *target)
     text = " ".join((run.stdout + run.stderr).split())
     assert run.returncode == 0, text

@@ -14,7 +14,7 @@ _TRAINING = {"epochs": 100, "learning_rate": 0.001, "schedule": "constant"}
 _WINDOWS = {**_TRAINING, "frames": 10, "stride": 10}
 PRINTED = {
     "simulation.settings": {"steps_min": 14, "steps_max": 20},
-    "static": {"count": 30_000},
+    "groups.static": {"count": 30_000},
     "gcvae.loss": {
         **{"normals": 70, "mask": 0.1, "condition": 1},
         **{"kl_start": 1e-4, "kl_flat_share": 0.5, "kl_rise": 0.005, "kl_max": 0.25},

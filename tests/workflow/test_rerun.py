@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+import yaml
 
 from drapeline.experiment.source_digest import Sources
 from toys.cloth_solvers import cloth_solvers
@@ -24,7 +25,7 @@ PROFILES = [
 ]
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
 # Told of the solver that the config names.
-SIMULATE = {"simulate_outfit", "simulate_learning"}
+SIMULATE = {"simulate_outfits", "write_samples"}
 SOLVER = cloth_solvers()["xpbd"][0]
 # What garments are simulated in, beside samples.
 HANG = {
@@ -34,12 +35,12 @@ HANG = {
 # Function, method or constant -> the scripts that run it.
 CASES = {
     "drapeline.bodies.model:free_body": {"copy_body"},
-    "drapeline.motions.retarget:retarget": {"import_motion", "import_learning_motions"},
-    "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | {"make_outfit", "make_static_outfits"},
+    "drapeline.motions.retarget:retarget": {"import_motion"},
+    "drapeline.outfits.fabrics:FABRICS": SIMULATE | HANG | {"make_outfits"},
     "drapeline.xpbd.elasticity:make_hinges": SIMULATE | HANG,
     "drapeline.dataset.card:dataset_card": {"collect_dataset"},
     "drapeline.registration.to_body.nicp:lay_on": {
-        *("plot_registration", "register_learning", "register_sample", "register_static")
+        *("plot_registration", "register_samples", "register_outfits")
     },
     # How networks are trained is nothing to those who use them.
     "drapeline.models.garment4d.posed:posed_loss": {"train_garment4d_posed"},
@@ -70,7 +71,7 @@ def digests(source: Path, memory: Path) -> dict[str, str]:
     """Digest of each script."""
     sources = Sources(source, memory)
     found = {
-        script.stem: sources.digest(script, *([SOLVER] if script.stem in SIMULATE else []))
+        script.stem: sources.digest(script, *([SOLVER] if script.stem in SIMULATE | HANG else []))
         for script in SCRIPTS
     }
     sources.remember()
@@ -178,7 +179,8 @@ def test_every_rule_that_makes_something_has_a_digest_of_its_code():
     for block in re.split(r"^(?=rule \w+:$)", text, flags=re.MULTILINE)[1:]:
         script = re.search(r'"../../scripts/(\w+)\.py"', block)
         if script and "    output:" in block:
-            assert re.search(rf'code=source_hash\(\s*"{script[1]}"', block), block.split(":")[0]
+            named = re.search(rf'code=(source|solver)_hash\(\s*"{script[1]}"', block)
+            assert named or "code=outfits_hash" in block, block.split(":")[0]
 
 
 def test_what_follows_a_change_leaves_other_work_alone(planned):
@@ -187,7 +189,7 @@ def test_what_follows_a_change_leaves_other_work_alone(planned):
     changed = {rule for rule, reason in jobs.items() if "Params have changed" in reason}
     assert changed
     assert all("Input files updated" in jobs[rule] for rule in jobs.keys() - changed)
-    assert jobs.keys().isdisjoint({"train_svae", "train_garment4d_posed", "simulate_outfit"})
+    assert jobs.keys().isdisjoint({"train_svae", "train_garment4d_posed", "simulate_outfits"})
 
 
 def test_a_module_of_the_report_makes_its_page_and_the_overview_alone(planned):
@@ -195,8 +197,44 @@ def test_a_module_of_the_report_makes_its_page_and_the_overview_alone(planned):
     assert planned("drapeline.report.dataset.health:write_health_page").keys() == {*pages, "all"}
 
 
-def test_outfits_that_are_to_settle_are_made_anew(finished, tmp_path):
-    (tmp_path / "settle.yaml").write_text("static: {settle_frames: 3}")
-    jobs = planned_jobs(finished, CONFIG, str(tmp_path / "settle.yaml"))
-    assert "Params have changed" in jobs["make_static_outfits"]
-    assert jobs.keys().isdisjoint({"make_outfit", "simulate_outfit", "simulate_learning"})
+@pytest.fixture
+def planned_with(finished, tmp_path):
+    """planned_with(settings): the rules that run with other settings, each with its reason."""
+
+    def plan(**settings) -> dict[str, str]:
+        (tmp_path / "mine.yaml").write_text(yaml.safe_dump(settings))
+        return planned_jobs(finished, CONFIG, str(tmp_path / "mine.yaml"))
+
+    return plan
+
+
+def test_outfits_that_are_to_hang_are_made_anew(planned_with):
+    jobs = planned_with(groups={"static": {"outfits": {"hang_frames": 3}}})
+    assert "Params have changed" in jobs["make_outfits"]
+    assert jobs.keys().isdisjoint({"animate_bodies", "simulate_outfits", "write_samples"})
+
+
+def test_another_bound_judges_anew_and_simulates_nothing_that_is_there(planned_with):
+    jobs = planned_with(simulation={"bounds": {"slip_m": 0.7}})
+    assert "Params have changed" in jobs["write_samples"]
+    assert jobs.keys().isdisjoint({"animate_bodies", "make_outfits", "simulate_outfits"})
+
+
+def jobs_of_samples(project: Path, *configs: str) -> dict[str, int]:
+    """How many jobs of the steps of samples run."""
+    run = snakemake(project, "all", "--dry-run", "--configfile", *configs)
+    assert run.returncode == 0, run.stderr[-2000:]
+    counts = dict(re.findall(r"^(\w+) +(\d+)$", run.stdout + run.stderr, re.MULTILINE))
+    steps = ("animate_bodies", "make_outfits", "simulate_outfits", "write_samples", "sample_fields")
+    return {step: int(counts[step]) for step in steps if step in counts}
+
+
+def test_one_sample_more_makes_itself_alone(finished, tmp_path):
+    more = {"dataset": {"count": 4}, "learning": {"count": 7}, "static": {"count": 25}}
+    (tmp_path / "more.yaml").write_text(yaml.safe_dump({"groups": more}))
+    # Their shards are full, so that each has a shard of its own.
+    assert jobs_of_samples(finished, CONFIG, str(tmp_path / "more.yaml")) == {
+        **dict.fromkeys(("animate_bodies", "simulate_outfits", "write_samples"), 2),
+        "make_outfits": 3,
+        "sample_fields": 1,
+    }

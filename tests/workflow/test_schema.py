@@ -20,11 +20,15 @@ def objects(schema):
         yield schema
         for part in schema["properties"].values():
             yield from objects(part)
+        if isinstance(schema["additionalProperties"], dict):  # named by the user
+            yield from objects(schema["additionalProperties"])
 
 
 def test_every_object_is_closed_and_every_key_described_or_an_object():
     for schema in objects(SCHEMA):
-        assert schema["additionalProperties"] is False
+        assert schema["additionalProperties"] is False or isinstance(
+            schema["additionalProperties"], dict
+        )
         for name, part in schema["properties"].items():
             in_mapping = "default" not in part  # keys of a mapping may each be there or not
             assert part.get("type") == "object" or "description" in part or in_mapping, name
@@ -35,7 +39,7 @@ def test_the_default_experiment_names_only_what_makes_it_special():
         return {
             key: differences(value, default[key]) if isinstance(value, dict) else value
             for key, value in given.items()
-            if value != default[key]
+            if value != default.get(key)
         }
 
     given = yaml.safe_load((ROOT / "config.yaml").read_text())

@@ -17,7 +17,7 @@ def generator():
 
 def leaves(schema, prefix=""):
     for name, part in schema["properties"].items():
-        if "properties" in part:
+        if "properties" in part and "overrides" not in part:
             yield from leaves(part, f"{prefix}{name}.")
         else:
             yield prefix + name

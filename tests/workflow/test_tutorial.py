@@ -47,7 +47,7 @@ def planned(folder, *arguments):
 
 def test_the_dataset_has_as_many_samples_as_the_tutorial_says(folder):
     jobs = planned(folder, "dataset", "--configfile", "mine.yaml")
-    assert jobs["simulate_outfit"] == "2"
+    assert jobs["simulate_outfits"] == "2"
     assert "render_gallery" not in jobs
 
 

@@ -34,7 +34,13 @@ def test_each_size_plans_every_step(config, project):
     run = snakemake(project, "--dry-run", "all", "--forceall", "--configfile", config)
     assert run.returncode == 0, run.stderr
     steps = {line.split()[0] for line in (run.stdout + run.stderr).splitlines() if line.strip()}
-    for rule in ("import_motion", "animate_body", "make_outfit", "simulate_outfit", "write_sample"):
+    for rule in (
+        "import_motion",
+        "animate_bodies",
+        "make_outfits",
+        "simulate_outfits",
+        "write_samples",
+    ):
         assert rule in steps
 
 
@@ -54,15 +60,23 @@ def test_types_left_out_are_neither_trained_nor_needed(project, tmp_path):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"samples": {"cuont": 3}}, "'samples.cuont' is not a setting, expected one of count"),
+        (
+            {"groups": {"dataset": {"cuont": 3}}},
+            "'groups.dataset.cuont' is not a setting, did you mean count?",
+        ),
         (
             {"motions": {"frames": 300, "frames_min": 300, "loop_frames": 60}},
             "frames_min is 300, but some clips have fewer frames at 30 fps: walk 60, run 60,",
         ),
         (
-            {"samples": {"count": 12}, "static": {"count": 24, "test_share": 0}},
-            "static.test_share 0, which puts none of 24 into test",
+            {"groups": {"dataset": {"count": 40, "val_share": 0}}},
+            "groups.dataset.val_share is 0 and its test_share 0.2, which puts none of 40 into val",
         ),
+        (
+            {"groups": {"dataset": {"count": 12}, "static": {"count": 24, "test_share": 0}}},
+            "its test_share 0, which puts none of 24 into test",
+        ),
+        ({"learning": {"count": 3}}, "'learning.count' is called groups.learning.count now"),
         (
             {"outfits": {"types": ["Jumpsuit"]}, "garment4d": {"skinned": {"shards": 0}}},
             "the plan has no simulated",
@@ -75,7 +89,9 @@ def test_a_wrong_setting_stops_before_any_job(dry_run_error, settings, message):
 
 
 def test_what_only_training_needs_does_not_stop_the_dataset(project, tmp_path):
-    config = with_settings(tmp_path, samples={"count": 1, "val_share": 0, "test_share": 0})[-1]
+    config = with_settings(
+        tmp_path, groups={"dataset": {"count": 1, "val_share": 0, "test_share": 0}}
+    )[-1]
     target = str(tmp_path / "results/dataset")
     run = snakemake(project, "--dry-run", target, "--configfile", config)
     assert run.returncode == 0, run.stderr
@@ -88,17 +104,17 @@ def test_a_table_of_ones_own_means_all_its_rows(project, tmp_path):
     config = with_settings(tmp_path, motions={"table": str(table)})[-1]
     run = snakemake(project, "dataset", "--dry-run", "--configfile", config)
     assert run.returncode == 0, run.stderr
-    assert set(re.findall(r"motions/(\w+)\.npz", run.stdout + run.stderr)) >= {"walk", "mine"}
-    assert "motions/dance_a.npz" not in run.stdout + run.stderr
+    assert set(re.findall(r"motions/(\w+)/\w+\.npz", run.stdout + run.stderr)) >= {"walk", "mine"}
+    assert "motions/dance_a/" not in run.stdout + run.stderr
 
 
 def test_configs_are_laid_over_one_another_only_where_the_user_names_them(project, tmp_path):
-    config = with_settings(tmp_path, samples={"count": 20})[-1]
+    config = with_settings(tmp_path, groups={"dataset": {"count": 20}})[-1]
     for configs, clips in (([config], 15), (["config.yaml", config], 8)):
         run = snakemake(project, "dataset", "--dry-run", "--configfile", *configs)
         assert run.returncode == 0, run.stderr
         assert re.search(rf"^import_motion +{clips}$", run.stdout + run.stderr, re.MULTILINE)
-        assert re.search(r"^simulate_outfit +20$", run.stdout + run.stderr, re.MULTILINE)
+        assert re.search(r"^simulate_outfits +20$", run.stdout + run.stderr, re.MULTILINE)
 
 
 def test_a_missing_or_broken_motion_is_named_before_any_job(dry_run_error, tmp_path):
@@ -112,7 +128,7 @@ def test_a_missing_or_broken_motion_is_named_before_any_job(dry_run_error, tmp_p
 
 def test_a_target_that_does_not_exist_is_refused(project, tmp_path):
     config = with_settings(tmp_path)[-1]
-    target = str(tmp_path / "results/samples/99999")
+    target = str(tmp_path / "results/samples/dataset/99999")
     run = snakemake(project, "--dry-run", target, "--configfile", config)
     assert run.returncode != 0
     assert "MissingRuleException" in run.stderr + run.stdout

@@ -1,3 +1,33 @@
+BODY_SETTINGS = {
+    key: config["body"][key] for key in ("shape_range", "shape_draws", "segment_gap_m")
+}
+
+
+def clip_entry(wildcards):
+    """A clip at one length."""
+    return MOTIONS[wildcards.sequence, wildcards.length]
+
+
+def motion_files(wildcards):
+    """Input function: the clip, and the joint map and skeleton it may need."""
+    return clip_entry(wildcards).files
+
+
+def motion_parameters(wildcards):
+    """Params function: what else the importer is told: loop, feet, labels."""
+    lock_feet = config["motions"]["lock_feet"]
+    return {**clip_entry(wildcards).parameters(), "lock_feet": lock_feet}
+
+
+def shard_motions(wildcards):
+    """Input function: the clips that the samples of a shard are pieces of."""
+    clips = GROUPS[wildcards.group].clips_of(wildcards.shard)
+    return [
+        f"{RESULTS}/motions/{entry.name}/{entry.loop_frames or 'whole'}.npz"
+        for entry in clips
+    ]
+
+
 rule copy_body:
     output:
         female="resources/body/female.npz",
@@ -45,11 +75,12 @@ rule import_motion:
     input:
         unpack(motion_files),
     output:
-        f"{RESULTS}/motions/{{sequence}}.npz",
+        f"{RESULTS}/motions/{{sequence}}/{{length}}.npz",
     log:
-        f"{LOGS}/import_motion/{{sequence}}.log",
+        f"{LOGS}/import_motion/{{sequence}}_{{length}}.log",
     benchmark:
-        f"{BENCHMARKS}/import_motion/{{sequence}}.tsv"
+        f"{BENCHMARKS}/import_motion/{{sequence}}_{{length}}.tsv"
+    priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1
@@ -63,27 +94,27 @@ rule import_motion:
         "../../scripts/import_motion.py"
 
 
-rule animate_body:
+rule animate_bodies:
     input:
-        body=sample_body,
-        motion=sample_motion,
+        **WHOLE_BODIES,
+        motions=shard_motions,
     output:
-        f"{RESULTS}/bodies/{{sample}}.npz",
+        directory(f"{RESULTS}/bodies/{{group}}/{{shard}}"),
     log:
-        f"{LOGS}/animate_body/{{sample}}.log",
+        f"{LOGS}/animate_bodies/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/animate_body/{{sample}}.tsv"
+        f"{BENCHMARKS}/animate_bodies/{{group}}_{{shard}}.tsv"
     priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=minutes(4 * FRAMES),
+        runtime=shard_minutes(3),
     params:
         seed=config["seed"],
-        plan=unsplit_plan,
+        plans=shard_plans,
         settings=BODY_SETTINGS,
-        code=source_hash("animate_body"),
+        code=source_hash("animate_bodies"),
     script:
-        "../../scripts/animate_body.py"
+        "../../scripts/animate_bodies.py"

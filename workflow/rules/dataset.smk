@@ -1,47 +1,15 @@
 EXPORT_FORMATS = ["usdc", "glb", "abc", "mdd", "pc2", "obj"]
 DEFAULT_TARGETS += [f"{RESULTS}/dataset"]
-SAMPLE_STEPS += [
-    SampleStep("write_sample", f"{RESULTS}/samples/{{sample}}", set(SAMPLES))
-]
 
 
 wildcard_constraints:
     format="|".join(EXPORT_FORMATS),
 
 
-rule write_sample:
-    input:
-        body=sample_body,
-        animation=f"{RESULTS}/bodies/{{sample}}.npz",
-        outfit=f"{RESULTS}/outfits/{{sample}}.npz",
-        parameters=f"{RESULTS}/outfits/{{sample}}.json",
-        simulation=f"{RESULTS}/simulation/{{sample}}",
-    output:
-        directory(f"{RESULTS}/samples/{{sample}}"),
-    log:
-        f"{LOGS}/write_sample/{{sample}}.log",
-    benchmark:
-        f"{BENCHMARKS}/write_sample/{{sample}}.tsv"
-    wildcard_constraints:
-        sample=SINGLE_SAMPLE,
-    priority: SAMPLES_FIRST
-    conda:
-        "../../envs/geometry.yaml"
-    threads: 1
-    resources:
-        mem_mb=1500,
-        runtime=10,
-    params:
-        seed=config["seed"],
-        split=plan("split"),
-        code=source_hash("write_sample"),
-    script:
-        "../../scripts/write_sample.py"
-
-
 rule collect_dataset:
+    # Of the groups that are published.
     input:
-        per_sample(f"{RESULTS}/samples/{{sample}}"),
+        per_shard(SAMPLE, PUBLISHED),
     output:
         dataset=directory(f"{RESULTS}/dataset"),
     log:
@@ -85,7 +53,7 @@ rule verify:
 
 rule export_sample:
     input:
-        f"{RESULTS}/samples/{{sample}}",
+        sample_shard,
     output:
         directory(f"{RESULTS}/exports/{{sample}}/{{format}}"),
     log:

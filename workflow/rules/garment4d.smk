@@ -25,160 +25,83 @@ rule make_garment_template:
         "../../scripts/make_garment_template.py"
 
 
-rule fit_static_templates:
+rule fit_templates:
     input:
         **TEMPLATES,
-        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
-        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
+        shard=shard_garments,
     output:
-        directory(f"{G4D}/fits/static/{{shard}}"),
+        directory(FITS),
     log:
-        f"{LOGS}/fit_static_templates/{{shard}}.log",
+        f"{LOGS}/fit_templates/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/fit_static_templates/{{shard}}.tsv"
+        f"{BENCHMARKS}/fit_templates/{{group}}_{{shard}}.tsv"
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1000,
-        runtime=minutes(24 * STATIC_SHARD),
+        runtime=shard_minutes(0.35),
     params:
         garments=G4D_GARMENTS,
+        simulated=is_simulated,
         settings=lookup(dpath="garment4d/registration", within=config),
-        code=source_hash("fit_static_templates"),
+        code=source_hash("fit_templates"),
     script:
-        "../../scripts/fit_static_templates.py"
-
-
-rule fit_sample_templates:
-    input:
-        **TEMPLATES,
-        sample=f"{RESULTS}/samples/{{sample}}",
-    output:
-        directory(f"{G4D}/fits/samples/{{sample}}"),
-    log:
-        f"{LOGS}/fit_sample_templates/{{sample}}.log",
-    benchmark:
-        f"{BENCHMARKS}/fit_sample_templates/{{sample}}.tsv"
-    wildcard_constraints:
-        sample=SINGLE_SAMPLE,
-    priority: LONG_CHAIN
-    conda:
-        "../../envs/geometry.yaml"
-    threads: 1
-    resources:
-        mem_mb=1000,
-        runtime=minutes(3 * CLOTH),
-    params:
-        garments=G4D_GARMENTS,
-        settings=lookup(dpath="garment4d/registration", within=config),
-        code=source_hash("fit_sample_templates"),
-    script:
-        "../../scripts/fit_sample_templates.py"
-
-
-rule fit_learning_templates:
-    input:
-        **TEMPLATES,
-        samples=f"{LEARNED}/samples/{{shard}}",
-    output:
-        directory(f"{G4D}/fits/learning/{{shard}}"),
-    log:
-        f"{LOGS}/fit_learning_templates/{{shard}}.log",
-    benchmark:
-        f"{BENCHMARKS}/fit_learning_templates/{{shard}}.tsv"
-    priority: LONG_CHAIN
-    conda:
-        "../../envs/geometry.yaml"
-    threads: 1
-    resources:
-        mem_mb=1000,
-        runtime=minutes(7 * LEARNING_SHARD),
-    params:
-        garments=G4D_GARMENTS,
-        settings=lookup(dpath="garment4d/registration", within=config),
-        code=source_hash("fit_learning_templates"),
-    script:
-        "../../scripts/fit_learning_templates.py"
-
-
-rule sample_learning_clouds:
-    input:
-        f"{LEARNED}/samples/{{shard}}",
-    output:
-        directory(f"{G4D}/learning_clouds_{{protocol}}/{{shard}}"),
-    log:
-        f"{LOGS}/sample_learning_clouds_{{protocol}}/{{shard}}.log",
-    benchmark:
-        f"{BENCHMARKS}/sample_learning_clouds_{{protocol}}/{{shard}}.tsv"
-    priority: LONG_CHAIN
-    conda:
-        "../../envs/geometry.yaml"
-    threads: 1
-    resources:
-        mem_mb=1500,
-        runtime=minutes(15 * LEARNING_SHARD),
-    params:
-        garments=G4D_GARMENTS,
-        settings=cloud_settings,
-        code=source_hash("sample_learning_clouds"),
-    script:
-        "../../scripts/sample_learning_clouds.py"
+        "../../scripts/fit_templates.py"
 
 
 rule sample_clouds:
     input:
-        f"{RESULTS}/samples/{{sample}}",
+        SAMPLE,
     output:
-        directory(f"{G4D}/clouds_{{protocol}}/{{sample}}"),
+        directory(f"{G4D}/clouds_{{protocol}}/{{group}}/{{shard}}"),
     log:
-        f"{LOGS}/sample_clouds_{{protocol}}/{{sample}}.log",
+        f"{LOGS}/sample_clouds_{{protocol}}/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{sample}}.tsv"
-    wildcard_constraints:
-        protocol=SINGLE_PROTOCOLS,
+        f"{BENCHMARKS}/sample_clouds_{{protocol}}/{{group}}_{{shard}}.tsv"
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=minutes(3 * FRAMES),
+        runtime=shard_minutes(0.75),
     params:
+        garments=G4D_GARMENTS,
         settings=cloud_settings,
         code=source_hash("sample_clouds"),
     script:
         "../../scripts/sample_clouds.py"
 
 
-rule skin_static:
+rule skin_outfits:
+    # Outfits at rest move as the samples of their split do.
     input:
         **WHOLE_BODIES,
-        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
-        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
-        samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
+        outfits=OUTFITS,
+        samples=per_shard(SAMPLE, PUBLISHED or MOVING),
     output:
-        directory(f"{G4D}/skinned/{{shard}}"),
+        directory(f"{G4D}/skinned/{{group}}/{{shard}}"),
     log:
-        f"{LOGS}/skin_static/{{shard}}.log",
+        f"{LOGS}/skin_outfits/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/skin_static/{{shard}}.tsv"
+        f"{BENCHMARKS}/skin_outfits/{{group}}_{{shard}}.tsv"
     priority: LONG_CHAIN
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=minutes(20 * STATIC_SHARD),
+        runtime=shard_minutes(0.2),
     params:
         garments=G4D_GARMENTS,
         frames=lookup(dpath="garment4d/skinned/frames", within=config),
         step=lookup(dpath="garment4d/skinned/step", within=config),
         clouds=cloud_settings,
-        code=source_hash("skin_static"),
+        code=source_hash("skin_outfits"),
     script:
-        "../../scripts/skin_static.py"
+        "../../scripts/skin_outfits.py"
 
 
 rule collect_garment4d:
@@ -303,9 +226,9 @@ rule evaluate_garment4d:
 rule compare_garment4d:
     input:
         **SEQUENCES,
-        fits=expand(f"{G4D}/fits/static/{{shard}}", shard=STATIC),
+        fits=FITS_AT_REST,
         data=static_data(*EVALUATED_SPLITS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         f"{RESULTS}/metrics/representations_garment4d.tsv",
     log:

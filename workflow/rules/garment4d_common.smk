@@ -11,33 +11,23 @@ G4D = f"{RESULTS}/garment4d"
 G4D_GARMENTS = config["garment4d"]["garments"]
 # In figures of a single type; skirts move most.
 SHOWN_GARMENT = "Skirt" if "Skirt" in G4D_GARMENTS else G4D_GARMENTS[0]
-# Shards of static outfits that the networks learn from besides simulated samples.
-SKINNED = list(STATIC)[: config["garment4d"]["skinned"]["shards"]]
+# Shards of outfits at rest that the networks learn from besides simulated samples.
+SKINNED = [(group.name, shard) for group in RESTING for shard in group.shards]
+SKINNED = SKINNED[: config["garment4d"]["skinned"]["shards"]]
 # Samples that wear one of these types.
 TEMPLATE_WEARERS = [
     sample
-    for sample, planned in SAMPLES.items()
+    for sample, planned in MOVING_PLANS.items()
     if set(planned.outfit_type.split("+")) & set(G4D_GARMENTS)
 ]
 TEMPLATES = {garment: f"{G4D}/{garment}/template.npz" for garment in G4D_GARMENTS}
+FITS = f"{G4D}/fits/{{group}}/{{shard}}"
+FITS_AT_REST = per_shard(FITS, RESTING)
 TEMPLATE_FITS = [
-    *expand(f"{G4D}/fits/static/{{shard}}", shard=SKINNED),
-    *expand(f"{G4D}/fits/samples/{{sample}}", sample=TEMPLATE_WEARERS),
-    *expand(f"{G4D}/fits/learning/{{shard}}", shard=LEARNING),
+    *[FITS.format(group=group, shard=shard) for group, shard in SKINNED],
+    *shards_of(FITS, TEMPLATE_WEARERS),
 ]
 PROTOCOL = config["garment4d"]["protocol"]
-SAMPLE_STEPS += [
-    SampleStep(
-        "fit_sample_templates", f"{G4D}/fits/samples/{{sample}}", set(TEMPLATE_WEARERS)
-    ),
-    SampleStep(
-        "sample_clouds", f"{G4D}/clouds_{PROTOCOL}/{{sample}}", set(TEMPLATE_WEARERS)
-    ),
-]
-# Clouds of single samples: those that shards do not make.
-SINGLE_PROTOCOLS = "|".join(
-    name for name in ("surface", "vertices") if not (SAMPLE_SHARDS and name == PROTOCOL)
-)
 # Sequences of each type, sampled as the config says.
 SEQUENCES = {garment: f"{G4D}/{garment}/data_{PROTOCOL}" for garment in G4D_GARMENTS}
 # Whether networks ask where on the known body points are.
@@ -80,20 +70,28 @@ def cloud_settings(wildcards):
     }
 
 
+def shard_garments(wildcards):
+    """Input function: where the garments of a shard are at rest."""
+    at_rest = GROUPS[wildcards.group].at_rest
+    return (OUTFITS if at_rest else SAMPLE).format(**wildcards)
+
+
+def is_simulated(wildcards):
+    """Params function: whether a shard has simulated samples."""
+    return not GROUPS[wildcards.group].at_rest
+
+
 def garment_sequences(wildcards):
-    """Clouds of one protocol; those of static outfits follow the config's."""
-    shards = SKINNED if wildcards.protocol == PROTOCOL else []
+    """Clouds of one protocol; those of outfits at rest follow the config's."""
+    skinned = SKINNED if wildcards.protocol == PROTOCOL else []
+    clouds = f"{G4D}/clouds_{wildcards.protocol}/{{group}}/{{shard}}"
     return {
-        "samples": [f"{RESULTS}/samples/{sample}" for sample in TEMPLATE_WEARERS],
-        "clouds": [
-            f"{G4D}/clouds_{wildcards.protocol}/{sample}" for sample in TEMPLATE_WEARERS
+        "samples": shards_of(SAMPLE, TEMPLATE_WEARERS),
+        "clouds": shards_of(clouds, TEMPLATE_WEARERS),
+        "skinned": [f"{G4D}/skinned/{group}/{shard}" for group, shard in skinned],
+        "outfits": [
+            OUTFITS.format(group=group, shard=shard) for group, shard in skinned
         ],
-        "learning": LEARNING_SAMPLES,
-        "learning_clouds": [
-            f"{G4D}/learning_clouds_{wildcards.protocol}/{shard}" for shard in LEARNING
-        ],
-        "skinned": [f"{G4D}/skinned/{shard}" for shard in shards],
-        "shards": [f"{RESULTS}/static/outfits/{shard}.npz" for shard in shards],
     }
 
 
@@ -111,8 +109,12 @@ def stage_sequences(stage=None):
             wildcards.garment,
             planned_sequences(
                 wildcards.garment,
-                [*SAMPLES.values(), *LEARNING_PLANS],
-                [plan for shard in SKINNED for plan in STATIC[shard]],
+                MOVING_PLANS.values(),
+                [
+                    plan
+                    for group, shard in SKINNED
+                    for plan in GROUPS[group].shards[shard]
+                ],
                 frames=skinned["frames"],
                 step=skinned["step"],
             ),
@@ -169,7 +171,7 @@ def evaluated_sequences(wildcards):
 
     Those moved by skinning are not measured, so the plan must have others.
     """
-    planned = [*SAMPLES.values(), *LEARNING_PLANS]
+    planned = MOVING_PLANS.values()
     wearers = [p for p in planned if wildcards.garment in p.outfit_type.split("+")]
     require_simulated(wildcards.garment, wearers, EVALUATED_SPLITS)
     sequences = {"data": SEQUENCES[wildcards.garment]}

@@ -60,7 +60,7 @@ rule fit_static_ppca:
         **SUPER_BODIES,
         data=static_data("train", "val"),
         topology=TOPOLOGY,
-        hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+        hierarchy=f"{RESULTS}/super_body/hierarchy_segments.npz",
     output:
         directory(f"{RESULTS}/gcvae/static_ppca"),
     log:
@@ -111,7 +111,7 @@ rule train_dvae:
         **SUPER_BODIES,
         static=static_model(),
         topology=TOPOLOGY,
-        hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+        hierarchy=f"{RESULTS}/super_body/hierarchy_segments.npz",
         data=dvae_frames,
         conditioning=dvae_conditioning,
     output:
@@ -144,7 +144,7 @@ rule fit_dynamic_ppca:
         **SUPER_BODIES,
         static=static_model(),
         topology=TOPOLOGY,
-        hierarchy=f"{RESULTS}/registration/hierarchy_segments.npz",
+        hierarchy=f"{RESULTS}/super_body/hierarchy_segments.npz",
         data=dynamic_ppca_frames,
     output:
         directory(f"{RESULTS}/gcvae/dynamic_ppca"),
@@ -169,7 +169,7 @@ rule fit_dynamic_ppca:
 rule evaluate_baselines:
     input:
         **SUPER_BODIES,
-        data=f"{RESULTS}/static/data",
+        data=f"{RESULTS}/static",
         topology=TOPOLOGY,
     output:
         f"{RESULTS}/metrics/baselines.tsv",
@@ -195,7 +195,7 @@ rule evaluate_baselines:
 rule evaluate_static:
     input:
         model=f"{RESULTS}/gcvae/{{static}}",
-        data=f"{RESULTS}/static/data",
+        data=f"{RESULTS}/static",
     output:
         metrics=f"{RESULTS}/metrics/{{static}}.tsv",
         codes=f"{RESULTS}/codes/{{static}}.npz",
@@ -218,8 +218,9 @@ rule evaluate_static:
 
 rule evaluate_dynamic_baselines:
     input:
-        **MOVING_INPUTS,
+        **SAMPLES_WITH_REGISTRATIONS,
         **SUPER_BODIES,
+        topology=TOPOLOGY,
     output:
         f"{RESULTS}/metrics/dynamic_baselines.tsv",
     log:
@@ -243,8 +244,9 @@ rule evaluate_dynamic_baselines:
 
 rule evaluate_dynamic:
     input:
-        **MOVING_INPUTS,
+        **SAMPLES_WITH_REGISTRATIONS,
         **SUPER_BODIES,
+        topology=TOPOLOGY,
         model=f"{RESULTS}/gcvae/{{dynamic}}",
         data=dvae_data,
         static=static_model(),
@@ -272,7 +274,7 @@ rule compare_gcvae:
     input:
         models=[f"{RESULTS}/gcvae/svae", f"{RESULTS}/gcvae/static_ppca"],
         data=static_data(*EVALUATED_SPLITS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         f"{RESULTS}/metrics/representations_gcvae.tsv",
     log:

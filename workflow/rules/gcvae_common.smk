@@ -1,4 +1,3 @@
-from drapeline.experiment.checks import require_splits
 from drapeline.models.gcvae.variants import (
     DVAE_VARIANTS,
     DYNAMIC_PPCA,
@@ -9,14 +8,6 @@ from drapeline.models.gcvae.variants import (
 )
 from drapeline.models.training.settings import override_settings
 
-# Samples in motion as their metrics read them.
-MOVING_INPUTS = {
-    "samples": per_sample(f"{RESULTS}/samples/{{sample}}"),
-    "registrations": per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
-    "learning": LEARNING_SAMPLES,
-    "learning_registrations": LEARNING_REGISTRATIONS,
-    "topology": TOPOLOGY,
-}
 GCVAE_BASELINES = ["baselines", "dynamic_baselines"]
 METRIC_TABLES["metrics"] += [
     *[*GCVAE_BASELINES, "svae", STATIC_PPCA],
@@ -43,8 +34,8 @@ def static_model():
 
 def training_frames(version):
     """Garments in motion, some of which are planned for training and for validation."""
-    planned = [plan.split for plan in [*SAMPLES.values(), *LEARNING_PLANS]]
-    require_splits(planned, ["train", "val"], group="samples", shares=config["samples"])
+    planned = [plan.split for plan in MOVING_PLANS.values()]
+    require_splits(planned, ["train", "val"], groups=splits_of_groups(MOVING))
     return f"{RESULTS}/dynamic/{version}"
 
 
@@ -118,7 +109,7 @@ def ppca_settings(model):
 
 
 def svae_hierarchy(wildcards):
-    return f"{RESULTS}/registration/hierarchy_{pooling_of(wildcards.svae)}.npz"
+    return f"{RESULTS}/super_body/hierarchy_{pooling_of(wildcards.svae)}.npz"
 
 
 def shown_static():

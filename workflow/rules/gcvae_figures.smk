@@ -144,7 +144,7 @@ rule plot_gcvae_walks:
         **WHOLE_BODIES,
         model=f"{RESULTS}/gcvae/{shown_static()}",
         codes=f"{RESULTS}/codes/{shown_static()}.npz",
-        data=f"{RESULTS}/static/data",
+        data=f"{RESULTS}/static",
     output:
         sheet=report(
             f"{RESULTS}/report/gcvae_walks.png",
@@ -179,14 +179,15 @@ rule plot_gcvae_walks:
 
 rule plot_gcvae_errors:
     input:
-        **MOVING_INPUTS,
+        **SAMPLES_WITH_REGISTRATIONS,
         **SHOWN_DVAE,
         **WHOLE_BODIES,
         **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
+        topology=TOPOLOGY,
         svae=f"{RESULTS}/gcvae/{shown_static()}",
         codes=f"{RESULTS}/codes/{shown_static()}.npz",
         data=static_data(*EVALUATED_SPLITS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         report(
             f"{RESULTS}/report/gcvae_errors.png",
@@ -214,10 +215,11 @@ rule plot_gcvae_errors:
 
 rule plot_gcvae_wrinkles:
     input:
-        **MOVING_INPUTS,
+        **SAMPLES_WITH_REGISTRATIONS,
         **SHOWN_DVAE,
         **WHOLE_BODIES,
         **{f"super_{gender}": path for gender, path in SUPER_BODIES.items()},
+        topology=TOPOLOGY,
     output:
         report(
             f"{RESULTS}/report/gcvae_wrinkles.png",

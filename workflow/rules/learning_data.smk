@@ -5,9 +5,9 @@ wildcard_constraints:
 rule collect_static:
     input:
         **SUPER_BODIES,
-        shards=expand(f"{RESULTS}/registration/static/{{shard}}.npz", shard=STATIC),
+        registrations=per_shard(REGISTRATION, RESTING),
     output:
-        directory(f"{RESULTS}/static/data"),
+        directory(f"{RESULTS}/static"),
     log:
         f"{LOGS}/collect_static.log",
     benchmark:
@@ -27,10 +27,7 @@ rule collect_static:
 rule collect_dynamic:
     input:
         **SUPER_BODIES,
-        samples=per_sample(f"{RESULTS}/samples/{{sample}}"),
-        registrations=per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
-        learning=LEARNING_SAMPLES,
-        learning_registrations=LEARNING_REGISTRATIONS,
+        **SAMPLES_WITH_REGISTRATIONS,
     output:
         directory(f"{RESULTS}/dynamic/{{version}}"),
     log:

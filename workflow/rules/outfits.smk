@@ -7,6 +7,48 @@ DRESS_FORMS = {
 }
 
 
+HANGING_MODULES = ["drapeline.generation.hung_outfits", QUICK_SOLVER.code]
+
+
+def shard_bodies(wildcards):
+    """Input function: bodies in motion; at rest, outfits have none but their own."""
+    group = GROUPS[wildcards.group]
+    folder = f"{RESULTS}/bodies/{wildcards.group}/{wildcards.shard}"
+    return [] if group.at_rest else folder
+
+
+def group_own_garments(wildcards):
+    """Params function: the user's own garments, by gender and type."""
+    return own_garments(GROUPS[wildcards.group].outfits["own_garments"])
+
+
+def own_garment_files(wildcards):
+    """Input function: the OBJ files of these."""
+    own = group_own_garments(wildcards)
+    return sorted({one["path"] for worn in own.values() for one in worn.values()})
+
+
+def hanging(wildcards):
+    """Params function: what lets outfits hang; nothing of it counts where they do not."""
+    if not hangs(wildcards):
+        return {}
+    group = GROUPS[wildcards.group]
+    return {
+        "modules": HANGING_MODULES,
+        "accelerator": config["simulation"]["accelerator"],
+        "how": {
+            "frames": group.outfits["hang_frames"],
+            "settings": group.simulation,
+            "bounds": config["simulation"]["bounds"],
+        },
+    }
+
+
+def outfits_hash(wildcards):
+    """Params function: digest of what makes a group's outfits."""
+    return source_hash("make_outfits", *(HANGING_MODULES if hangs(wildcards) else []))
+
+
 rule build_templates:
     input:
         body=gender_body,
@@ -50,74 +92,36 @@ rule body_obj:
         "../../scripts/body_obj.py"
 
 
-rule make_outfit:
+rule make_outfits:
     input:
-        body=sample_body,
-        animation=f"{RESULTS}/bodies/{{sample}}.npz",
-        templates=sample_templates,
+        **DRESS_FORMS,
+        bodies=shard_bodies,
         own=own_garment_files,
     output:
-        arrays=f"{RESULTS}/outfits/{{sample}}.npz",
-        parameters=f"{RESULTS}/outfits/{{sample}}.json",
+        directory(OUTFITS),
     log:
-        f"{LOGS}/make_outfit/{{sample}}.log",
+        f"{LOGS}/make_outfits/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/make_outfit/{{sample}}.tsv"
+        f"{BENCHMARKS}/make_outfits/{{group}}_{{shard}}.tsv"
     priority: SAMPLES_FIRST
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=minutes(2 * CLOTH),
-    params:
-        seed=config["seed"],
-        plan=unsplit_plan,
-        settings=OUTFIT_SETTINGS,
-        own_garments=sample_own_garments,
-        code=source_hash("make_outfit"),
-    script:
-        "../../scripts/make_outfit.py"
-
-
-# What lets outfits hang on their bodies; nothing of it counts where they do not.
-SETTLING = {}
-if config["static"]["settle_frames"]:
-    SETTLING = {
-        "modules": ["drapeline.generation.settled", "drapeline.xpbd.solver"],
-        "accelerator": config["simulation"]["accelerator"],
-        "frames": config["static"]["settle_frames"],
-        "settings": {**config["simulation"]["settings"], "pose_frames": 1},
-        "bounds": config["simulation"]["bounds"],
-    }
-
-
-rule make_static_outfits:
-    input:
-        **DRESS_FORMS,
-    output:
-        arrays=f"{RESULTS}/static/outfits/{{shard}}.npz",
-        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
-    log:
-        f"{LOGS}/make_static_outfits/{{shard}}.log",
-    benchmark:
-        f"{BENCHMARKS}/make_static_outfits/{{shard}}.tsv"
-    priority: LONG_CHAIN
-    conda:
-        "../../envs/geometry.yaml"
-    threads: 1
-    resources:
-        mem_mb=2000,
-        runtime=minutes((40 + 10 * config["static"]["settle_frames"]) * STATIC_SHARD),
-        gpu=simulation_gpus("xpbd") if SETTLING else 0,
+        runtime=outfit_minutes,
+        gpu=hanging_gpus,
     params:
         seed=config["seed"],
         plans=shard_plans,
         shape_range=lookup(dpath="body/shape_range", within=config),
-        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
-        tightness_range=lookup(dpath="outfits/tightness_range", within=config),
-        elastic_probability=lookup(dpath="outfits/elastic_probability", within=config),
-        settling=SETTLING,
-        code=source_hash("make_static_outfits", *SETTLING.get("modules", ())),
+        settings=group_settings(
+            "outfits",
+            *("edge_length_m", "vertices_min"),
+            *("tightness_range", "elastic_probability"),
+        ),
+        own_garments=group_own_garments,
+        hanging=hanging,
+        code=outfits_hash,
     script:
-        "../../scripts/make_static_outfits.py"
+        "../../scripts/make_outfits.py"

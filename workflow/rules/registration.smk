@@ -1,12 +1,5 @@
-SUPER_BODIES = {
-    gender: f"{RESULTS}/registration/body/{gender}.npz" for gender in GENDERS
-}
-TOPOLOGY = f"{RESULTS}/registration/topology.npz"
-SAMPLE_STEPS += [
-    SampleStep(
-        "register_sample", f"{RESULTS}/registration/samples/{{sample}}", set(SAMPLES)
-    )
-]
+SUPER_BODIES = {gender: f"{RESULTS}/super_body/{gender}.npz" for gender in GENDERS}
+TOPOLOGY = f"{RESULTS}/super_body/topology.npz"
 DEFAULT_TARGETS += expand(
     f"{RESULTS}/report/{{name}}",
     name=["registration.html", "registration.png", "topologies.png", "hierarchy.png"],
@@ -15,12 +8,10 @@ DEFAULT_TARGETS += expand(
 
 rule build_super_body:
     input:
-        female=body_file("female"),
-        male=body_file("male"),
+        **WHOLE_BODIES,
     output:
-        female=f"{RESULTS}/registration/body/female.npz",
-        male=f"{RESULTS}/registration/body/male.npz",
-        topology=f"{RESULTS}/registration/topology.npz",
+        **SUPER_BODIES,
+        topology=TOPOLOGY,
     log:
         f"{LOGS}/build_super_body.log",
     benchmark:
@@ -42,7 +33,7 @@ rule build_hierarchy:
     input:
         topology=TOPOLOGY,
     output:
-        f"{RESULTS}/registration/hierarchy_{{pooling}}.npz",
+        f"{RESULTS}/super_body/hierarchy_{{pooling}}.npz",
     log:
         f"{LOGS}/build_hierarchy/{{pooling}}.log",
     benchmark:
@@ -64,8 +55,8 @@ rule build_hierarchy:
 rule plot_hierarchy:
     input:
         topology=TOPOLOGY,
-        segments=f"{RESULTS}/registration/hierarchy_segments.npz",
-        uniform=f"{RESULTS}/registration/hierarchy_uniform.npz",
+        segments=f"{RESULTS}/super_body/hierarchy_segments.npz",
+        uniform=f"{RESULTS}/super_body/hierarchy_uniform.npz",
     output:
         topologies=report(
             f"{RESULTS}/report/topologies.png",
@@ -96,60 +87,59 @@ rule plot_hierarchy:
         "../../scripts/plot_hierarchy.py"
 
 
-rule register_static:
+rule register_outfits:
     input:
         **SUPER_BODIES,
-        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
-        parameters=f"{RESULTS}/static/outfits/{{shard}}.json",
+        outfits=OUTFITS,
         topology=TOPOLOGY,
     output:
-        offsets=f"{RESULTS}/registration/static/{{shard}}.npz",
-        errors=f"{RESULTS}/registration/static/{{shard}}.tsv",
+        directory(REGISTRATION),
     log:
-        f"{LOGS}/register_static/{{shard}}.log",
+        f"{LOGS}/register_outfits/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/register_static/{{shard}}.tsv"
+        f"{BENCHMARKS}/register_outfits/{{group}}_{{shard}}.tsv"
+    wildcard_constraints:
+        group=group_names(RESTING),
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=memory(360 + 300 * STATIC_SHARD),
-        runtime=minutes(36 * STATIC_SHARD),
+        mem_mb=shard_memory(360, 3),
+        runtime=shard_minutes(0.36),
     params:
-        code=source_hash("register_static"),
+        code=source_hash("register_outfits"),
     script:
-        "../../scripts/register_static.py"
+        "../../scripts/register_outfits.py"
 
 
-rule register_sample:
+rule register_samples:
     input:
         **SUPER_BODIES,
-        sample=f"{RESULTS}/samples/{{sample}}",
+        samples=SAMPLE,
         topology=TOPOLOGY,
     output:
-        directory(f"{RESULTS}/registration/samples/{{sample}}"),
+        directory(REGISTRATION),
     log:
-        f"{LOGS}/register_sample/{{sample}}.log",
+        f"{LOGS}/register_samples/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/register_sample/{{sample}}.tsv"
+        f"{BENCHMARKS}/register_samples/{{group}}_{{shard}}.tsv"
     wildcard_constraints:
-        sample=SINGLE_SAMPLE,
+        group=group_names(MOVING),
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=minutes(2 * CLOTH),
+        runtime=shard_minutes(0.6),
     params:
-        code=source_hash("register_sample"),
+        code=source_hash("register_samples"),
     script:
-        "../../scripts/register_sample.py"
+        "../../scripts/register_samples.py"
 
 
 rule tabulate_registration:
     input:
-        static=expand(f"{RESULTS}/registration/static/{{shard}}.tsv", shard=STATIC),
-        samples=per_sample(f"{RESULTS}/registration/samples/{{sample}}"),
+        **{group.name: per_shard(REGISTRATION, [group]) for group in GROUPS.values()},
     output:
         table=f"{RESULTS}/report/registration.tsv",
         page=report(
@@ -169,6 +159,7 @@ rule tabulate_registration:
         mem_mb=500,
         runtime=10,
     params:
+        groups=list(GROUPS),
         code=source_hash("tabulate_registration"),
     script:
         "../../scripts/tabulate_registration.py"
@@ -177,7 +168,7 @@ rule tabulate_registration:
 rule plot_registration:
     input:
         **SUPER_BODIES,
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
         topology=TOPOLOGY,
     output:
         report(

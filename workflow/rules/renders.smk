@@ -1,47 +1,93 @@
-DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}.png")
-DEFAULT_TARGETS += per_sample(f"{RESULTS}/gallery/{{sample}}_moving.png")
-SAMPLE_STEPS += [
-    SampleStep(
-        "render_gallery", f"{RESULTS}/gallery/{{sample}}{part}.png", set(SAMPLES), False
-    )
-    for part in ("", "_moving")
+GALLERY_PICTURES = per_shard(f"{RESULTS}/gallery/{{group}}/{{shard}}", PUBLISHED)
+DEFAULT_TARGETS += GALLERY_PICTURES
+DEFAULT_TARGETS += [
+    f"{RESULTS}/report/{group.name}.png" for group in MOVING if not group.published
 ]
+
+
+def gallery_labels(wildcards, input):
+    """Labels function: what a sample shows, which its own record knows once it is made."""
+    meta = read_meta(Path(input[0]) / wildcards.sample)
+    return {
+        "sample": wildcards.sample,
+        "motion": meta["motion"]["sequence"],
+        "wears": outfit_text(meta),
+        "kind": "moving" if wildcards.moving else "still",
+    }
+
+
+def samples_side_by_side(wildcards):
+    """Input function: the shards with the samples whose ids, joined by hyphens, name the picture."""
+    return shards_of(SAMPLE, wildcards.samples.split("-"))
+
+
+def ids_side_by_side(wildcards):
+    """Params function: these samples."""
+    return wildcards.samples.split("-")
+
+
+def group_samples(wildcards):
+    """Input function: all samples of a group."""
+    return per_shard(SAMPLE, [GROUPS[wildcards.group]])
 
 
 rule render_gallery:
     input:
-        f"{RESULTS}/samples/{{sample}}",
+        SAMPLE,
     output:
         # A report shows PNG in the page, animated ones too, but offers WebP and GIF as downloads.
-        still=report(
-            f"{RESULTS}/gallery/{{sample}}.png",
+        report(
+            directory(f"{RESULTS}/gallery/{{group}}/{{shard}}"),
+            patterns=[r"{sample,\w*\d}{moving,(_moving)?}.png"],
             caption="../report/gallery.rst",
             category="Gallery",
-            labels=gallery_labels("still"),
-        ),
-        moving=report(
-            f"{RESULTS}/gallery/{{sample}}_moving.png",
-            caption="../report/gallery.rst",
-            category="Gallery",
-            labels=gallery_labels("moving"),
+            labels=gallery_labels,
         ),
     log:
-        f"{LOGS}/render_gallery/{{sample}}.log",
+        f"{LOGS}/render_gallery/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/render_gallery/{{sample}}.tsv"
-    wildcard_constraints:
-        sample=SINGLE_SAMPLE,
+        f"{BENCHMARKS}/render_gallery/{{group}}_{{shard}}.tsv"
     conda:
         "../../envs/report.yaml"
     threads: 1
     resources:
         mem_mb=1000,
-        runtime=10,
+        runtime=shard_minutes(6),
     params:
         rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("render_gallery"),
     script:
         "../../scripts/render_gallery.py"
+
+
+rule plot_group:
+    input:
+        group_samples,
+    output:
+        report(
+            f"{RESULTS}/report/{{group}}.png",
+            caption="../report/group.rst",
+            category="Dataset",
+            labels={"shows": "samples of the group {group}"},
+        ),
+    log:
+        f"{LOGS}/plot_group/{{group}}.log",
+    benchmark:
+        f"{BENCHMARKS}/plot_group/{{group}}.tsv"
+    wildcard_constraints:
+        group=group_names(MOVING),
+    conda:
+        "../../envs/report.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=20,
+    params:
+        most=24,
+        rays=lookup(dpath="renders/rays", within=config),
+        code=source_hash("plot_group"),
+    script:
+        "../../scripts/plot_group.py"
 
 
 rule render_people:
@@ -54,7 +100,7 @@ rule render_people:
     benchmark:
         f"{BENCHMARKS}/render_people/{{samples}}.tsv"
     wildcard_constraints:
-        samples=r"\d+(-\d+)*",
+        samples=r"\w+(-\w+)*",
     conda:
         "../../envs/report.yaml"
     threads: 1
@@ -62,6 +108,7 @@ rule render_people:
         mem_mb=3000,
         runtime=30,
     params:
+        samples=ids_side_by_side,
         rays=lookup(dpath="renders/rays", within=config),
         code=source_hash("render_people"),
     script:
@@ -70,7 +117,7 @@ rule render_people:
 
 rule render_modalities:
     input:
-        f"{RESULTS}/samples/{{sample}}",
+        sample_shard,
     output:
         directory(f"{RESULTS}/modalities/{{sample}}"),
     log:

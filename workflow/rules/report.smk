@@ -156,7 +156,7 @@ rule plot_health:
 
 rule view_sample:
     input:
-        f"{RESULTS}/samples/{{sample}}",
+        sample_shard,
     output:
         f"{RESULTS}/viewer/{{sample}}.html",
     log:
@@ -204,7 +204,7 @@ rule view_example:
 rule write_overview:
     input:
         dataset=f"{RESULTS}/dataset",
-        pictures=per_sample(f"{RESULTS}/gallery/{{sample}}.png"),
+        pictures=GALLERY_PICTURES,
         registration=f"{RESULTS}/report/registration.tsv",
         metrics=f"{RESULTS}/metrics.tsv",
     output:
@@ -270,7 +270,7 @@ rule plot_time:
         runtime=10,
     params:
         # The bodies' own benchmark is not this experiment's: all experiments share the bodies.
-        folders=[BENCHMARKS, *map(shard_benchmarks, SAMPLE_SHARDS), "benchmarks"],
+        folders=[BENCHMARKS, "benchmarks"],
         code=source_hash("plot_time"),
     script:
         "../../scripts/plot_time.py"

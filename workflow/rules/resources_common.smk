@@ -1,39 +1,10 @@
 # What jobs ask a cluster for. Seconds and megabytes are those of the default experiment's jobs on one
 # core, which these factors carry over to other sizes.
-FRAMES = config["motions"]["frames"] / 60
-CLOTH = cloth_factor(config["outfits"]["edge_length_m"])
-# A simulation's memory is that of the solver and of the body as well.
-CLOTH_MEMORY = 1 + (CLOTH * FRAMES - 1) / 8 if CLOTH * FRAMES > 1 else 1
-STATIC_CLOTH = cloth_factor(config["static"]["edge_length_m"])
-STATIC_SHARD = config["static"]["shard_size"] / 100 * STATIC_CLOTH
-STATIC_SIZE = config["static"]["count"] / 400
-MOVING_FRAMES = (
-    sum(plan.stop - plan.start for plan in SAMPLES.values())
-    + sum(map(len, LEARNING.values())) * config["learning"]["frames"]
-)
+from drapeline.experiment.resources import asked_mb, asked_minutes, cloth_factor
+
+STATIC_SIZE = len(RESTING_PLANS) / 400
+MOVING_FRAMES = sum(plan.frames for plan in MOVING_PLANS.values())
 MOVING_SIZE = MOVING_FRAMES / (176 * 60)
-LEARNING_SHARD = (
-    config["learning"]["shard_size"]
-    / 20
-    * (config["learning"]["frames"] / 60)
-    * cloth_factor(config["learning"]["edge_length_m"])
-)
-# A sample of 60 frames in two tries; solvers that are not named are taken for slow.
-QUICK_SOLVERS_S, SOLVER_S = {"xpbd": 10}, 80
-SIMULATION_S = (
-    QUICK_SOLVERS_S.get(config["simulation"]["solver"], SOLVER_S)
-    * (config["simulation"]["settings"]["attempts"] / 2)
-    * FRAMES
-    * CLOTH
-)
-LEARNING_S = (
-    20
-    * QUICK_SOLVERS_S.get(config["learning"]["solver"], SOLVER_S)
-    * (config["learning"]["attempts"] / 2)
-    * LEARNING_SHARD
-)
-# All steps of a sample that a shard makes; each starts Python anew.
-SAMPLE_S = SIMULATION_S + 9 * FRAMES + 8 * CLOTH + 40
 
 
 def minutes(seconds):
@@ -54,6 +25,78 @@ def memory(megabytes):
     return asked
 
 
+def cloth_of(wildcards):
+    """Vertices of a group's garments, as a multiple of those with edges of 2 cm."""
+    return cloth_factor(GROUPS[wildcards.group].outfits["edge_length_m"])
+
+
+def shard_minutes(seconds):
+    """Resources function: minutes for a shard of samples that take so many seconds each.
+
+    Those of 60 frames, in motion, with edges of 2 cm.
+    """
+
+    def asked(wildcards, attempt):
+        frames = sum(plan.frames / 60 or 1 for plan in plans_of(wildcards))
+        return asked_minutes(seconds * frames * cloth_of(wildcards), attempt)
+
+    return asked
+
+
+def simulation_minutes(wildcards, attempt):
+    """Resources function: minutes for a shard to be simulated, or simulated again, in one try."""
+    return shard_minutes(solver_of(wildcards).sample_s / 2)(wildcards, attempt)
+
+
+def retrial_minutes(wildcards, attempt):
+    """Resources function: minutes for a shard to be written, after more tries at all of it."""
+    further = GROUPS[wildcards.group].simulation["attempts"] - 1
+    seconds = 2 + further * 1.5 * solver_of(wildcards).sample_s / 2
+    return shard_minutes(seconds)(wildcards, attempt)
+
+
+def simulation_mb(wildcards, attempt):
+    """Resources function: megabytes of a simulation, its solver and its body."""
+    frames = max(plan.frames for plan in plans_of(wildcards)) / 60
+    size = max(cloth_of(wildcards) * frames, 1)
+    return asked_mb(550 * (1 + (size - 1) / 8), attempt)
+
+
+def shard_memory(fixed, each):
+    """Resources function: megabytes of a shard, of which each outfit takes some."""
+
+    def asked(wildcards, attempt):
+        size = len(plans_of(wildcards)) * cloth_of(wildcards)
+        return asked_mb(fixed + each * size, attempt)
+
+    return asked
+
+
+def simulation_gpus(wildcards):
+    """GPUs that a simulation asks for: none unless its solver can use one and the config insists."""
+    wanted = config["simulation"]["accelerator"] == "gpu"
+    return int(wanted and solver_of(wildcards).uses_gpu)
+
+
+def hanging_gpus(wildcards):
+    """GPUs for outfits at rest to hang."""
+    wanted = config["simulation"]["accelerator"] == "gpu"
+    return int(wanted and QUICK_SOLVER.uses_gpu and hangs(wildcards))
+
+
+def hangs(wildcards):
+    """Whether outfits of a group hang on their bodies before they are used."""
+    group = GROUPS[wildcards.group]
+    return group.at_rest and group.outfits["hang_frames"] > 0
+
+
+def outfit_minutes(wildcards, attempt):
+    """Resources function: minutes for the outfits of a shard, which may hang."""
+    frames = GROUPS[wildcards.group].outfits["hang_frames"] if hangs(wildcards) else 0
+    seconds = (0.4 + 0.1 * frames) * len(plans_of(wildcards)) * cloth_of(wildcards)
+    return asked_minutes(seconds, attempt)
+
+
 def gpus(model):
     """GPUs that a training asks for: none unless the config insists on them."""
     trainer = config[model]["trainer"]
@@ -62,22 +105,11 @@ def gpus(model):
     return trainer["devices"] if trainer["devices"] not in ("auto", -1) else 1
 
 
-# Solvers that can use a GPU.
-GPU_SOLVERS = {"xpbd"}
-
-
-def simulation_gpus(solver):
-    """GPUs that a simulation asks for: none unless its solver can use one and the config insists."""
-    return int(solver in GPU_SOLVERS and config["simulation"]["accelerator"] == "gpu")
-
-
 def vae_seconds(model):
     """Seconds of a training of the svae or the dvae."""
     chosen = config["gcvae"][model]
     garments = (
-        config["static"]["count"]
-        if model == "svae"
-        else MOVING_FRAMES / chosen["frame_step"]
+        len(RESTING_PLANS) if model == "svae" else MOVING_FRAMES / chosen["frame_step"]
     )
     width = chosen["network"]["widths"][0] / 8
     return 0.025 * chosen["training"]["epochs"] * garments * width
@@ -106,4 +138,4 @@ def batch_mb(model, network):
 def smplicit_seconds():
     """Seconds of a training of one of SMPLicit's models."""
     training = config["smplicit"]["training"]
-    return 0.004 * training["epochs"] * training["visits"] * config["static"]["count"]
+    return 0.004 * training["epochs"] * training["visits"] * len(RESTING_PLANS)

@@ -1,63 +1,37 @@
-include: "scans_common.smk"
+# Held-out samples whose scans all models are fitted to.
+SCANNED = first_of_split(config["scans"]["count"], EVALUATED_SPLITS[0])
+SCAN_FILES = shards_of(f"{RESULTS}/scans/{{group}}/{{shard}}.npz", SCANNED)
+# Inputs of the rules that fit models to scans, with the truth.
+KNOWN_SCANS = {"scans": SCAN_FILES, "samples": shards_of(SAMPLE, SCANNED)}
 
 
-SAMPLE_STEPS += [
-    SampleStep(
-        "scan_sample", f"{RESULTS}/scans/{{sample}}.npz", set(SCANNED_SAMPLES), False
-    )
-]
+def scanned_of_shard(wildcards):
+    """Params function: the samples of a shard that are scanned."""
+    return [sample for sample in shard_ids(wildcards) if sample in SCANNED]
 
 
-rule scan_sample:
+rule scan_samples:
     # Segmented scans of some frames, and the bodies that fit them, for all models alike.
     input:
-        sample=f"{RESULTS}/samples/{{sample}}",
-        body=sample_body,
-    output:
-        f"{RESULTS}/scans/{{sample}}.npz",
-    log:
-        f"{LOGS}/scan_sample/{{sample}}.log",
-    benchmark:
-        f"{BENCHMARKS}/scan_sample/{{sample}}.tsv"
-    wildcard_constraints:
-        sample=SINGLE_SAMPLE,
-    conda:
-        "../../envs/geometry.yaml"
-    threads: 1
-    resources:
-        mem_mb=1500,
-        runtime=30,
-    params:
-        scans=lookup(dpath="scans/samples", within=config),
-        body=lookup(dpath="scans/body", within=config),
-        seed=config["seed"],
-        code=source_hash("scan_sample"),
-    script:
-        "../../scripts/scan_sample.py"
-
-
-rule scan_learning:
-    # Segmented scans of samples of the learning group, and the bodies that fit them.
-    input:
         **WHOLE_BODIES,
-        samples=SCANNED_SHARDS,
+        samples=SAMPLE,
     output:
-        f"{RESULTS}/scans/learning.npz",
+        f"{RESULTS}/scans/{{group}}/{{shard}}.npz",
     log:
-        f"{LOGS}/scan_learning.log",
+        f"{LOGS}/scan_samples/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/scan_learning.tsv"
+        f"{BENCHMARKS}/scan_samples/{{group}}_{{shard}}.tsv"
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=minutes(15 * len(SCANNED_LEARNING)),
+        runtime=shard_minutes(15),
     params:
-        samples=[sample for _, sample in SCANNED_LEARNING],
+        samples=scanned_of_shard,
         scans=lookup(dpath="scans/samples", within=config),
         body=lookup(dpath="scans/body", within=config),
         seed=config["seed"],
-        code=source_hash("scan_learning"),
+        code=source_hash("scan_samples"),
     script:
-        "../../scripts/scan_learning.py"
+        "../../scripts/scan_samples.py"

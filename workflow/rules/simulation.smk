@@ -1,37 +1,67 @@
-# Each solver's module, which has `cloth_solver(threads)`, and the environment that it runs in.
-CLOTH_SOLVERS = {
-    "blender": ("drapeline.blender.solver", "../../envs/blender.yaml"),
-    "xpbd": ("drapeline.xpbd.solver", "../../envs/geometry.yaml"),
-}
-SOLVER_MODULE, SOLVER_ENVIRONMENT = CLOTH_SOLVERS[config["simulation"]["solver"]]
-LEARNING_SOLVER, LEARNING_ENVIRONMENT = CLOTH_SOLVERS[config["learning"]["solver"]]
+def attempt_settings(wildcards):
+    """Params function: settings of one attempt, of which the number of attempts is no part."""
+    settings = GROUPS[wildcards.group].simulation
+    return {key: value for key, value in settings.items() if key != "attempts"}
 
 
-rule simulate_outfit:
+rule simulate_outfits:
+    # Nothing is judged here, so that other bounds simulate nothing again that is within them.
     input:
-        body=sample_body,
-        animation=f"{RESULTS}/bodies/{{sample}}.npz",
-        outfit=f"{RESULTS}/outfits/{{sample}}.npz",
-        parameters=f"{RESULTS}/outfits/{{sample}}.json",
+        **WHOLE_BODIES,
+        bodies=f"{RESULTS}/bodies/{{group}}/{{shard}}",
+        outfits=OUTFITS,
     output:
-        directory(f"{RESULTS}/simulation/{{sample}}"),
+        directory(f"{RESULTS}/simulation/{{group}}/{{shard}}"),
     log:
-        f"{LOGS}/simulate_outfit/{{sample}}.log",
+        f"{LOGS}/simulate_outfits/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/simulate_outfit/{{sample}}.tsv"
+        f"{BENCHMARKS}/simulate_outfits/{{group}}_{{shard}}.tsv"
     priority: SAMPLES_FIRST
     conda:
-        SOLVER_ENVIRONMENT
+        solver_environment
     threads: 1
     resources:
-        mem_mb=memory(550 * CLOTH_MEMORY),
-        runtime=minutes(SIMULATION_S),
-        gpu=simulation_gpus(config["simulation"]["solver"]),
+        mem_mb=simulation_mb,
+        runtime=simulation_minutes,
+        gpu=simulation_gpus,
     params:
-        solver=SOLVER_MODULE,
+        samples=shard_ids,
+        solver=solver_module,
         accelerator=config["simulation"]["accelerator"],
-        settings=lookup(dpath="simulation/settings", within=config),
-        bounds=lookup(dpath="simulation/bounds", within=config),
-        code=source_hash("simulate_outfit", SOLVER_MODULE),
+        settings=attempt_settings,
+        code=solver_hash("simulate_outfits"),
     script:
-        "../../scripts/simulate_outfit.py"
+        "../../scripts/simulate_outfits.py"
+
+
+rule write_samples:
+    # Judges what was simulated, and simulates again what is out of bounds.
+    input:
+        **WHOLE_BODIES,
+        bodies=f"{RESULTS}/bodies/{{group}}/{{shard}}",
+        outfits=OUTFITS,
+        simulations=f"{RESULTS}/simulation/{{group}}/{{shard}}",
+    output:
+        directory(SAMPLE),
+    log:
+        f"{LOGS}/write_samples/{{group}}_{{shard}}.log",
+    benchmark:
+        f"{BENCHMARKS}/write_samples/{{group}}_{{shard}}.tsv"
+    priority: SAMPLES_FIRST
+    conda:
+        solver_environment
+    threads: 1
+    resources:
+        mem_mb=simulation_mb,
+        runtime=retrial_minutes,
+        gpu=simulation_gpus,
+    params:
+        seed=config["seed"],
+        splits=shard_splits,
+        solver=solver_module,
+        accelerator=config["simulation"]["accelerator"],
+        settings=group_settings("simulation"),
+        bounds=lookup(dpath="simulation/bounds", within=config),
+        code=solver_hash("write_samples"),
+    script:
+        "../../scripts/write_samples.py"

@@ -4,19 +4,19 @@ include: "smplicit_common.smk"
 rule sample_fields:
     input:
         **WHOLE_BODIES,
-        outfits=f"{RESULTS}/static/outfits/{{shard}}.npz",
+        outfits=OUTFITS,
     output:
-        f"{RESULTS}/static/fields/{{shard}}.npz",
+        FIELDS,
     log:
-        f"{LOGS}/sample_fields/{{shard}}.log",
+        f"{LOGS}/sample_fields/{{group}}_{{shard}}.log",
     benchmark:
-        f"{BENCHMARKS}/sample_fields/{{shard}}.tsv"
+        f"{BENCHMARKS}/sample_fields/{{group}}_{{shard}}.tsv"
     conda:
         "../../envs/geometry.yaml"
     threads: 1
     resources:
-        mem_mb=memory(420 + 100 * STATIC_SHARD),
-        runtime=minutes(8 * STATIC_SHARD),
+        mem_mb=shard_memory(420, 1),
+        runtime=shard_minutes(0.08),
     params:
         seed=config["seed"],
         near=lookup(dpath="smplicit/data/near", within=config),
@@ -84,7 +84,7 @@ rule evaluate_smplicit:
     input:
         model=f"{SMPLICIT}/{{field}}",
         data=f"{SMPLICIT}/data/{{field}}",
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         metrics=f"{RESULTS}/metrics/smplicit_{{field}}.tsv",
         held_out=f"{SMPLICIT}/held_out/{{field}}.npz",
@@ -115,7 +115,7 @@ rule compare_smplicit:
             field=sorted({MODEL_OF_GARMENT[garment] for garment in SMPLICIT_COMPARED}),
         ),
         data=static_data(*EVALUATED_SPLITS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         f"{RESULTS}/metrics/representations_smplicit.tsv",
     log:

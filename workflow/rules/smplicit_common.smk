@@ -1,15 +1,13 @@
-import re
-
-from drapeline.experiment.learning_plan import some_held_out
-from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
 from drapeline.models.smplicit.garments import FIELD_MODELS, MODEL_OF_GARMENT
+from drapeline.models.smplicit.pictures.files import files_of_picture, picture_files
 
 SMPLICIT = f"{RESULTS}/smplicit"
 SMPLICIT_MODELS = config["smplicit"]["models"]
+FIELDS = f"{SMPLICIT}/fields/{{group}}/{{shard}}.npz"
 GALLERY = config["smplicit"]["gallery"]
 # How the cloth solver lets decoded garments hang on people.
 HANGING = {
-    "edge_length_m": config["static"]["edge_length_m"],
+    "edge_length_m": config["outfits"]["edge_length_m"],
     "simulation": config["simulation"]["settings"],
 }
 METRIC_TABLES["metrics"] += [f"smplicit_{model}" for model in SMPLICIT_MODELS]
@@ -29,20 +27,24 @@ def wears_known_garment(planned):
     return any(MODEL_OF_GARMENT[garment] in SMPLICIT_MODELS for garment in garments)
 
 
-# Held-out samples whose garments are looked for in pictures of them.
-PICTURED_SAMPLES = [
-    sample
-    for sample, planned in SAMPLES.items()
-    if planned.split == EVALUATED_SPLITS[0] and wears_known_garment(planned)
+# Held-out samples whose garments are looked for in pictures of them: some of each group, but of
+# those that are published any.
+PICTURED = [
+    plan.sample
+    for group in PUBLISHED
+    for plan in group.plans
+    if plan.split == EVALUATED_SPLITS[0] and wears_known_garment(plan)
 ]
-# Those of the learning group: shard and sample.
-PICTURED_LEARNING = some_held_out(
-    config["seed"],
-    {shard: [*filter(wears_known_garment, plans)] for shard, plans in LEARNING.items()},
-    split=EVALUATED_SPLITS[0],
-    most=config["smplicit"]["evaluate_images"]["learning"],
-)
-if PICTURED_SAMPLES or PICTURED_LEARNING:
+PICTURED_OTHERS = [
+    sample
+    for sample in first_of_split(
+        config["smplicit"]["evaluate_images"]["others"],
+        EVALUATED_SPLITS[0],
+        wears_known_garment,
+    )
+    if not GROUPS[PLACES[sample]["group"]].published
+]
+if PICTURED or PICTURED_OTHERS:
     METRIC_TABLES["metrics"] += ["smplicit_images"]
 if SCAN_FILES:
     METRIC_TABLES["scans"] += ["scans_smplicit"]
@@ -75,7 +77,7 @@ def field_garments(wildcards):
 def field_shards(wildcards):
     """Input function: fields of all outfits, once the plan is known to fill the splits."""
     static_data("train", "val")(wildcards)
-    return expand(f"{RESULTS}/static/fields/{{shard}}.npz", shard=STATIC)
+    return per_shard(FIELDS, RESTING)
 
 
 def field_settings(wildcards):
@@ -91,15 +93,21 @@ def encoder_weights(wildcards):
     return config["smplicit"]["network"]["encoder_weights"] or []
 
 
-def gallery_body(wildcards):
-    """Input function: the body in motion that garments are put on."""
-    sample = GALLERY["sample"] or next(iter(SAMPLES))
-    if sample not in SAMPLES:
+def gallery_sample(wildcards):
+    """Params function: the sample whose motion garments are put on."""
+    sample = GALLERY["sample"] or next(iter(MOVING_PLANS), None)
+    if sample not in MOVING_PLANS:
         raise WorkflowError(
-            f"smplicit.gallery.sample: '{sample}', expected one of the samples,"
-            f" {next(iter(SAMPLES))} to {list(SAMPLES)[-1]}"
+            f"smplicit.gallery.sample: '{sample}', expected one of the samples, such as"
+            f" {next(iter(MOVING_PLANS), None)}"
         )
-    return f"{RESULTS}/bodies/{sample}.npz"
+    return sample
+
+
+def gallery_body(wildcards):
+    """Input function: the shard with its body in motion."""
+    place = PLACES[gallery_sample(wildcards)]
+    return f"{RESULTS}/bodies/{{group}}/{{shard}}".format(**place)
 
 
 def own_picture(wildcards):

@@ -35,7 +35,7 @@ rule plot_smplicit:
         models=expand(f"{SMPLICIT}/{{field}}", field=SMPLICIT_MODELS),
         data=expand(f"{SMPLICIT}/data/{{field}}", field=SMPLICIT_MODELS),
         held_out=expand(f"{SMPLICIT}/held_out/{{field}}.npz", field=SMPLICIT_MODELS),
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         report(
             f"{RESULTS}/report/smplicit_garments.png",

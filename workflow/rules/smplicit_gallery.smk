@@ -11,7 +11,7 @@ GALLERY_SHEETS = {
 rule make_smplicit_gallery:
     input:
         model=f"{SMPLICIT}/{{field}}",
-        outfits=expand(f"{RESULTS}/static/outfits/{{shard}}.npz", shard=STATIC),
+        outfits=ALL_OUTFITS_AT_REST,
     output:
         directory(f"{SMPLICIT}/gallery/{{field}}"),
     log:
@@ -68,7 +68,7 @@ rule pose_smplicit_garment:
     input:
         model=f"{SMPLICIT}/{{field}}",
         gallery=f"{SMPLICIT}/gallery/{{field}}",
-        body=gallery_body,
+        bodies=gallery_body,
     output:
         sheet=report(
             f"{RESULTS}/report/smplicit_{{field}}_posed.png",
@@ -94,17 +94,19 @@ rule pose_smplicit_garment:
         mem_mb=3000,
         runtime=60,
     params:
+        sample=gallery_sample,
         frames=GALLERY["frames"],
         skinning=GALLERY["skinning"],
         push_out=GALLERY["push_out"],
         simulate=GALLERY["simulate"],
-        edge_length_m=lookup(dpath="static/edge_length_m", within=config),
+        solver=QUICK_SOLVER.code,
+        edge_length_m=lookup(dpath="outfits/edge_length_m", within=config),
         simulation=lookup(dpath="simulation/settings", within=config),
         bounds=lookup(dpath="simulation/bounds", within=config),
         shown=6,
         meshing=lookup(dpath="smplicit/meshing", within=config),
         rays=lookup(dpath="renders/rays", within=config),
-        code=source_hash("pose_smplicit_garment"),
+        code=source_hash("pose_smplicit_garment", QUICK_SOLVER.code),
     script:
         "../../scripts/pose_smplicit_garment.py"
 

@@ -1,4 +1,4 @@
-if PICTURED_SAMPLES or PICTURED_LEARNING:
+if PICTURED or PICTURED_OTHERS:
     DEFAULT_TARGETS += [f"{RESULTS}/report/smplicit_images.png"]
 
 
@@ -22,9 +22,10 @@ rule fit_picture:
     params:
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        solver=QUICK_SOLVER.code,
         hanging=HANGING,
         seed=config["seed"],
-        code=source_hash("fit_picture"),
+        code=source_hash("fit_picture", QUICK_SOLVER.code),
     script:
         "../../scripts/fit_picture.py"
 
@@ -60,11 +61,7 @@ rule fit_images:
 rule evaluate_images:
     input:
         models=expand(f"{SMPLICIT}/{{field}}", field=SMPLICIT_MODELS),
-        samples=expand(f"{RESULTS}/samples/{{sample}}", sample=PICTURED_SAMPLES),
-        learning=expand(
-            f"{LEARNED}/samples/{{shard}}",
-            shard=sorted({shard for shard, _ in PICTURED_LEARNING}),
-        ),
+        samples=shards_of(SAMPLE, PICTURED + PICTURED_OTHERS),
     output:
         metrics=f"{RESULTS}/metrics/smplicit_images.tsv",
         shown=directory(f"{SMPLICIT}/evaluated_images"),
@@ -79,18 +76,20 @@ rule evaluate_images:
         mem_mb=3000,
         runtime=minutes(
             30
-            * (config["smplicit"]["evaluate_images"]["count"] + len(PICTURED_LEARNING))
+            * (config["smplicit"]["evaluate_images"]["count"] + len(PICTURED_OTHERS))
         ),
     params:
         split=EVALUATED_SPLITS[0],
-        dataset_pictures=lookup(dpath="smplicit/evaluate_images/count", within=config),
+        samples=PICTURED,
+        pictures=lookup(dpath="smplicit/evaluate_images/count", within=config),
+        others=PICTURED_OTHERS,
         size_px=lookup(dpath="smplicit/evaluate_images/size_px", within=config),
-        learning_samples=[sample for _, sample in PICTURED_LEARNING],
         fit=lookup(dpath="smplicit/fit_images", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        solver=QUICK_SOLVER.code,
         hanging=HANGING,
         seed=config["seed"],
-        code=source_hash("evaluate_images"),
+        code=source_hash("evaluate_images", QUICK_SOLVER.code),
     script:
         "../../scripts/evaluate_images.py"
 

@@ -20,9 +20,10 @@ rule evaluate_scans_smplicit:
         body=lookup(dpath="scans/body", within=config),
         fit=lookup(dpath="smplicit/fit_scans", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        solver=QUICK_SOLVER.code,
         hanging=HANGING,
         seed=config["seed"],
-        code=source_hash("evaluate_scans_smplicit"),
+        code=source_hash("evaluate_scans_smplicit", QUICK_SOLVER.code),
     script:
         "../../scripts/evaluate_scans_smplicit.py"
 
@@ -52,9 +53,10 @@ rule fit_own_scans:
         body=lookup(dpath="scans/body", within=config),
         fit=lookup(dpath="smplicit/fit_scans", within=config),
         meshing=lookup(dpath="smplicit/meshing", within=config),
+        solver=QUICK_SOLVER.code,
         hanging=HANGING,
         seed=config["seed"],
-        code=source_hash("fit_own_scans"),
+        code=source_hash("fit_own_scans", QUICK_SOLVER.code),
     script:
         "../../scripts/fit_own_scans.py"
 

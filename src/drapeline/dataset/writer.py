@@ -56,6 +56,7 @@ def write_sample(
     body_record: str | Path,
     outfit: str | Path,
     simulation: str | Path,
+    status: Mapping[str, Any],
     seed: int,
     split: str,
 ) -> dict[str, Any]:
@@ -72,7 +73,9 @@ def write_sample(
         body: the body model of the sample's gender.
         body_record: `.npz` with shape, gender, poses, trans and the labels of the motion.
         outfit: `.npz` with the rest meshes, next to a `.json` of the same stem.
-        simulation: folder with `{Garment}.f32`, `health.npz` and `status.json`.
+        simulation: folder with `{Garment}.f32` and `health.npz`; of no use where not accepted.
+        status: what became of the simulation: "accepted" or another word (`status`), why (`reason`)
+            and whatever else is to be recorded.
         seed: the experiment's seed, to be recorded in `meta.json`.
         split: "train", "val" or "test".
 
@@ -85,7 +88,6 @@ def write_sample(
     folder, simulation = Path(folder), Path(simulation)
     record = load_body_sequence(body_record)
     description = read_json(Path(outfit).with_suffix(".json"), OUTFIT_JSON)
-    status = read_json(simulation / "status.json", {"status": str, "reason?": str})
     meta = {
         "format": {"name": "drapeline sample", "version": META_VERSION},
         "id": folder.name,
@@ -103,7 +105,7 @@ def write_sample(
         "motion": _motion(record),
         "self_collision": _self_collision(record),
         "outfit": description,
-        "simulation": status,
+        "simulation": dict(status),
         "versions": {"drapeline": __version__, **_package_versions()},
     }
     with atomic_folder(folder) as scratch:

@@ -1,14 +1,15 @@
 """Checks of an experiment before any job runs: contradictions, splits and stages without data."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
 from drapeline.errors import InputError
+from drapeline.experiment.groups import AT_REST, own_settings
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS
-from drapeline.outfits.static_plan import StaticPlan
 
 # A shape space needs a mean and a direction.
 _SPACE_GARMENTS = 2
@@ -38,18 +39,8 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
             f"simulation.settings.steps_min is {solver['steps_min']}, expected at most"
             f" steps_max, which is {solver['steps_max']}"
         )
-    learning = settings["learning"]
-    for key, (low, high) in {
-        "outfits.tightness_range": settings["outfits"]["tightness_range"],
-        "learning.speeds": learning["speeds"],
-    }.items():
-        if low > high:
-            raise InputError(f"{key} is [{low}, {high}], expected the lower end first")
-    if learning["frames_min"] > learning["frames"]:
-        raise InputError(
-            f"learning.frames_min is {learning['frames_min']}, expected at most learning.frames,"
-            f" which is {learning['frames']}"
-        )
+    for name, group in settings["groups"].items():
+        _refuse_group(name, group, settings)
     for name, own in settings["outfits"]["own_garments"].items():
         if not isinstance(own, str) and not any(own[key] for key in ("file", *GENDERS)):
             raise InputError(
@@ -59,11 +50,6 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
         value = reduce(lambda part, key: part[key], path.split("."), settings)
         if len(value) != count:
             raise InputError(f"{path} is {value}, expected {count} numbers, one for each level")
-    val, test = (settings["static"][f"{split}_share"] for split in ("val", "test"))
-    if val + test >= 1:
-        raise InputError(
-            f"static.val_share is {val} and static.test_share {test}, expected a sum below 1"
-        )
     clip, threshold = (
         settings["smplicit"][part][key]
         for part, key in (("loss", "d_max_m"), ("meshing", "threshold_m"))
@@ -86,27 +72,69 @@ def refuse_contradictions(settings: Mapping[str, Any]) -> None:
                 )
 
 
+def _refuse_group(name: str, group: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    """Check a group by the settings that hold for it."""
+    key = f"groups.{name}"
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,30}", name):
+        raise InputError(f"groups has '{name:.100}', expected a letter, then letters and digits")
+    val, test = group["val_share"], group["test_share"]
+    if val + test >= 1:
+        raise InputError(
+            f"{key}.val_share is {val} and {key}.test_share {test}, expected a sum below 1"
+        )
+    if group["solver"] == AT_REST:
+        if group["count"] is None:
+            raise InputError(f"{key}.count is null and its solver none, expected a number")
+        if group["published"]:
+            raise InputError(
+                f"{key}.published is true and its solver none, expected a solver, since the dataset"
+                " is of people in motion"
+            )
+    motions, outfits = (
+        own_settings(settings[part], group[part]) for part in ("motions", "outfits")
+    )
+    for part, ends in (
+        ("motions.speeds", motions["speeds"]),
+        ("outfits.tightness_range", outfits["tightness_range"]),
+    ):
+        if ends[0] > ends[1]:
+            raise InputError(f"{part} is {list(ends)} in {key}, expected the lower end first")
+    if motions["frames_min"] is not None and motions["frames_min"] > motions["frames"]:
+        raise InputError(
+            f"motions.frames_min is {motions['frames_min']} in {key}, expected at most"
+            f" motions.frames, which is {motions['frames']}"
+        )
+    if not motions["anywhere"] and (list(motions["speeds"]) != [1, 1] or motions["mirror"]):
+        raise InputError(
+            f"motions.speeds is {list(motions['speeds'])} and motions.mirror"
+            f" {motions['mirror']} in {key}, expected motions.anywhere to be true for these"
+        )
+
+
 def require_splits(
-    planned: Iterable[str], needed: Sequence[str], *, group: str, shares: Mapping[str, Any]
+    planned: Iterable[str], needed: Sequence[str], *, groups: Mapping[str, Mapping[str, Any]]
 ) -> None:
     """Check that a plan puts something into every split that is going to be used.
 
     Args:
         planned: split of everything in the plan.
         needed: splits that must not be empty.
-        group: of settings that the plan was made from, for the message.
-        shares: its `val_share` and `test_share`.
+        groups: that were planned, with their `val_share` and `test_share`.
 
     Raises:
         InputError: one of the splits is empty.
     """
     counts = Counter(planned)
+    shares = " and ".join(
+        f"groups.{name}.val_share is {own['val_share']} and its test_share {own['test_share']}"
+        for name, own in groups.items()
+    )
     for split in needed:
         if not counts[split]:
             raise InputError(
-                f"{group}.val_share is {shares['val_share']} and {group}.test_share"
-                f" {shares['test_share']}, which puts none of {counts.total()} into {split},"
-                " expected one or more; samples of one clip are never divided between splits"
+                f"{shares or 'there is no group of this kind'}, which puts none of"
+                f" {counts.total()} into {split}, expected one or more; samples of one clip are"
+                " never divided between splits"
             )
 
 
@@ -126,7 +154,7 @@ def require_simulated(garment: str, wearers: Iterable[SamplePlan], splits: Seque
         if split not in found:
             raise InputError(
                 f"the plan has no simulated {garment} for {split}, expected one or more to measure;"
-                " outfits.types, samples.count, learning.count and the shares of the splits decide"
+                " outfits.types, the counts of groups and the shares of their splits decide"
             )
 
 
@@ -147,7 +175,7 @@ class PlannedSequence(NamedTuple):
 def planned_sequences(
     garment: str,
     samples: Iterable[SamplePlan],
-    outfits: Iterable[StaticPlan],
+    outfits: Iterable[SamplePlan],
     *,
     frames: int,
     step: int,
@@ -219,8 +247,8 @@ def require_sequences(
         if len(available) < least:
             raise InputError(
                 f"the plan has {len(available)} sequences of a {garment} for {split} {origin},"
-                f" expected {least} or more; outfits.types, samples.count, learning.count, the"
-                " shares of the splits and garment4d.skinned.shards decide"
+                f" expected {least} or more; outfits.types, the counts of groups, the"
+                " shares of their splits and garment4d.skinned.shards decide"
             )
     seen = own + ([sequence for sequence in val if sequence.source in sources] or val)
     shortest = min(seen, key=lambda sequence: sequence.frames)

@@ -21,7 +21,8 @@ def fill_settings(
     Args:
         settings: nested mappings as read from YAML.
         schema: JSON schema whose objects are closed and whose keys have defaults; those of objects
-            are empty.
+            are empty. An object with the keyword `overrides` has a default of its own and none for
+            its keys.
         source: name of the file the settings come from, for messages.
 
     Raises:
@@ -42,11 +43,18 @@ def _fill(values: Any, schema: Mapping[str, Any]) -> Any:
     if not isinstance(values, Mapping):
         return _whole(copy.deepcopy(values), schema)
     parts = schema.get("properties", {})
-    filled = dict(values)
-    for key, part in parts.items():
+    # What the settings of a group do not override holds as it does for all.
+    overrides = "overrides" in schema
+    filled = {**schema["default"], **values} if overrides else dict(values)
+    for key, part in parts.items() if not overrides else ():
         if "default" in part:
             filled.setdefault(key, part["default"])
-    return {key: _fill(value, parts.get(key, {})) for key, value in filled.items()}
+    others = schema.get("additionalProperties")
+    if not isinstance(others, Mapping):
+        return {key: _fill(value, parts.get(key, {})) for key, value in filled.items()}
+    # Named by the user, after those that there are in any case.
+    names = [*parts, *(key for key in filled if key not in parts)]
+    return {key: _fill(filled[key], parts.get(key, others)) for key in names if key in filled}
 
 
 def _whole(value: Any, schema: Mapping[str, Any]) -> Any:

@@ -11,32 +11,32 @@ class SamplePlan:
     """Plan of a sample.
 
     Attributes:
-        sample: five-digit id.
-        sequence: motion clip it is cut from.
-        part: number k of the sub-sequence ``{sequence}_s{k}``.
-        start, stop: its frames in the clip at 30 fps.
+        sample: its id: the prefix of its group, and five digits.
         gender: "female" or "male".
         outfit_type: garments from inner to outer, joined by "+".
         split: "train", "val" or "test"; empty where it does not matter.
+        sequence: motion clip it is cut from; empty at rest.
+        part: number k of the sub-sequence ``{sequence}_s{k}``.
+        start, stop: its frames in the clip at 30 fps.
         speed: seconds of the clip per second of the sample.
         mirrored: whether left and right are exchanged.
     """
 
     sample: str
-    sequence: str
-    part: int
-    start: int
-    stop: int
     gender: str
     outfit_type: str
     split: str = ""
+    sequence: str = ""
+    part: int = 0
+    start: int = 0
+    stop: int = 0
     speed: float = 1.0
     mirrored: bool = False
 
     @property
     def frames(self) -> int:
-        """Frames of the sample."""
-        return piece_frames(self.stop - self.start, self.speed)
+        """Frames of the sample; none at rest."""
+        return piece_frames(self.stop - self.start, self.speed) if self.sequence else 0
 
     @property
     def sub_sequence(self) -> str:

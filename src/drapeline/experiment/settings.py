@@ -4,7 +4,7 @@ Room by room they are declared beside what they are for; here they get their pla
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import create_model
 
@@ -17,7 +17,7 @@ from drapeline.models.gcvae.settings import GcvaeSettings
 from drapeline.models.smplicit.settings import SmplicitSettings
 from drapeline.outfits.garment_types import EVEN_OUTFIT_TYPES, GARMENTS, OUTFIT_TYPES
 from drapeline.outfits.settings import OwnGarmentFiles
-from drapeline.settings import EachOnce, Field, OneOf, Settings
+from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 
 # Block of a config -> its settings.
@@ -28,6 +28,8 @@ MODELS: dict[str, type[Settings]] = {
 }
 # Names of cloth solvers.
 Solver = Literal["blender", "xpbd"]
+# Of a group; without one, garments stay at rest.
+GroupSolver = Literal[(*get_args(Solver), "none")]
 _Path = Annotated[str, Field(min_length=1)]
 _Outfit = Annotated[str, OneOf(OUTFIT_TYPES)]
 _Sequence = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")]
@@ -78,30 +80,30 @@ class Motions(Settings):
             "refused. Null means a second (30), or all of `frames` where that is less."
         ),
     )
+    anywhere: bool = Field(
+        False,
+        description=(
+            "Whether a piece begins anywhere in its clip; without it, clips are cut into pieces "
+            "one after another."
+        ),
+    )
+    speeds: tuple[_Speed, _Speed] = Field(
+        (1, 1),
+        description=(
+            "The speed of each piece that begins anywhere is drawn from this range; 1 is that of "
+            "the recording."
+        ),
+    )
+    mirror: bool = Field(
+        False,
+        description=(
+            "Whether every other piece of a clip that begins anywhere has left and right exchanged."
+        ),
+    )
     lock_feet: bool = Field(
         True,
         description=(
             "Bend the legs of BVH and AMC motions so that resting feet neither slide nor float."
-        ),
-    )
-
-
-class Samples(Settings):
-    """How many samples there are, and their splits."""
-
-    count: Annotated[int, Field(ge=1, le=99_999)] | None = Field(
-        None,
-        description=(
-            "Samples to make, taking turns over the sequences; null makes one of each sub-sequence."
-        ),
-    )
-    val_share: float = Field(0.1, ge=0, le=0.5, description="Share of the samples for validation.")
-    test_share: float = Field(0.2, ge=0, le=0.5, description="Share of the samples for testing.")
-    shard_size: Annotated[int, Field(ge=1, le=1000)] | None = Field(
-        None,
-        description=(
-            "Samples per job, on clusters; with null, each step of each sample is a job of its "
-            "own. The samples are the same."
         ),
     )
 
@@ -116,6 +118,16 @@ class Outfits(OutfitSettings):
     )
     male_skirts: bool = Field(
         False, description="Whether male bodies also wear skirts and dresses."
+    )
+    hang_frames: int = Field(
+        0,
+        ge=0,
+        le=300,
+        description=(
+            "Frames for which the fast cloth solver lets each outfit of a group at rest hang on "
+            "its body before it is used; 30 give sleeves that hang down and skirts with folds, for "
+            "two seconds of work each. 0 leaves garments as they are made."
+        ),
     )
     own_garments: dict[Annotated[str, OneOf(GARMENTS)], _Path | OwnGarmentFiles] = Field(
         {},
@@ -137,8 +149,8 @@ class Simulation(Settings):
     accelerator: Literal["cpu", "gpu", "auto"] = Field(
         "cpu",
         description=(
-            "What the fast cloth solver works on, for the dataset, the learning group and outfits "
-            "that settle. `auto` takes a GPU where there is one. Jobs take turns on a GPU, so it "
+            "What the fast cloth solver works on, for groups that it moves and for outfits that "
+            "hang. `auto` takes a GPU where there is one. Jobs take turns on a GPU, so it "
             "pays where they are few or meshes are fine. Results differ in their last digits, and "
             "so in their folds."
         ),
@@ -158,106 +170,126 @@ class Registration(Settings):
     )
 
 
-class Learning(Settings):
-    """More simulated samples, with bodies, outfits and pieces of clips of their own, that networks
-    learn from and are tested on. They are not part of the published dataset.
-    """
+class Overrides(Settings):
+    """Settings that a group has of its own; what is None holds as it does for all."""
 
-    count: int = Field(
-        0,
-        ge=0,
-        le=1_000_000,
-        description="Samples to make; with 0, networks have the dataset's samples alone.",
-    )
-    solver: Solver = Field("xpbd", description="The cloth solver that moves their garments.")
-    attempts: int = Field(
-        1,
-        ge=1,
-        le=5,
+    model_config = ConfigDict(json_schema_extra={"overrides": True})
+
+
+def _overrides(place: str, common: type[Settings], *but: str) -> type[Overrides]:
+    """Settings that a group may have of its own.
+
+    Args:
+        place: of the common ones in a config.
+        common: their class.
+        but: those that no group has of its own.
+    """
+    fields: dict[str, Any] = {
+        name: (field.rebuild_annotation() | None, Field(None, description=field.description))
+        for name, field in common.model_fields.items()
+        if name not in but
+    }
+    about = f"Settings of `{place}` that differ here."
+    return create_model(f"Own{common.__name__}", __base__=Overrides, __doc__=about, **fields)
+
+
+OwnMotions = _overrides("motions", Motions, "table", "lock_feet")
+OwnOutfits = _overrides("outfits", Outfits)
+OwnSimulation = _overrides("simulation.settings", SimulationSettings)
+
+
+class Group(Settings):
+    """Samples that are made alike."""
+
+    count: Annotated[int, Field(ge=0, le=1_000_000)] | None = Field(
+        None,
         description=(
-            "As simulation.settings.attempts. Another sample takes less time than a second "
-            "attempt, which seldom succeeds."
+            "Samples to make, taking turns over the clips; 0 leaves the group out, null makes one "
+            "of each sub-sequence."
         ),
     )
-    shard_size: int = Field(20, ge=1, le=1000, description="Samples per job.")
-    sequences: Annotated[tuple[Annotated[str, Field(min_length=1)], ...], EachOnce()] = Field(
-        (),
+    shard_size: int = Field(
+        20, ge=1, le=1000, description="Samples per job of each step. The samples are the same."
+    )
+    solver: GroupSolver | None = Field(
+        None,
         description=(
-            "Clips to take pieces of, by name; an empty list takes those of motions.sequences."
+            "The cloth solver that moves the garments; null takes simulation.solver. With none, "
+            "they stay at rest on bodies at rest, as static networks learn them."
         ),
-    )
-    loop_frames: int = Field(
-        150,
-        ge=1,
-        le=100_000,
-        description=(
-            "Length in frames at 30 fps that cyclic clips are repeated to, for pieces to begin "
-            "anywhere in them."
-        ),
-    )
-    frames: int = Field(60, ge=2, le=300, description="Frames of a sample at 30 fps.")
-    frames_min: int = Field(
-        40,
-        ge=2,
-        le=300,
-        description=(
-            "The least number of frames; samples of clips that are too short for `frames` have "
-            "fewer."
-        ),
-    )
-    speeds: tuple[_Speed, _Speed] = Field(
-        (0.8, 1.2),
-        description=(
-            "The speed of each sample is drawn from this range; 1 is that of the recording."
-        ),
-    )
-    mirror: bool = Field(
-        True, description="Whether every other piece of a clip has left and right exchanged."
-    )
-    types: tuple[_Outfit, ...] = Field(
-        EVEN_OUTFIT_TYPES,
-        min_length=1,
-        description=(
-            "Outfits to take turns over; with this list, all types of garments are equally "
-            "frequent."
-        ),
-    )
-    edge_length_m: float = Field(
-        0.02, ge=0.005, le=0.06, description="Mean edge length of the garments in metres."
     )
     val_share: float = Field(
-        0.25,
+        0.1,
         ge=0,
-        le=0.5,
+        le=0.9,
         description=(
-            "Share of these samples for validation. Clips that are in the dataset keep their split."
+            "Share of the samples for validation. A clip is in one split, that of the first group "
+            "that has it."
         ),
     )
-    test_share: float = Field(0.25, ge=0, le=0.5, description="Share of these samples for testing.")
-
-
-class Static(Settings):
-    """Outfits in the rest pose that the static networks are trained on."""
-
-    count: int = Field(
-        400, ge=3, le=1_000_000, description="Outfits to make, each on a body of its own."
-    )
-    shard_size: int = Field(100, ge=1, le=1000, description="Outfits per job.")
-    edge_length_m: float = Field(
-        0.02, ge=0.004, le=0.06, description="Mean edge length of these garments in metres."
-    )
-    settle_frames: int = Field(
-        0,
-        ge=0,
-        le=300,
+    test_share: float = Field(0.2, ge=0, le=0.9, description="Share of the samples for testing.")
+    prefix: Annotated[str, Field(pattern="^([A-Za-z0-9_]*[A-Za-z_])?$")] | None = Field(
+        None,
         description=(
-            "Frames for which the fast cloth solver lets each outfit hang on its body before it "
-            "is used; 30 give sleeves that hang down and skirts with folds, for two seconds of "
-            "work each. 0 leaves garments as they are made."
+            "What ids of samples begin with, before their number; null takes the name of the group."
         ),
     )
-    val_share: float = Field(0.1, ge=0, le=0.9, description="Share of the outfits for validation.")
-    test_share: float = Field(0.2, ge=0, le=0.9, description="Share of the outfits for testing.")
+    published: bool = Field(
+        False,
+        description="Whether the samples are part of the dataset and have pictures of their own.",
+    )
+    motions: OwnMotions = OwnMotions()
+    outfits: OwnOutfits = OwnOutfits()
+    simulation: OwnSimulation = OwnSimulation()
+
+
+class Groups(Settings):
+    """Samples that are made alike: those that come along, and any that a config adds by name. All
+    go through everything that samples go through.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Group]
+
+    dataset: Group = Field(
+        Group(shard_size=1, prefix="", published=True), description="Samples that are published."
+    )
+    learning: Group = Field(
+        Group(
+            count=0,
+            solver="xpbd",
+            val_share=0.25,
+            test_share=0.25,
+            prefix="L",
+            motions=OwnMotions(
+                loop_frames=150,
+                frames=60,
+                frames_min=40,
+                anywhere=True,
+                speeds=(0.8, 1.2),
+                mirror=True,
+            ),
+            outfits=OwnOutfits(types=EVEN_OUTFIT_TYPES, edge_length_m=0.02, vertices_min=0),
+            # Another sample takes less time than a second attempt, which seldom succeeds.
+            simulation=OwnSimulation(attempts=1),
+        ),
+        description=(
+            "More simulated samples, with bodies, outfits and pieces of clips of their own, that "
+            "networks learn from and are tested on."
+        ),
+    )
+    static: Group = Field(
+        Group(
+            count=400,
+            shard_size=100,
+            solver="none",
+            prefix="s",
+            outfits=OwnOutfits(
+                types=EVEN_OUTFIT_TYPES, edge_length_m=0.02, vertices_min=0, own_garments={}
+            ),
+        ),
+        description="Outfits at rest that static networks are trained on.",
+    )
 
 
 class Scans(Settings):
@@ -266,13 +298,13 @@ class Scans(Settings):
     """
 
     samples: ScanSettings = Field(ScanSettings(), description="How a sample is scanned.")
-    learning: int = Field(
+    count: int = Field(
         12,
         ge=0,
-        le=1000,
+        le=1_000_000,
         description=(
-            "How many samples of the learning group's test split are scanned too, from its clips "
-            "in turn."
+            "Samples of the test split of each group that are scanned, the first ones, which take "
+            "turns over its clips."
         ),
     )
     body: BodyFit = BodyFit()
@@ -309,12 +341,10 @@ class Experiment(Settings):
     seed: int = Field(1, ge=0, description="Seed of all random choices.")
     body: Body = Field(Body(), title="Bodies")
     motions: Motions = Field(Motions(), title="Motions")
-    samples: Samples = Field(Samples(), title="Samples")
     outfits: Outfits = Field(Outfits(), title="Outfits")
     simulation: Simulation = Field(Simulation(), title="Simulation")
+    groups: Groups = Field(Groups(), title="Groups of samples")
     registration: Registration = Field(Registration(), title="Registration to the body")
-    learning: Learning = Field(Learning(), title="Learning group")
-    static: Static = Field(Static(), title="Static outfits")
     scans: Scans = Field(Scans(), title="Segmented scans")
     renders: Renders = Field(Renders(), title="Pictures")
 

@@ -1,9 +1,12 @@
-"""A unique outfit for a body that moves (CLOTH3D 3.2)."""
+"""A unique outfit for a body (CLOTH3D 3.2)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from drapeline.bodies.model import BodyModel
+from drapeline.bodies.sampling import sample_shape
 from drapeline.bodies.sequence import BodySequence
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.generation.settings import OutfitSettings
@@ -42,12 +45,39 @@ def dress(
         settings: see there.
         seed: the experiment's.
     """
+    return _sample(rng_for(seed, "outfit", plan.sample), plan, motion.shape, wearer, settings)
+
+
+def dress_at_rest(
+    plan: SamplePlan, shape_range: float, wearer: Wearer, settings: OutfitSettings, seed: int
+) -> Outfit:
+    """A unique outfit of the planned type, for a body of its own that does not move.
+
+    Args:
+        plan: of the sample.
+        shape_range: shapes are uniform in plus or minus this.
+        wearer: of the plan's gender.
+        settings: see there.
+        seed: the experiment's; with the sample's id it fixes its body and its outfit.
+    """
+    shape = sample_shape(rng_for(seed, "static", plan.sample, "shape"), shape_range)
+    rng = rng_for(seed, "static", plan.sample, "outfit")
+    return _sample(rng, plan, shape, wearer, settings)
+
+
+def _sample(
+    rng: np.random.Generator,
+    plan: SamplePlan,
+    shape: np.ndarray,
+    wearer: Wearer,
+    settings: OutfitSettings,
+) -> Outfit:
     return sample_outfit(
-        rng_for(seed, "outfit", plan.sample),
+        rng,
         wearer.templates,
         wearer.body,
         gender=plan.gender,
-        shape=motion.shape,
+        shape=shape,
         outfit_type=plan.outfit_type,
         edge_length_m=settings.edge_length_m,
         vertices_min=settings.vertices_min,

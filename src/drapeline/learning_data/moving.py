@@ -1,6 +1,6 @@
 """Simulated garments with their registrations, sample by sample."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import STATUS, read_meta, solver_name
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_of
 from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.registration.to_body.dynamic_offsets import (
@@ -93,37 +93,20 @@ class MovingFiles:
             )
 
 
-def moving_folders(given: Mapping[str, Sequence[str]]) -> tuple[list[Path], list[Path]]:
-    """Folders of all samples and of their registrations, in the same order.
-
-    Args:
-        given: `samples` as `write_sample` leaves them and their `registrations` as
-            `register_sample` does; `learning`, shards of the learning group, and
-            `learning_registrations`, shards of what was registered of these.
-
-    Raises:
-        InputError: a shard is missing.
-    """
-    return (
-        [*map(Path, given["samples"]), *samples_of_shards(given["learning"])],
-        [*map(Path, given["registrations"]), *samples_of_shards(given["learning_registrations"])],
-    )
-
-
 def moving_files(
     samples: Iterable[str | Path], registrations: Iterable[str | Path], splits: Sequence[str]
 ) -> Iterator[MovingFiles]:
     """Garments of the accepted samples of some splits, sample by sample.
 
     Args:
-        samples: folders as `write_sample` leaves them.
-        registrations: folders of the same samples as `register_sample` leaves them.
+        samples: shards of any groups.
+        registrations: shards of the same samples' registrations.
         splits: whose samples are wanted.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    for folder, registration in zip(map(Path, samples), map(Path, registrations), strict=True):
+    for folder, registration in zip(samples_of(samples), samples_of(registrations), strict=True):
         status = read_json(registration / "status.json", STATUS)
         if status["status"] == "accepted" and status["split"] in splits:
             source = solver_name(read_meta(folder))
@@ -159,7 +142,7 @@ def moving_files_test_first(
     files = list(moving_files(samples, registrations, SPLITS))
     if not files:
         raise InputError(
-            f"{Path(registrations[0]).parent}: none of {len(registrations)} samples was accepted,"
-            " expected one or more"
+            f"{Path(registrations[0]).parent}: none of {len(samples_of(samples))} samples was"
+            " accepted, expected one or more"
         )
     return sorted(files, key=lambda garment: -SPLITS.index(garment.split))

@@ -51,8 +51,13 @@ class Outfit:
     signed_tightness: np.ndarray
     gender: str
 
-    def save(self, npz_path: str | Path, json_path: str | Path) -> None:
-        """Write arrays under `{name}/...` and everything else as JSON."""
+    def save(self, npz_path: str | Path, json_path: str | Path, *, split: str = "") -> None:
+        """Write arrays under `{name}/...` and everything else as JSON.
+
+        Args:
+            npz_path, json_path: to write.
+            split: of an outfit at rest; that of a simulated one is in its sample's record.
+        """
         arrays = {}
         for g in self.garments:
             for key in ("vertices", "faces", "uv", "uv_faces", "pin", "elastic"):
@@ -66,6 +71,7 @@ class Outfit:
                 "tightness": self.tightness.tolist(),
                 "signed_tightness": self.signed_tightness.tolist(),
                 "shape": self.shape.tolist(),
+                **({"split": split} if split else {}),
             },
         )
 

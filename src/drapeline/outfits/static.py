@@ -1,13 +1,11 @@
-"""Static outfits: outfits in rest pose, many to a file, made for learning."""
+"""Outfits at rest, in shards: made for learning, and moved by nothing."""
 
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
-from drapeline.outfits.outfit import OUTFIT_JSON, Garment, Outfit
-from drapeline.storage import load_npz, read_json, save_npz, write_json
+from drapeline.errors import InputError
+from drapeline.outfits.outfit import Outfit, load_outfit
+from drapeline.storage import read_json
 
 
 class StaticOutfit(NamedTuple):
@@ -16,7 +14,7 @@ class StaticOutfit(NamedTuple):
     Attributes:
         name: of its plan.
         split: "train", "val" or "test".
-        outfit: garments with vertices and faces; textures and pins are left out.
+        outfit: its garments and their wearer.
     """
 
     name: str
@@ -24,71 +22,23 @@ class StaticOutfit(NamedTuple):
     outfit: Outfit
 
 
-def save_static(path: str | Path, outfits: Iterable[StaticOutfit]) -> None:
-    """Write arrays to `path` under `{name}/{garment}/...`, the rest to a `.json` beside it."""
-    outfits = list(outfits)
-    save_npz(
-        path,
-        **{
-            f"{name}/{g.name}/{key}": getattr(g, key)
-            for name, _, outfit in outfits
-            for g in outfit.garments
-            for key in ("vertices", "faces")
-        },
-    )
-    write_json(
-        Path(path).with_suffix(".json"),
-        [
-            {
-                "name": name,
-                "split": split,
-                "gender": outfit.gender,
-                "shape": outfit.shape.tolist(),
-                "tightness": outfit.tightness.tolist(),
-                "signed_tightness": outfit.signed_tightness.tolist(),
-                "garments": [{"name": g.name, **g.about} for g in outfit.garments],
-            }
-            for name, split, outfit in outfits
-        ],
-    )
+def load_static(shard: str | Path) -> list[StaticOutfit]:
+    """Read the outfits of a shard of a group at rest, in order of their names.
 
-
-def load_static(path: str | Path) -> list[StaticOutfit]:
-    """Read what `save_static` wrote.
+    Args:
+        shard: folder with an `.npz` and a `.json` of each, see `Outfit.save`.
 
     Raises:
         InputError: a file is missing or lacks a garment's arrays.
     """
-    form = {"name": str, "split": str, **OUTFIT_JSON, "garments": [{"name": str}]}
-    told = read_json(Path(path).with_suffix(".json"), [form])
-    names = [f"{about['name']}/{g['name']}" for about in told for g in about["garments"]]
-    arrays = load_npz(
-        path,
-        {f"{name}/vertices": f"float v{index} 3" for index, name in enumerate(names)}
-        | {f"{name}/faces": f"int<v{index} * *" for index, name in enumerate(names)},
-    )
-    return [_read(about, arrays) for about in told]
+    names = {file.stem for file in Path(shard).glob("[!.]*") if file.suffix in (".npz", ".json")}
+    if not names:
+        raise InputError(f"{shard}: holds no outfit, expected an .npz and a .json of each")
+    return [
+        _read(Path(shard) / f"{name}.npz", Path(shard) / f"{name}.json") for name in sorted(names)
+    ]
 
 
-def _read(about: dict, arrays: Mapping[str, np.ndarray]) -> StaticOutfit:
-    garments = tuple(
-        Garment(
-            g["name"],
-            arrays[f"{about['name']}/{g['name']}/vertices"],
-            arrays[f"{about['name']}/{g['name']}/faces"],
-            uv=np.zeros((0, 2), np.float32),
-            uv_faces=np.zeros((0, 4), np.int32),
-            pin=np.zeros(0, np.float32),
-            elastic=np.zeros(0, np.float32),
-            about={k: v for k, v in g.items() if k != "name"},
-        )
-        for g in about["garments"]
-    )
-    outfit = Outfit(
-        garments,
-        np.array(about["shape"]),
-        np.array(about["tightness"]),
-        np.array(about["signed_tightness"]),
-        about["gender"],
-    )
-    return StaticOutfit(about["name"], about["split"], outfit)
+def _read(arrays: Path, about: Path) -> StaticOutfit:
+    split = read_json(about, {"split": str})["split"]
+    return StaticOutfit(about.stem, split, load_outfit(arrays, about))

@@ -1,6 +1,6 @@
 """Errors of garment -> offsets -> garment, summarised by garment type."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -29,7 +29,7 @@ ERRORS = Schema(
 SUMMARY = Schema(
     "a summary of registration errors",
     {
-        "source": Column(allowed=("static", "samples", "template")),
+        "source": Column(),
         "garment": Column(allowed=GARMENTS),
         "metric": Column(),
         "garments": Column(int, low=1),
@@ -45,7 +45,7 @@ def summarise_errors(errors: Table, source: str) -> Table:
 
     Args:
         errors: rows of error tables.
-        source: "static", "samples" or "template".
+        source: name of their group, or "template".
     """
     found = errors.assign(garment=pd.Categorical(errors["garment"], GARMENTS), source=source)
     metrics = list(dict.fromkeys(errors["metric"]))
@@ -57,23 +57,25 @@ def summarise_errors(errors: Table, source: str) -> Table:
 
 
 def write_registration_tables(
-    table: str | Path, page: str | Path, *, static: Sequence[str], samples: Sequence[str]
+    table: str | Path, page: str | Path, groups: Mapping[str, Sequence[str | Path]]
 ) -> None:
     """Write the summary as `.tsv` and as a page.
 
     Args:
         table: the `.tsv`.
         page: the HTML page.
-        static: `.tsv` of every shard.
-        samples: folder of every registered sample; those of rejected ones have no table.
+        groups: group -> folders of its registered shards, with a table for each shard or for each
+            sample in it; those of rejected samples have none.
 
     Raises:
         InputError: a table is missing or lacks a column.
     """
-    tables = [path for path in (Path(s) / FILE_NAME for s in samples) if path.is_file()]
     summary = {
-        source: summarise_errors(_read(paths), source)
-        for source, paths in (("static", static), ("samples", tables))
+        group: summarise_errors(
+            _read([path for shard in shards for path in sorted(Path(shard).rglob(FILE_NAME))]),
+            group,
+        )
+        for group, shards in groups.items()
     }
     write_table(table, pd.concat(summary.values(), ignore_index=True), SUMMARY)
     write_page(
@@ -83,10 +85,10 @@ def write_registration_tables(
         f" from them. The goals are mean surface errors below {TARGET_MM:g} mm in both directions,"
         " and neither holes nor islands in the cleaned mask. Area counts as lost where the garment"
         " is more than 10 mm from the rebuilt one.</p>",
-        "<h2>Static outfits</h2>",
-        html_table(errors_by_type(summary["static"], _cell)),
-        "<h2>Simulated samples, in their rest pose</h2>",
-        html_table(errors_by_type(summary["samples"], _cell)),
+        *(
+            f"<h2>Group {group}, in the rest pose</h2>{html_table(errors_by_type(rows, _cell))}"
+            for group, rows in summary.items()
+        ),
     )
 
 

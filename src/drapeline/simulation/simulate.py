@@ -1,13 +1,13 @@
-"""Simulate an outfit on a moving body: attempts, judgement, files."""
+"""Simulate an outfit on a moving body: attempts, their measures, and what is judged by these."""
 
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -33,13 +33,9 @@ from drapeline.simulation.health import (
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 from drapeline.simulation.solver import ClothGarment, ClothSolver
 from drapeline.simulation.transitions import body_frames, place_at_start, rising_floor
-from drapeline.storage import atomic_folder, save_npz, write_json
+from drapeline.storage import atomic_folder, load_npz, read_json, save_npz, write_json
 
 LOGGER = logging.getLogger("drapeline")
-
-
-class OutOfBounds(Exception):
-    """Whatever the frames to come, the sample is going to be out of bounds."""
 
 
 @dataclass(frozen=True)
@@ -69,21 +65,22 @@ class DressedBody:
         return shape
 
 
-@dataclass(frozen=True)
-class AttemptResult:
-    """What became of an attempt.
+class Judged(NamedTuple):
+    """What became of a simulation.
 
     Attributes:
-        status: "accepted", "rejected" or "failed".
-        reason: empty if accepted.
-        health: measure -> (frames, garments) of all frames that were measured.
-        measures: what `HealthBounds` judge, None if the attempt ended early.
+        status: "accepted", "rejected" or "failed", its `reason`, and how it was made: solver,
+            attempts, times, versions, fabrics.
+        folder: with `{Garment}.f32` and `health.npz` of the last attempt.
     """
 
-    status: str
-    reason: str
-    health: Mapping[str, np.ndarray] = field(default_factory=dict)
-    measures: Mapping[str, float] | None = None
+    status: dict[str, Any]
+    folder: Path
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the sample keeps to its bounds."""
+        return self.status["status"] == "accepted"
 
 
 def simulate_outfit(
@@ -103,86 +100,176 @@ def simulate_outfit(
 
     Args:
         output_dir: folder to make.
+        dressed: whom and what.
+        solver: moves the cloth.
+        settings: of the attempts.
         bounds: what an accepted sample holds.
 
     Returns:
-        What `status.json` holds: status "accepted", "rejected" or "failed", reason, attempts.
+        What `status.json` holds: see `Judged.status`.
     """
-    started = time.perf_counter()
+    with atomic_folder(output_dir) as folder, TemporaryDirectory(dir=folder) as name:
+        first, further = Path(name) / "first", Path(name) / "further"
+        measure_outfit(first, dressed, solver, settings=settings, bounds=bounds)
+        judged = judge_outfit(first, further, dressed, lambda: solver, settings, bounds)
+        if judged.accepted:
+            for file in (*judged.folder.glob("*.f32"), judged.folder / "health.npz"):
+                file.rename(folder / file.name)
+        write_json(folder / "status.json", judged.status)
+    return judged.status
+
+
+def measure_outfit(
+    output_dir: str | Path,
+    dressed: DressedBody,
+    solver: ClothSolver,
+    *,
+    settings: SimulationSettings,
+    number: int = 0,
+    bounds: HealthBounds | None = None,
+) -> dict[str, Any]:
+    """Make one attempt at simulating an outfit, and measure every frame; nothing is judged.
+
+    Writes `{Garment}.f32`, `health.npz` (see `HealthMonitor.arrays`) and `attempt.json`. On a body
+    that intersects itself there is no attempt, and only the last is written.
+
+    Args:
+        output_dir: folder to make.
+        dressed: whom and what.
+        solver: moves the cloth.
+        settings: of the attempts.
+        number: 0 for the first attempt, see `plan_attempt`.
+        bounds: those that nothing to come can bring the sample back into end the attempt.
+
+    Returns:
+        What `attempt.json` holds: `solver`, `versions`, `fabrics`, and `attempt`: its settings,
+        measures and times, and why it ended early (`failure`); `None` if there was none.
+    """
     garments, motion = dressed.outfit.garments, dressed.motion
-    reports: list[dict[str, Any]] = []
-    status: dict[str, Any] = {"status": "rejected", "reason": motion.reason}
+    record: dict[str, Any] = {
+        "attempt": None,
+        "solver": {"name": solver.name, "settings": dict(solver.settings)},
+        "versions": {**solver.versions(), "numpy": np.__version__},
+        "fabrics": {g.name: asdict(_fabric(g)) for g in garments},
+    }
     # On several threads some processors' matrix products, as of the body, round differently.
     with threadpool_limits(1, user_api="blas"), atomic_folder(output_dir) as folder:
-        limit = 0 if motion.outcome == "rejected" else settings.attempts
-        for number in range(limit):
-            attempt = plan_attempt(
-                number, settings, [len(g.vertices) for g in garments], motion.poses
-            )
-            begun = time.perf_counter()
-            result = _run_attempt(folder, dressed, solver, attempt, bounds)
-            status = {"status": result.status, "reason": result.reason}
-            reports.append(_report(attempt, result, time.perf_counter() - begun))
-            if result.status == "accepted":
-                save_npz(folder / "health.npz", **result.health)
-                break
-            LOGGER.info("attempt %d: %s", number + 1, result.reason)
-        status |= {
-            "solver": {"name": solver.name, "settings": dict(solver.settings)},
-            "attempts": reports,
-            "timing": {"total_s": time.perf_counter() - started},
-            "frames_per_second": reports[-1]["frames_per_second"] if reports else 0.0,
-            "versions": {**solver.versions(), "numpy": np.__version__},
-            "fabrics": {g.name: asdict(_fabric(g)) for g in garments},
-        }
-        write_json(folder / "status.json", status)
-    return status
+        if motion.outcome != "rejected":
+            counts = [len(g.vertices) for g in garments]
+            attempt = plan_attempt(number, settings, counts, motion.poses)
+            record["attempt"] = _attempt(folder, dressed, solver, attempt, bounds)
+        write_json(folder / "attempt.json", record)
+    return record
 
 
-def _report(attempt: Attempt, result: AttemptResult, seconds: float) -> dict[str, Any]:
-    frames = max(map(len, result.health.values()), default=0)
+# There is no attempt on a body that intersects itself.
+_RECORD = {"attempt": object, "solver": {"name": str}, "versions": dict, "fabrics": dict}
+
+
+def judge_outfit(
+    first: str | Path,
+    further: str | Path,
+    dressed: DressedBody,
+    solver: Callable[[], ClothSolver],
+    settings: SimulationSettings,
+    bounds: HealthBounds,
+) -> Judged:
+    """Judge the first attempt at simulating an outfit, and repeat it where it is out of bounds.
+
+    Args:
+        first: folder that `measure_outfit` made.
+        further: folder for attempts to come.
+        dressed: whom and what was simulated.
+        solver: gives the solver of attempts to come.
+        settings: with the number of attempts.
+        bounds: what an accepted sample holds.
+
+    Raises:
+        InputError: a file of the first attempt is missing or damaged.
+    """
+    record, place = read_json(Path(first) / "attempt.json", _RECORD), Path(first)
+    motion = dressed.motion
+    verdict, reason = "rejected", motion.reason
+    reports: list[dict[str, Any]] = []
+    while record["attempt"] is not None:
+        number = len(reports)
+        verdict, reason = _judge(place, record["attempt"], len(motion.poses), bounds)
+        reports.append({**record["attempt"], "status": verdict, "reason": reason})
+        if verdict == "accepted":
+            break
+        LOGGER.info("attempt %d: %s", number + 1, reason)
+        if number + 1 >= settings.attempts:
+            break
+        place = Path(further) / str(number + 1)
+        record = measure_outfit(
+            place, dressed, solver(), settings=settings, number=number + 1, bounds=bounds
+        )
+    for report in reports:
+        del report["failure"]
+    status = {
+        "status": verdict,
+        "reason": reason,
+        "solver": record["solver"],
+        "attempts": reports,
+        "timing": {"total_s": sum(report["seconds"] for report in reports)},
+        "frames_per_second": reports[-1]["frames_per_second"] if reports else 0.0,
+        "versions": record["versions"],
+        "fabrics": record["fabrics"],
+    }
+    return Judged(status, place)
+
+
+def _judge(
+    folder: Path, report: Mapping[str, Any], frames: int, bounds: HealthBounds
+) -> tuple[str, str]:
+    """Status of an attempt, and its reason if it is not accepted."""
+    if report["failure"]:
+        return "failed", report["failure"]
+    health = load_npz(folder / "health.npz", {"*": "any|nan frames ..."})
+    measured = len(health["inside_share"])
+    if measured < frames:
+        certain = inevitable_violations(health, bounds, frames)
+        return "rejected", f"{'; '.join(certain)} (by frame {measured - 1})"
+    reason = "; ".join(violations(summary(health), bounds))
+    return ("rejected" if reason else "accepted"), reason
+
+
+def _attempt(
+    folder: Path,
+    dressed: DressedBody,
+    solver: ClothSolver,
+    attempt: Attempt,
+    bounds: HealthBounds | None,
+) -> dict[str, Any]:
+    """Simulate and measure into the folder, and report."""
+    started = time.perf_counter()
+    monitor = HealthMonitor([watch(g) for g in dressed.outfit.garments], dressed.faces)
+    failure = ""
+    with TemporaryDirectory(dir=folder) as name:
+        frames = _simulate(dressed, solver, attempt, Path(name))
+        try:
+            _write_and_measure(folder, dressed, frames, monitor, bounds)
+        except InputError:
+            raise
+        except (RuntimeError, ValueError) as error:
+            LOGGER.exception("the simulation broke down")
+            failure = str(error) or type(error).__name__
+    health = monitor.arrays()
+    save_npz(folder / "health.npz", **health)
+    whole = monitor.frame_count == len(dressed.motion.poses)
+    seconds = time.perf_counter() - started
     return {
         **asdict(attempt),
-        "status": result.status,
-        "reason": result.reason,
-        **({} if result.measures is None else {"measures": _known(result.measures)}),
+        "failure": failure,
+        **({"measures": _known(summary(health))} if whole and not failure else {}),
         "seconds": seconds,
-        "frames_per_second": frames / seconds,
+        "frames_per_second": monitor.frame_count / seconds,
     }
 
 
 def _known(measures: Mapping[str, float]) -> dict[str, float]:
     """Measures that there are: accelerations, for one, take three frames."""
     return {name: value for name, value in measures.items() if np.isfinite(value)}
-
-
-def _run_attempt(
-    folder: Path,
-    dressed: DressedBody,
-    solver: ClothSolver,
-    attempt: Attempt,
-    bounds: HealthBounds,
-) -> AttemptResult:
-    """Simulate and measure; the garments' frames come into the folder only if accepted."""
-    monitor = HealthMonitor([watch(g) for g in dressed.outfit.garments], dressed.faces)
-    with TemporaryDirectory(dir=folder) as name:
-        caches = Path(name)
-        frames = _simulate(dressed, solver, attempt, caches)
-        try:
-            _write_and_measure(caches, dressed, frames, monitor, bounds)
-        except InputError:
-            raise
-        except OutOfBounds as error:
-            return AttemptResult("rejected", str(error), monitor.arrays())
-        except (RuntimeError, ValueError) as error:
-            LOGGER.exception("the simulation broke down")
-            return AttemptResult("failed", str(error), monitor.arrays())
-        measures = summary(monitor.arrays())
-        reason = "; ".join(violations(measures, bounds))
-        if not reason:
-            for cache in caches.glob("*.f32"):
-                cache.rename(folder / cache.name)
-    return AttemptResult("rejected" if reason else "accepted", reason, monitor.arrays(), measures)
 
 
 def _simulate(
@@ -258,22 +345,19 @@ def _write_and_measure(
     dressed: DressedBody,
     frames: Iterator[tuple[list[np.ndarray], np.ndarray]],
     monitor: HealthMonitor,
-    bounds: HealthBounds,
+    bounds: HealthBounds | None,
 ) -> None:
-    """Write `{Garment}.f32` and measure, frame by frame, until the end is certain.
-
-    Raises:
-        OutOfBounds: no frames to come can bring the sample back into bounds.
-    """
+    """Write `{Garment}.f32` and measure, frame by frame, until the end, or until it is certain."""
     with closing(frames), ExitStack() as stack:
         writers = [
             stack.enter_context(point_cache_writer(folder / f"{g.name}.f32", len(g.vertices)))
             for g in dressed.outfit.garments
         ]
-        for index, (cloths, body) in enumerate(frames):
+        for cloths, body in frames:
             for writer, cloth in zip(writers, cloths, strict=True):
                 writer.append(cloth)
             monitor.add(cloths, body)
-            certain = inevitable_violations(monitor.arrays(), bounds, len(dressed.motion.poses))
-            if certain:
-                raise OutOfBounds(f"{'; '.join(certain)} (by frame {index})")
+            if bounds and inevitable_violations(
+                monitor.arrays(), bounds, len(dressed.motion.poses)
+            ):
+                return

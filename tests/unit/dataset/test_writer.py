@@ -36,6 +36,7 @@ def write(tiny, body, sample="00001"):
         body_record=stages / "bodies" / f"{sample}.npz",
         outfit=stages / "outfits" / f"{sample}.npz",
         simulation=stages / "simulation" / sample,
+        status=tiny.status,
         seed=0,
         split="train",
     )

@@ -15,12 +15,11 @@ from drapeline.experiment.checks import (
 )
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.outfits.static_plan import StaticPlan
 from drapeline.registration.to_body.hierarchy import LEVELS
 from toys.schema import SCHEMA
 
 ROOT = Path(__file__).parents[3]
-SHARES = {"val_share": 0, "test_share": 0.2}
+GROUPS = {"dataset": {"val_share": 0, "test_share": 0.2}}
 
 
 def settings(**given):
@@ -37,12 +36,24 @@ def test_networks_have_widths_for_all_levels_of_the_hierarchies():
     ("given", "message"),
     [
         (
-            {"learning": {"speeds": [1.2, 0.8]}},
-            r"learning.speeds is \[1.2, 0.8\], expected the lower",
+            {"groups": {"learning": {"motions": {"speeds": [1.2, 0.8]}}}},
+            r"motions.speeds is \[1.2, 0.8\] in groups.learning, expected the lower end first$",
         ),
         (
-            {"learning": {"frames": 30}},
-            "learning.frames_min is 40, expected at most learning.frames",
+            {"groups": {"learning": {"motions": {"frames": 30}}}},
+            "motions.frames_min is 40 in groups.learning, expected at most motions.frames, .* 30$",
+        ),
+        (
+            {"groups": {"mine": {"motions": {"mirror": True}}}},
+            "motions.mirror True in groups.mine, expected motions.anywhere to be true for these$",
+        ),
+        (
+            {"groups": {"mine": {"solver": "none"}}},
+            "groups.mine.count is null and its solver none, expected a number$",
+        ),
+        (
+            {"groups": {"mine": {"solver": "none", "count": 3, "published": True}}},
+            "groups.mine.published is true and its solver none, expected a solver, since",
         ),
         (
             {"simulation": {"settings": {"steps_min": 30}}},
@@ -58,15 +69,15 @@ def test_networks_have_widths_for_all_levels_of_the_hierarchies():
         ),
         (
             {"outfits": {"tightness_range": [0.5, -1.5]}},
-            r"outfits.tightness_range is \[0.5, -1.5\], expected the lower end first$",
+            r"outfits.tightness_range is \[0.5, -1.5\] in groups.dataset, expected the lower end",
         ),
         (
             {"outfits": {"own_garments": {"Skirt": {"fabric": "silk"}}}},
             r"outfits.own_garments.Skirt names no OBJ file, expected file, female or male$",
         ),
         (
-            {"static": {"val_share": 0.9, "test_share": 0.9}},
-            r"static.val_share is 0.9 and static.test_share 0.9, expected a sum below 1$",
+            {"groups": {"static": {"val_share": 0.9, "test_share": 0.9}}},
+            r"groups.static.val_share is 0.9 and groups.static.test_share 0.9, expected a sum be",
         ),
         (
             {"garment4d": {"mgn": {"training": {"frames": 4, "stride": 5}}}},
@@ -95,7 +106,7 @@ def test_contradictions_are_named_with_both_values(given, message):
         {},
         {"simulation": {"settings": {"steps_min": 14}}},
         {"outfits": {"tightness_range": [0.5, 0.5]}},
-        {"static": {"val_share": 0, "test_share": 0}},
+        {"groups": {"static": {"val_share": 0, "test_share": 0}}},
     ],
 )
 def test_what_agrees_passes(given):
@@ -104,23 +115,23 @@ def test_what_agrees_passes(given):
 
 def test_an_empty_split_is_named_where_it_is_needed():
     planned = ["train"] * 15 + ["test"]
-    require_splits(planned, ["train", "test"], group="samples", shares=SHARES)
+    require_splits(planned, ["train", "test"], groups=GROUPS)
     expected = (
-        "samples.val_share is 0 and samples.test_share 0.2, which puts none of 16 into val,"
+        "groups.dataset.val_share is 0 and its test_share 0.2, which puts none of 16 into val,"
         " expected one or more"
     )
     with pytest.raises(InputError, match=expected):
-        require_splits(planned, ["train", "val"], group="samples", shares=SHARES)
-    with pytest.raises(InputError, match=r"static.* puts none of 0 into train"):
-        require_splits([], ["train"], group="static", shares=SHARES)
+        require_splits(planned, ["train", "val"], groups=GROUPS)
+    with pytest.raises(InputError, match="there is no group of this kind, which puts none of 0"):
+        require_splits([], ["train"], groups={})
 
 
 def sample(outfit_type, split, frames=60):
-    return SamplePlan("00001", "walk", 0, 30, 30 + frames, "female", outfit_type, split)
+    return SamplePlan("00001", "female", outfit_type, split, "walk", 0, 30, 30 + frames)
 
 
 def outfit(outfit_type, split):
-    return StaticPlan("s00001", "female", outfit_type, split, "000")
+    return SamplePlan("s00001", "female", outfit_type, split)
 
 
 def test_sequences_of_a_type_are_those_who_wear_it_and_static_ones_of_splits_that_move():
@@ -156,7 +167,7 @@ def require(planned, sources, window):
 
 def test_what_is_measured_must_be_simulated():
     wearers = [
-        SamplePlan("00001", "walk", 0, 0, 60, "female", "Tshirt+Skirt", split)
+        SamplePlan("00001", "female", "Tshirt+Skirt", split, "walk", 0, 0, 60)
         for split in ("train", "test")
     ]
     require_simulated("Skirt", wearers, ["test"])

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from drapeline.experiment.sample_plan import SamplePlan
 
-PLAN = SamplePlan("00001", "walk", 2, 30, 91, "female", "Top+Skirt", "train")
+PLAN = SamplePlan("00001", "female", "Top+Skirt", "train", "walk", 2, 30, 91)
 
 
 def test_the_name_of_a_piece_is_cloth3ds():

@@ -4,52 +4,39 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.learning_data.moving import load_moving, moving_files_test_first, moving_folders
+from drapeline.learning_data.moving import load_moving, moving_files_test_first
 from toys.moving import moving_garment, write_registered_sample
 
 
 @pytest.fixture
 def samples(toy_body, tmp_path):
-    """An accepted training sample and a rejected test sample."""
+    """An accepted training sample and a rejected test sample, in a shard."""
     return [
         write_registered_sample(tmp_path, toy_body, name, split, status)
         for name, split, status in (("00001", "train", "accepted"), ("00002", "test", "rejected"))
     ]
 
 
-def folders(samples):
-    """Of samples and of their registrations."""
-    return [s.tiny.folder for s in samples], [s.registration for s in samples]
-
-
-def test_samples_of_shards_follow_the_others_with_their_registrations(tmp_path):
-    for name in ("L00002", "L00001"):
-        for part in ("samples", "registration"):
-            (tmp_path / part / "000" / name).mkdir(parents=True)
-    given = {
-        "samples": ["a/00001"],
-        "registrations": ["b/00001"],
-        "learning": [str(tmp_path / "samples" / "000")],
-        "learning_registrations": [str(tmp_path / "registration" / "000")],
-    }
-    found = moving_folders(given)
-    assert [path.name for path in found[0]] == ["00001", "L00001", "L00002"]
-    assert [path.name for path in found[1]] == ["00001", "L00001", "L00002"]
-    assert found[1][1].parents[1].name == "registration"
+def shards(*samples):
+    """With these samples and with their registrations."""
+    return (
+        list(dict.fromkeys(sample.tiny.folder.parent for sample in samples)),
+        list(dict.fromkeys(sample.registration.parent for sample in samples)),
+    )
 
 
 def test_only_accepted_samples_are_loaded_root_relative(samples):
-    found = list(load_moving(*folders(samples), "train"))
+    found = list(load_moving(*shards(*samples), "train"))
     assert {(m.sample, m.split) for m in found} == {("00001", "train")}
     assert {m.name for m in found} == {"Tshirt", "Skirt"}
     for moving in found:
         np.testing.assert_allclose(moving.cloth, samples[0].tiny.vertices[moving.name], atol=1e-5)
         assert moving.faces.max() < moving.cloth.shape[1]
-    assert not list(load_moving(*folders(samples), "test"))
+    assert not list(load_moving(*shards(*samples), "test"))
 
 
 def test_each_garment_is_read_when_it_is_its_turn(samples):
-    turns = load_moving(*folders(samples), "train")
+    turns = load_moving(*shards(*samples), "train")
     first = next(turns).name
     (last,) = {"Tshirt", "Skirt"} - {first}
     (samples[0].registration / f"{last}.npz").unlink()
@@ -58,15 +45,16 @@ def test_each_garment_is_read_when_it_is_its_turn(samples):
 
 
 def test_pictures_take_held_out_garments_first(samples, toy_body, tmp_path):
-    assert {m.split for m in moving_files_test_first(*folders(samples))} == {"train"}
-    held_out = write_registered_sample(tmp_path, toy_body, "00003", "test")
-    found = moving_files_test_first(*folders([*samples, held_out]))
+    assert {m.split for m in moving_files_test_first(*shards(*samples))} == {"train"}
+    held_out = write_registered_sample(tmp_path / "other", toy_body, "00003", "test")
+    found = moving_files_test_first(*shards(*samples, held_out))
     assert [m.split for m in found] == ["test", "test", "train", "train"]
     loaded = found[1].load()
     assert (loaded.sample, loaded.name) == ("00003", found[1].name)
     np.testing.assert_allclose(loaded.cloth, held_out.tiny.vertices[loaded.name], atol=1e-5)
+    alone = write_registered_sample(tmp_path / "alone", toy_body, "00004", "test", "rejected")
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
-        moving_files_test_first(*folders(samples[1:]))
+        moving_files_test_first(*shards(alone))
 
 
 def test_registered_points_lie_on_the_cloth_and_return_to_their_vertices(toy_body):

@@ -12,8 +12,9 @@ from drapeline.learning_data.sequence_sources import simulated_sequences, skinne
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, write_skinned
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.static import StaticOutfit, save_static
+from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_template.remesh import RemeshTable
+from toys.outfits_at_rest import save_static
 from toys.tiny_sample import tube, write_tiny_sample
 
 CLOUDS = CloudSettings(points=50)
@@ -81,17 +82,18 @@ def test_static_outfits_in_motion_are_sequences(simulated, tmp_path, toy_body):
         StaticOutfit(name, "train", Outfit(worn, shape, np.zeros(2), np.zeros(2), "female"))
         for name, worn in (("s1", (skirt, top)), ("s2", (top,)))
     ]
-    save_static(tmp_path / "000.npz", outfits)
+    save_static(tmp_path / "outfits_at_rest", outfits)
     write_skinned(
         tmp_path / "000",
-        tmp_path / "000.npz",
+        tmp_path / "outfits_at_rest",
         simulated[1],
         {"female": toy_body},
         SkinnedSettings(frames=3, step=2, clouds=CLOUDS),
         garments=["Skirt", "Top"],
     )
     table = middles(skirt.faces)
-    (one,) = skinned_sequences("Skirt", [tmp_path / "000"], [tmp_path / "000.npz"], {"s1": table})
+    places = [tmp_path / "000"], [tmp_path / "outfits_at_rest"]
+    (one,) = skinned_sequences("Skirt", *places, {"s1": table})
     written = next(iter(load_skinned(tmp_path / "000")))
     assert (one.name, one.source, one.split, one.gender) == ("s1", "skinned", "train", 0)
     np.testing.assert_array_equal(one.number, written.number)
@@ -103,4 +105,4 @@ def test_static_outfits_in_motion_are_sequences(simulated, tmp_path, toy_body):
     np.testing.assert_allclose(one.garment(), posed, atol=1e-5)
     np.testing.assert_array_equal(one.original.faces, triangulate(skirt.faces))
     with pytest.raises(InputError, match="s1: its Top is not registered"):
-        skinned_sequences("Top", [tmp_path / "000"], [tmp_path / "000.npz"], {})
+        skinned_sequences("Top", *places, {})

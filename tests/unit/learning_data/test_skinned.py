@@ -18,8 +18,9 @@ from drapeline.geometry.mesh import edges, triangulate
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, skin_outfit, worn_weights, write_skinned
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.static import StaticOutfit, save_static
+from drapeline.outfits.static import StaticOutfit
 from drapeline.storage import read_json
+from toys.outfits_at_rest import save_static
 from toys.tiny_sample import tube, write_tiny_sample
 
 SHAPE = np.zeros(10)
@@ -142,8 +143,8 @@ def inputs(tmp_path_factory, toy_body, skirt, top):
         StaticOutfit("s3", "val", outfit(skirt)),
         StaticOutfit("s4", "train", outfit(dress)),
     ]
-    save_static(stages / "000.npz", outfits)
-    return stages / "000.npz", samples, outfits
+    save_static(stages / "outfits_at_rest", outfits)
+    return stages / "outfits_at_rest", samples, outfits
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,18 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.outfits.static import StaticOutfit, load_static, save_static
+from drapeline.outfits.static import StaticOutfit, load_static
+from toys.outfits_at_rest import save_static
 from toys.tiny_sample import tube
 
 
 def garment(name, radius):
     mesh = tube(radius, -0.5, 0.0)
-    about = {"fabric": "silk", "parameters": {"fold_seed": round(100 * radius)}}
+    about = {
+        "fabric": "silk",
+        "texture": {"type": "pattern"},
+        "parameters": {"fold_seed": round(100 * radius)},
+    }
     ends = np.ones(len(mesh.vertices), np.float32)
     return Garment(name, mesh.vertices, mesh.faces, mesh.uv, mesh.uv_faces, ends, ends, about)
 
@@ -35,8 +40,8 @@ def outfits():
 
 
 def test_a_shard_comes_back_as_it_was(outfits, tmp_path):
-    save_static(tmp_path / "000.npz", outfits)
-    for before, after in zip(outfits, load_static(tmp_path / "000.npz"), strict=True):
+    save_static(tmp_path, outfits)
+    for before, after in zip(outfits, load_static(tmp_path), strict=True):
         assert (before.name, before.split) == (after.name, after.split)
         assert before.outfit.gender == after.outfit.gender
         for key in ("shape", "tightness", "signed_tightness"):
@@ -47,19 +52,14 @@ def test_a_shard_comes_back_as_it_was(outfits, tmp_path):
             np.testing.assert_array_equal(one.faces, other.faces)
 
 
-def test_textures_and_pins_are_left_out(outfits, tmp_path):
-    save_static(tmp_path / "000.npz", outfits)
-    for _, _, outfit in load_static(tmp_path / "000.npz"):
-        for worn in outfit.garments:
-            assert not any(map(len, (worn.uv, worn.uv_faces, worn.pin, worn.elastic)))
+@pytest.mark.parametrize("lost", ["s1.npz", "s1.json"])
+def test_an_outfit_without_one_of_its_files_is_refused(outfits, tmp_path, lost):
+    save_static(tmp_path, outfits)
+    (tmp_path / lost).unlink()
+    with pytest.raises(InputError, match=f"{lost}: no such file"):
+        load_static(tmp_path)
 
 
-def test_a_shard_without_its_arrays_is_refused(outfits, tmp_path):
-    save_static(tmp_path / "000.npz", outfits)
-    save_static(tmp_path / "001.npz", outfits[:1])
-    (tmp_path / "001.npz").replace(tmp_path / "000.npz")
-    with pytest.raises(InputError, match=r"000\.npz.*s1/Jumpsuit/vertices"):
-        load_static(tmp_path / "000.npz")
-    (tmp_path / "000.npz").unlink()
-    with pytest.raises(InputError, match="000.npz"):
-        load_static(tmp_path / "000.npz")
+def test_a_folder_without_outfits_is_refused(tmp_path):
+    with pytest.raises(InputError, match="holds no outfit"):
+        load_static(tmp_path / "missing")

@@ -36,26 +36,28 @@ def test_a_summary_has_mean_median_largest_and_sum_of_each_type():
 
 @pytest.fixture
 def files(tmp_path):
-    write_errors(tmp_path / "0.tsv", errors("Skirt", "a", 0.9 * TARGET_MM, 0))
-    write_errors(tmp_path / "s1" / FILE_NAME, errors("Top", "s1", 1.1 * TARGET_MM, 2))
-    (tmp_path / "s2").mkdir()  # a rejected sample
-    return {"static": [tmp_path / "0.tsv"], "samples": [tmp_path / "s1", tmp_path / "s2"]}
+    """Of a shard at rest, which has a table, and of one in motion, whose samples have their own."""
+    rest, moving = tmp_path / "rest", tmp_path / "moving"
+    write_errors(rest / FILE_NAME, errors("Skirt", "a", 0.9 * TARGET_MM, 0))
+    write_errors(moving / "s1" / FILE_NAME, errors("Top", "s1", 1.1 * TARGET_MM, 2))
+    (moving / "s2").mkdir()  # a rejected sample
+    return {"static": [rest], "dataset": [moving]}
 
 
-def test_table_and_page_hold_both_sources_and_judge_against_the_target(files, tmp_path):
-    write_registration_tables(tmp_path / "t.tsv", tmp_path / "p.html", **files)
+def test_table_and_page_hold_all_groups_and_judge_against_the_target(files, tmp_path):
+    write_registration_tables(tmp_path / "t.tsv", tmp_path / "p.html", files)
     rows = read_table(tmp_path / "t.tsv", SUMMARY)
     assert list(zip(rows["source"], rows["garment"], strict=True)) == [
         *[("static", "Skirt")] * 2,
-        *[("samples", "Top")] * 2,
+        *[("dataset", "Top")] * 2,
     ]
-    static, samples = (tmp_path / "p.html").read_text().split("<h2>Simulated samples")
+    static, samples = (tmp_path / "p.html").read_text().split("<h2>Group dataset")
     assert 'number good">2.70' in static
     assert 'number bad">3.30' in samples
     assert 'number bad">2<' in samples
 
 
 def test_a_table_without_its_columns_is_refused(files, tmp_path):
-    files["static"][0].write_text("garment\tvalue\nSkirt\t1\n")
-    with pytest.raises(InputError, match="0.tsv: lacks column name, metric, unit"):
-        write_registration_tables(tmp_path / "t.tsv", tmp_path / "p.html", **files)
+    (files["static"][0] / FILE_NAME).write_text("garment\tvalue\nSkirt\t1\n")
+    with pytest.raises(InputError, match=f"{FILE_NAME}: lacks column name, metric, unit"):
+        write_registration_tables(tmp_path / "t.tsv", tmp_path / "p.html", files)

@@ -399,17 +399,16 @@ class EvaluatedPictures(Settings):
         ge=1,
         le=1000,
         description=(
-            "Pictures of all samples of the dataset together, spread over them, their frames, and "
-            "sides."
+            "Pictures of all published samples together, spread over them, their frames, and sides."
         ),
     )
-    learning: int = Field(
+    others: int = Field(
         8,
         ge=0,
         le=1000,
         description=(
-            "How many samples of the learning group's test split are pictured too, each once, "
-            "from its clips in turn."
+            "Samples of the test split of each group that is not published that are pictured too, "
+            "each once, the first ones, which take turns over its clips."
         ),
     )
     size_px: int = Field(256, ge=32, le=4096, description="Their width and height.")

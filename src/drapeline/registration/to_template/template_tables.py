@@ -8,7 +8,9 @@ import numpy as np
 
 from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import read_record
+from drapeline.dataset.shards import samples_of
 from drapeline.errors import InputError
+from drapeline.outfits.static import load_static
 from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
 from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import GarmentTemplate
@@ -36,12 +38,26 @@ class NamedGarment(NamedTuple):
     faces: np.ndarray
 
 
-def garments_of_sample(folder: str | Path) -> list[NamedGarment]:
-    """Garments at rest of a simulated sample; none if it was rejected.
+def garments_at_rest(shard: str | Path, *, simulated: bool) -> list[NamedGarment]:
+    """Garments of a shard in the rest pose.
+
+    Args:
+        shard: of simulated samples, of which only accepted ones count; or of outfits at rest.
+        simulated: which of the two.
 
     Raises:
         InputError: a file is missing or damaged.
     """
+    if simulated:
+        return [garment for sample in samples_of([shard]) for garment in _of_sample(sample)]
+    return [
+        NamedGarment(name, garment.name, garment.vertices, garment.faces)
+        for name, _, outfit in load_static(shard)
+        for garment in outfit.garments
+    ]
+
+
+def _of_sample(folder: Path) -> list[NamedGarment]:
     if not read_record(folder).accepted:
         return []
     with Sample(folder) as sample:

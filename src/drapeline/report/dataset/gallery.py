@@ -148,7 +148,7 @@ _SIZE = (210, 280)
 _COLUMNS = 8
 
 
-def plot_learning(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:
+def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:
     """Draw the middle frames of accepted samples, spread evenly over all of them.
 
     Args:

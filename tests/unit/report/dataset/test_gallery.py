@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from drapeline.errors import InputError
-from drapeline.report.dataset.gallery import plot_learning, render_gallery
+from drapeline.report.dataset.gallery import plot_group, render_gallery
 from toys.tiny_sample import write_tiny_sample
 
 
@@ -60,8 +60,8 @@ def test_accepted_samples_are_shown_and_no_more_than_asked_for(toy_body, tmp_pat
         ).folder
         for k in range(1, 5)
     ]
-    assert plot_learning(tmp_path / "all.png", samples, most=9) == 3
-    assert plot_learning(tmp_path / "two.png", samples, most=2) == 2
+    assert plot_group(tmp_path / "all.png", samples, most=9) == 3
+    assert plot_group(tmp_path / "two.png", samples, most=2) == 2
     sizes = [Image.open(tmp_path / name).size for name in ("all.png", "two.png")]
     assert sizes[0][1] == sizes[1][1]
     assert sizes[0][0] > sizes[1][0]
@@ -71,4 +71,4 @@ def test_accepted_samples_are_shown_and_no_more_than_asked_for(toy_body, tmp_pat
 def test_a_group_without_an_accepted_sample_is_named(toy_body, tmp_path):
     one = write_tiny_sample(tmp_path, toy_body, "L00001", status="rejected")
     with pytest.raises(InputError, match="none of 1 samples was accepted"):
-        plot_learning(tmp_path / "sheet.png", [one.folder], most=4)
+        plot_group(tmp_path / "sheet.png", [one.folder], most=4)

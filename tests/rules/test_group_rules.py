@@ -1,4 +1,4 @@
-"""The rules of the learning group: clips, samples, and what is made of them, shard by shard."""
+"""The rules that samples in motion go through, from the clip to what models read."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -17,53 +17,78 @@ from toys.bounds import NO_BOUNDS
 
 CLIPS = Path(__file__).parents[2] / "workflow/resources/motions"
 PLANS = [
-    SamplePlan("L00001", "walk", 0, 7, 16, "female", "Tshirt+Skirt", "train", 1.1),
-    SamplePlan("L00002", "walk", 1, 3, 10, "male", "Top+Trousers", "test", 0.9, True),
+    SamplePlan("L00001", "female", "Tshirt+Skirt", "train", "walk", 0, 7, 16, 1.1),
+    SamplePlan("L00002", "male", "Top+Trousers", "test", "walk", 1, 3, 10, 0.9, True),
 ]
 
 
 @pytest.fixture(scope="module")
 def shard(tmp_path_factory, run_rule, baked_bodies):
     """The folder of a shard that the rules' own scripts have made."""
-    folder = tmp_path_factory.mktemp("learning")
-    forms = {}
+    folder = tmp_path_factory.mktemp("group")
+    bodies, forms = {}, {}
     for gender, body in baked_bodies.items():
-        forms |= {
-            f"{gender}_{kind}": folder / f"{gender}_{kind}.npz" for kind in ("body", "templates")
-        }
-        save_body(forms[f"{gender}_body"], body)
+        bodies[gender] = forms[f"{gender}_body"] = folder / f"{gender}_body.npz"
+        forms[f"{gender}_templates"] = folder / f"{gender}_templates.npz"
+        save_body(bodies[gender], body)
         build_templates(body).save(forms[f"{gender}_templates"])
-    clip = {"motion": str(CLIPS / "walk.npz"), "frames": 40, "lock_feet": True}
     run_rule(
-        "import_learning_motions",
-        input=[CLIPS / "walk.npz"],
-        output=[folder / "motions"],
-        params={"clips": {"walk": clip}},
+        "import_motion",
+        input={"motion": CLIPS / "walk.npz"},
+        output=[folder / "walk.npz"],
+        params={"motion": {"frames": 40, "lock_feet": True, "sequence": "walk"}},
+    )
+    common = {"seed": 5, "plans": [asdict(plan) for plan in PLANS]}
+    run_rule(
+        "animate_bodies",
+        input={**bodies, "motions": [folder / "walk.npz"]},
+        output=[folder / "bodies"],
+        params={
+            **common,
+            "settings": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
+        },
     )
     run_rule(
-        "simulate_learning",
-        input={"motions": folder / "motions", **forms},
-        output=[folder / "samples" / "000"],
+        "make_outfits",
+        input={**forms, "bodies": folder / "bodies"},
+        output=[folder / "outfits"],
         params={
-            "seed": 5,
-            "plans": [asdict(plan) for plan in PLANS],
-            "solver": "drapeline.xpbd.solver",
-            "accelerator": "cpu",
-            "bodies": {"shape_range": 1.0, "shape_draws": 2, "segment_gap_m": 0.004},
-            "outfits": {
+            **common,
+            "settings": {
                 "edge_length_m": 0.04,
                 "vertices_min": 0,
                 "tightness_range": [-1.0, 0.0],
                 "elastic_probability": 0.5,
             },
             "own_garments": {"female": {}, "male": {}},
-            "settings": SimulationSettings(steps_min=6, steps_max=6, attempts=1).plain(),
+            "hanging": {},
+        },
+    )
+    made = {**bodies, "bodies": folder / "bodies", "outfits": folder / "outfits"}
+    solver = {"solver": "drapeline.xpbd.solver", "accelerator": "cpu"}
+    settings = SimulationSettings(steps_min=6, steps_max=6, attempts=1).plain()
+    run_rule(
+        "simulate_outfits",
+        input=made,
+        output=[folder / "simulation"],
+        params={"samples": [plan.sample for plan in PLANS], "settings": settings, **solver},
+        threads=1,
+    )
+    run_rule(
+        "write_samples",
+        input={**made, "simulations": folder / "simulation"},
+        output=[folder / "samples"],
+        params={
+            "seed": 5,
+            "splits": {plan.sample: plan.split for plan in PLANS},
+            "settings": settings,
             # Whatever a processor makes of so short a motion is taken.
             "bounds": NO_BOUNDS.plain(),
+            **solver,
         },
         threads=1,
     )
-    return folder / "samples" / "000"
+    return folder / "samples"
 
 
 def test_samples_are_cloth3d_folders_that_say_how_they_were_made(shard):
@@ -95,7 +120,7 @@ def test_bodies_and_outfits_are_their_own(shard):
 
 def test_clouds_are_of_samples_that_wear_what_is_learned(shard, run_rule, tmp_path):
     run_rule(
-        "sample_learning_clouds",
+        "sample_clouds",
         input=[shard],
         output=[tmp_path / "clouds"],
         params={
@@ -110,9 +135,9 @@ def test_some_of_a_shards_samples_are_scanned(shard, run_rule, tmp_path, baked_b
     for gender, body in baked_bodies.items():
         save_body(tmp_path / f"{gender}.npz", body)
     run_rule(
-        "scan_learning",
+        "scan_samples",
         input={
-            "samples": [shard],
+            "samples": shard,
             **{gender: tmp_path / f"{gender}.npz" for gender in baked_bodies},
         },
         output=[tmp_path / "scans.npz"],
@@ -137,7 +162,7 @@ def test_garments_are_registered_by_sample(shard, run_rule, tmp_path, baked_bodi
     for gender, body in refined.bodies.items():
         save_body(tmp_path / f"{gender}.npz", body)
     run_rule(
-        "register_learning",
+        "register_samples",
         input={
             "samples": shard,
             "topology": tmp_path / "topology.npz",
@@ -157,9 +182,9 @@ def test_templates_are_fitted_to_all_garments_of_a_shard(shard, run_rule, tmp_pa
     forms = {gender: build_templates(body) for gender, body in baked_bodies.items()}
     make_template("Skirt", forms, baked_bodies, 0.06).save(tmp_path / "Skirt.npz")
     run_rule(
-        "fit_learning_templates",
-        input={"samples": shard, "Skirt": tmp_path / "Skirt.npz"},
+        "fit_templates",
+        input={"shard": shard, "Skirt": tmp_path / "Skirt.npz"},
         output=[tmp_path / "fits"],
-        params={"garments": ["Skirt"], "settings": {"iterations": 1}},
+        params={"garments": ["Skirt"], "simulated": True, "settings": {"iterations": 1}},
     )
     assert list(load_tables([tmp_path / "fits"], "Skirt")) == ["L00001"]

@@ -1,9 +1,9 @@
-"""Rule `register_learning`: garments of the learning group, registered in their rest pose."""
+"""Rule `register_samples`: the garments of simulated samples, registered in their rest pose."""
 
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
 from drapeline.registration.to_body.registrar import Registrar
 from drapeline.registration.to_body.samples import register_sample
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 with rule_log(snakemake.log[0]) as log:
     registrar = Registrar(load_topology(snakemake.input.topology))
     bodies = {gender: load_body(snakemake.input[gender]) for gender in GENDERS}
-    samples = samples_of_shards([snakemake.input.samples])
+    samples = samples_of([snakemake.input.samples])
     with atomic_folder(snakemake.output[0]) as folder:
         for sample in progress(samples, total=len(samples), label="samples"):
-            register_sample(folder / sample.name, sample, registrar, bodies)
+            status = register_sample(folder / sample.name, sample, registrar, bodies)
+            log.info("%s is %s", sample.name, status)

@@ -1,8 +1,9 @@
-"""Rule `skin_static`: static outfits moved by skinning through captured motion, as clouds."""
+"""Rule `skin_outfits`: outfits at rest moved by skinning through captured motion, as clouds."""
 
 from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
+from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import write_skinned
@@ -16,7 +17,7 @@ with rule_log(snakemake.log[0]) as log:
     count = write_skinned(
         snakemake.output[0],
         given.outfits,
-        given.samples,
+        samples_of(given.samples),
         {gender: load_body(given[gender]) for gender in GENDERS},
         SkinnedSettings(frames=params.frames, step=params.step, clouds=params.clouds),
         garments=params.garments,

@@ -1,4 +1,4 @@
-"""Rule `scan_learning`: segmented scans of learning samples, with the bodies that fit them."""
+"""Rule `scan_samples`: segmented scans of simulated samples, with the bodies that fit them."""
 
 from typing import TYPE_CHECKING
 
@@ -6,7 +6,7 @@ from drapeline.bodies.model import load_body
 from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scan_bodies import scan_samples
 from drapeline.dataset.settings import ScanSettings
-from drapeline.dataset.shards import samples_of_shards
+from drapeline.dataset.shards import samples_named
 from drapeline.frames import GENDERS
 from drapeline.rule_log import rule_log
 
@@ -17,7 +17,7 @@ with rule_log(snakemake.log[0]):
     given, params = snakemake.input, snakemake.params
     scan_samples(
         snakemake.output[0],
-        [path for path in samples_of_shards(given.samples) if path.name in params.samples],
+        samples_named([given.samples], params.samples),
         {gender: load_body(given[gender]) for gender in GENDERS},
         settings=ScanSettings(**params.scans),
         fit=BodyFit(**params.body),

@@ -33,10 +33,9 @@ def supers(tmp_path_factory, toy_body):
 
 def register(run_rule, tiny, supers, output):
     run_rule(
-        "register_sample",
-        input={"sample": tiny.folder, **supers},
+        "register_samples",
+        input={"samples": tiny.folder.parent, **supers},
         output=[output],
-        wildcards={"sample": "00001"},
     )
 
 
@@ -44,17 +43,17 @@ def test_a_sample_is_registered_and_its_frames_come_back(run_rule, supers, tmp_p
     tiny = write_tiny_sample(tmp_path, toy_body)
     output = tmp_path / "registration"
     register(run_rule, tiny, supers, output)
-    assert {p.name for p in output.iterdir()} == {
+    assert {p.name for p in (output / "00001").iterdir()} == {
         "Tshirt.npz",
         "Skirt.npz",
         "metrics.tsv",
         "status.json",
     }
-    assert json.loads((output / "status.json").read_text())["status"] == "accepted"
+    assert json.loads((output / "00001" / "status.json").read_text())["status"] == "accepted"
     body = load_body(supers["female"])
     with Sample(tiny.folder) as sequence:
         for name in sequence.garments:
-            garment = load_sample_garment(output / f"{name}.npz")
+            garment = load_sample_garment(output / "00001" / f"{name}.npz")
             assert garment.mask.sum() == len(garment.vertex) > 100
             assert garment.corner.max() < len(sequence.mesh(name).vertices)
             np.testing.assert_allclose(garment.weights.sum(1), 1, atol=1e-5)
@@ -69,8 +68,8 @@ def test_a_sample_is_registered_and_its_frames_come_back(run_rule, supers, tmp_p
 def test_a_rejected_sample_leaves_its_status_only(run_rule, supers, tmp_path, toy_body):
     tiny = write_tiny_sample(tmp_path, toy_body, status="rejected")
     register(run_rule, tiny, supers, tmp_path / "registration")
-    assert [p.name for p in (tmp_path / "registration").iterdir()] == ["status.json"]
-    status = json.loads((tmp_path / "registration" / "status.json").read_text())
+    assert [p.name for p in (tmp_path / "registration" / "00001").iterdir()] == ["status.json"]
+    status = json.loads((tmp_path / "registration" / "00001" / "status.json").read_text())
     assert status["status"] == "rejected"
     assert "inside the body" in status["reason"]
 

@@ -1,4 +1,4 @@
-"""The rules that make static outfits, register them and collect them, from end to end."""
+"""The rules that make outfits at rest, register them and collect them, from end to end."""
 
 from dataclasses import asdict
 
@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drapeline.bodies.model import load_body, save_body
-from drapeline.generation.settled import settle_static
-from drapeline.learning_data.static import StaticData, collect_static
+from drapeline.bodies.model import save_body
+from drapeline.experiment.sample_plan import SamplePlan
+from drapeline.frames import GENDERS
+from drapeline.generation.hung_outfits import Hanger
+from drapeline.learning_data.static import StaticData
 from drapeline.outfits.static import load_static
-from drapeline.outfits.static_plan import plan_static
 from drapeline.outfits.templates import build_templates
 from drapeline.simulation.settings import SimulationSettings
 from drapeline.xpbd.solver import cloth_solver
@@ -44,57 +45,71 @@ def supers(run_rule, stages):
     return made
 
 
-@pytest.fixture(scope="module")
-def plans():
-    shares = {"val": 0.25, "test": 0.25}
-    return plan_static(3, 4, 4, shares, 1.0, OUTFIT_TYPES, male_skirts=False)["000"]
+PLANS = [
+    SamplePlan(f"s{number:05d}", "female", outfit_type, split)
+    for number, (outfit_type, split) in enumerate(
+        zip(OUTFIT_TYPES, ("train", "val", "train", "test"), strict=True), 1
+    )
+]
 
 
-def make(run_rule, stages, plans, name="000", settling=None, elastics=0.5):
+def make(run_rule, stages, name="made", hanging=None, elastics=0.5):
     run_rule(
-        "make_static_outfits",
+        "make_outfits",
         input={
             f"{gender}_{what}": stages / f"{gender}{end}.npz"
-            for gender in ("female", "male")
+            for gender in GENDERS
             for what, end in (("body", ""), ("templates", "_templates"))
         },
-        output={"arrays": stages / f"{name}.npz", "parameters": stages / f"{name}.json"},
+        output=[stages / name],
         params={
             "seed": 3,
-            "plans": [asdict(plan) for plan in plans],
+            "plans": [asdict(plan) for plan in PLANS],
             "shape_range": 1.0,
-            "edge_length_m": 0.035,
-            "tightness_range": [-0.5, 0.5],
-            "elastic_probability": elastics,
-            "settling": settling or {},
+            "settings": {
+                "edge_length_m": 0.035,
+                "vertices_min": 0,
+                "tightness_range": [-0.5, 0.5],
+                "elastic_probability": elastics,
+            },
+            "own_garments": {gender: {} for gender in GENDERS},
+            "hanging": hanging or {},
         },
-        wildcards={"shard": name},
     )
+    return load_static(stages / name)
 
 
-def settling(**bounds):
+def hanging(**bounds):
     return {
-        "modules": [settle_static.__module__, cloth_solver.__module__],
+        "modules": [Hanger.__module__, cloth_solver.__module__],
         "accelerator": "cpu",
-        "frames": 12,
-        "settings": SimulationSettings(
-            steps_min=8, steps_max=8, shape_frames=2, pose_frames=1
-        ).plain(),
-        "bounds": NO_BOUNDS.replace(**bounds).plain(),
+        "how": {
+            "frames": 12,
+            "settings": SimulationSettings(steps_min=8, steps_max=8, shape_frames=2).plain(),
+            "bounds": NO_BOUNDS.replace(**bounds).plain(),
+        },
     }
 
 
-def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
-    make(run_rule, stages, plans)
-    outfits = load_static(stages / "000.npz")
-    assert [(o.name, o.split) for o in outfits] == [(p.name, p.split) for p in plans]
+def test_no_two_outfits_share_a_body_or_parameters(run_rule, stages):
+    outfits = make(run_rule, stages, "unlike")
+    shapes = np.array([one.outfit.shape for one in outfits])
+    apart = np.abs(shapes[:, None] - shapes[None]).sum(-1)[~np.eye(len(shapes), dtype=bool)]
+    assert apart.min() > 0.1
+    seeds = [g.about["parameters"]["fold_seed"] for one in outfits for g in one.outfit.garments]
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_outfits_become_offsets_and_arrays(run_rule, stages, supers):
+    outfits = make(run_rule, stages)
+    assert [(o.name, o.split) for o in outfits] == [(p.sample, p.split) for p in PLANS]
     run_rule(
-        "register_static",
-        input={"outfits": stages / "000.npz", **supers},
-        output={"offsets": stages / "offsets.npz", "errors": stages / "offsets.tsv"},
-        wildcards={"shard": "000"},
+        "register_outfits",
+        input={"outfits": stages / "made", **supers},
+        output=[stages / "registered"],
     )
-    rows = [line.split("\t") for line in (stages / "offsets.tsv").read_text().splitlines()]
+    table = stages / "registered" / "metrics.tsv"
+    rows = [line.split("\t") for line in table.read_text().splitlines()]
     assert rows[0] == ["garment", "name", "metric", "value", "unit"]
     values = {(r[0], r[2]): float(r[3]) for r in rows[1:]}
     garments = {name for outfit_type in OUTFIT_TYPES for name in outfit_type.split("+")}
@@ -104,8 +119,11 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
         assert values[garment, "rebuilt_to_garment_mean_mm"] < 3
         assert values[garment, "area_lost_percent"] < 3
         assert values[garment, "holes_after"] == values[garment, "islands_after"] == 0
-    bodies = {gender: load_body(supers[gender]) for gender in ("female", "male")}
-    collect_static(stages / "data", [stages / "offsets.npz"], bodies)
+    run_rule(
+        "collect_static",
+        input={"registrations": [stages / "registered"], **supers},
+        output=[stages / "data"],
+    )
     data = StaticData(stages / "data")
     assert len(data) == 6
     assert data.offsets.shape == (6, 4000, 3)
@@ -117,7 +135,7 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
     assert not splits["train"] & splits["val"]
     run_rule(
         "plot_registration",
-        input={"outfits": [stages / "000.npz"], **supers},
+        input={"outfits": [stages / "made"], **supers},
         output=[stages / "registration.png"],
         params={"rays": 0.02},
     )
@@ -128,23 +146,22 @@ def test_outfits_become_offsets_and_arrays(run_rule, stages, supers, plans):
 
 
 @pytest.mark.parametrize("chance", [0.0, 1.0])
-def test_ends_are_gathered_as_often_as_asked(run_rule, stages, plans, chance):
-    make(run_rule, stages, plans, f"elastic{chance}", elastics=chance)
-    garments = [g for o in load_static(stages / f"elastic{chance}.npz") for g in o.outfit.garments]
+def test_ends_are_gathered_as_often_as_asked(run_rule, stages, chance):
+    outfits = make(run_rule, stages, f"elastic{chance}", elastics=chance)
+    garments = [garment for one in outfits for garment in one.outfit.garments]
     gathered = [on for garment in garments for on in garment.about["elastic"].values()]
     assert gathered
     assert set(gathered) == {chance > 0}
 
 
-def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stages, plans):
-    """Without bounds all of them do; none is within bounds that let no edge change its length.
+def test_outfits_that_hang_sag_and_those_that_do_it_badly_stay(run_rule, stages):
+    """Without bounds all of them do; none is within bounds that ask for cloth of half the size.
 
     The garments sink together: a wide skirt that swings may be higher than it was at this moment.
     """
-    make(run_rule, stages, plans, "made")
-    make(run_rule, stages, plans, "sagged", settling())
-    make(run_rule, stages, plans, "kept", settling(stretch_low=1, stretch_high=1))
-    made, sagged, kept = (load_static(stages / f"{n}.npz") for n in ("made", "sagged", "kept"))
+    made = make(run_rule, stages, "as_made")
+    sagged = make(run_rule, stages, "sagged", hanging())
+    kept = make(run_rule, stages, "kept", hanging(stretch_high=0.5))
     sunk = []
     for one, hung, same in zip(made, sagged, kept, strict=True):
         for a, b, c in zip(
@@ -159,13 +176,13 @@ def test_outfits_that_settle_sag_and_those_that_do_it_badly_stay(run_rule, stage
     assert 0 < np.mean(sunk) < 0.2, sunk
 
 
-def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, supers, plans):
-    make(run_rule, stages, plans, "alone")
-    (stages / "alone.json").unlink()
-    with pytest.raises(SystemExit, match=r"drapeline: .*alone.json: no such file"):
+def test_a_shard_without_its_parameters_ends_in_one_sentence(run_rule, stages, supers):
+    make(run_rule, stages, "alone")
+    (stages / "alone" / "s00002.json").unlink()
+    with pytest.raises(SystemExit, match=r"drapeline: .*s00002.json: no such file"):
         run_rule(
-            "register_static",
-            input={"outfits": stages / "alone.npz", **supers},
-            output={"offsets": stages / "new.npz", "errors": stages / "new.tsv"},
+            "register_outfits",
+            input={"outfits": stages / "alone", **supers},
+            output=[stages / "new"],
         )
-    assert not (stages / "new.npz").exists()
+    assert not (stages / "new").exists()

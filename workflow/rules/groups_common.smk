@@ -1,0 +1,200 @@
+# The groups of samples, and what all rules ask of them.
+import re
+from dataclasses import asdict
+from typing import NamedTuple
+
+from drapeline.dataset.record import outfit_text, read_meta
+from drapeline.experiment.checks import require_splits
+from drapeline.outfits.own_garments import own_garments
+
+
+class Solver(NamedTuple):
+    """A cloth solver.
+
+    Attributes:
+        code: the module that has `cloth_solver(threads, accelerator)`.
+        environment: that it runs in.
+        uses_gpu: whether it can.
+        sample_s: seconds that a sample of 60 frames takes in two tries.
+    """
+
+    code: str
+    environment: str
+    uses_gpu: bool
+    sample_s: float
+
+
+CLOTH_SOLVERS = {
+    "blender": Solver("drapeline.blender.solver", "../../envs/blender.yaml", False, 80),
+    "xpbd": Solver("drapeline.xpbd.solver", "../../envs/geometry.yaml", True, 10),
+}
+# Where cloth only hangs on somebody who stands still, nobody chooses.
+QUICK_SOLVER = min(CLOTH_SOLVERS.values(), key=lambda solver: solver.sample_s)
+
+MOVING = [group for group in GROUPS.values() if not group.at_rest]
+RESTING = [group for group in GROUPS.values() if group.at_rest]
+PUBLISHED = [group for group in MOVING if group.published]
+# By the samples' ids.
+MOVING_PLANS = {plan.sample: plan for group in MOVING for plan in group.plans}
+RESTING_PLANS = {plan.sample: plan for group in RESTING for plan in group.plans}
+# Group and shard of every sample in motion.
+PLACES = {
+    plan.sample: {"group": group.name, "shard": shard}
+    for group in MOVING
+    for shard, plans in group.shards.items()
+    for plan in plans
+}
+# Every clip, at the length that cyclic ones are repeated to: a group may want another.
+MOTIONS = {
+    (name, str(clip.loop_frames or "whole")): clip
+    for group in MOVING
+    for name, clip in group.clips.items()
+}
+
+
+def one_of(names, pattern):
+    """Constraint of a wildcard; a long alternation would make the matching of n jobs quadratic."""
+    return "|".join(map(re.escape, names)) if len(names) <= 500 else pattern
+
+
+wildcard_constraints:
+    group="|".join(GROUPS),
+    shard=one_of(
+        [shard for group in GROUPS.values() for shard in group.shards], r"\w*\d"
+    ),
+    sample=one_of(MOVING_PLANS, r"\w*\d"),
+    sequence=one_of(dict.fromkeys(name for name, _ in MOTIONS), r"[^/]+"),
+    length=r"whole|\d+",
+
+
+def group_names(groups):
+    """Constraint of the wildcard `group`: one of some, of which there may be none."""
+    return "|".join(group.name for group in groups) or "(?!)"
+
+
+def per_shard(pattern, groups):
+    """What the pattern, which has `{group}` and `{shard}`, stands for in all shards of groups."""
+    return [
+        pattern.format(group=group.name, shard=shard)
+        for group in groups
+        for shard in group.shards
+    ]
+
+
+# What every model reads. Samples are folders of CLOTH3D folders, as `samples_of` reads them.
+SAMPLE = f"{RESULTS}/samples/{{group}}/{{shard}}"
+OUTFITS = f"{RESULTS}/outfits/{{group}}/{{shard}}"
+REGISTRATION = f"{RESULTS}/registration/{{group}}/{{shard}}"
+ALL_SAMPLES = per_shard(SAMPLE, MOVING)
+ALL_OUTFITS_AT_REST = per_shard(OUTFITS, RESTING)
+SAMPLES_WITH_REGISTRATIONS = {
+    "samples": ALL_SAMPLES,
+    "registrations": per_shard(REGISTRATION, MOVING),
+}
+
+
+def first_of_split(count, split, wanted=None):
+    """The first samples of a split in each group, in turn over its clips like all of them.
+
+    Args:
+        count: of each group, at most.
+        split: "train", "val" or "test".
+        wanted: whether a plan will do; None takes all.
+    """
+    found = []
+    for group in MOVING:
+        own = filter(wanted, [plan for plan in group.plans if plan.split == split])
+        found += [plan.sample for plan in own][:count]
+    return found
+
+
+def shards_of(pattern, samples):
+    """What the pattern stands for in the shards that have these samples."""
+    return list(dict.fromkeys(pattern.format(**PLACES[sample]) for sample in samples))
+
+
+def sample_shard(wildcards):
+    """Input function: the shard with a sample."""
+    return SAMPLE.format(**PLACES[wildcards.sample])
+
+
+def plans_of(wildcards):
+    """Plans of a shard."""
+    return GROUPS[wildcards.group].shards[wildcards.shard]
+
+
+def shard_ids(wildcards):
+    """Params function: ids of a shard's samples."""
+    return [plan.sample for plan in plans_of(wildcards)]
+
+
+def shard_splits(wildcards):
+    """Params function: the splits of a shard's samples, by their ids."""
+    return {plan.sample: plan.split for plan in plans_of(wildcards)}
+
+
+def shard_plans(wildcards):
+    """Params function: what the samples of a shard are made from.
+
+    Splits count only of those at rest; of the others, they are known when samples are written.
+    """
+    plans = [asdict(plan) for plan in plans_of(wildcards)]
+    if not GROUPS[wildcards.group].at_rest:
+        plans = [{**plan, "split": ""} for plan in plans]
+    return plans
+
+
+def solver_of(wildcards):
+    """The cloth solver of a group."""
+    return CLOTH_SOLVERS[GROUPS[wildcards.group].solver]
+
+
+def solver_module(wildcards):
+    """Params function: the module of a group's solver."""
+    return solver_of(wildcards).code
+
+
+def solver_environment(wildcards):
+    """The environment of a group's solver."""
+    return solver_of(wildcards).environment
+
+
+def solver_hash(script):
+    """Params function: `source_hash` of a script that a group's solver is part of."""
+
+    def digest(wildcards):
+        return source_hash(script, solver_module(wildcards))
+
+    return digest
+
+
+def group_settings(part, *keys):
+    """Params function: settings of a part of the config, as they hold for a group."""
+
+    def chosen(wildcards):
+        settings = getattr(GROUPS[wildcards.group], part)
+        return {key: settings[key] for key in keys or settings}
+
+    return chosen
+
+
+def splits_of_groups(groups):
+    """The shares that the splits of some groups were made from, for messages."""
+    return {
+        group.name: {
+            key: config["groups"][group.name][key]
+            for key in ("val_share", "test_share")
+        }
+        for group in groups
+    }
+
+
+def static_data(*splits):
+    """Input function: garments at rest, once the plan is known to fill these splits."""
+
+    def checked(wildcards):
+        planned = [plan.split for plan in RESTING_PLANS.values()]
+        require_splits(planned, splits, groups=splits_of_groups(RESTING))
+        return f"{RESULTS}/static"
+
+    return checked
