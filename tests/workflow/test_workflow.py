@@ -54,7 +54,7 @@ def test_types_left_out_are_neither_trained_nor_needed(project, tmp_path):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"samples": {"cuont": 3}}, "'samples.cuont' is not a setting, expected one of count"),
+        ({"samples": {"cuont": 3}}, "'samples.cuont' is not a setting, expected one of "),
         (
             {"motions": {"frames": 300, "frames_min": 300, "loop_frames": 60}},
             "frames_min is 300, but some clips have fewer frames at 30 fps: walk 60, run 60,",
