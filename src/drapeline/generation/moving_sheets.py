@@ -243,7 +243,7 @@ def _garment(name: str, sheet: Mesh) -> Garment:
     held, loose = (np.zeros(len(vertices), dtype=np.float32) for _ in range(2))
     rim = vertices[np.unique(boundary_edges(sheet.faces))]
     if GARMENT_TYPES[name].region == "lower" and len(rim):
-        waist = rim[rim[:, 2] > rim[:, 2].max() - _SLANT_M]
+        waist = rim[rim[:, 2] > float(rim[:, 2].max()) - _SLANT_M]
         held[KDTree(waist).query(vertices)[0] <= _BAND_M] = 1
     no_uv = np.zeros((1, 2), dtype=np.float32), np.zeros_like(sheet.faces)
     return Garment(name, vertices, sheet.faces, *no_uv, held, loose, {"fabric": _FABRIC})

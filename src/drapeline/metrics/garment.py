@@ -23,7 +23,7 @@ _OUTSIDE_COSINE_MIN = 0.7  # between a normal and the way from its face to the p
 
 def surface_error_mm(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
     """Mean Euclidean distance of corresponding vertices (V, 3) within the true mask (V,)."""
-    return float(1000 * np.linalg.norm(predicted[mask] - true[mask], axis=1).mean())
+    return 1000 * float(np.linalg.norm(predicted[mask] - true[mask], axis=1).mean())
 
 
 def normal_error_deg(
@@ -179,7 +179,7 @@ class BodyInside:
         if not len(points):
             return dict.fromkeys(_INSIDE, float("nan"))
         depth = self.depth(points)
-        values = (depth > 0).mean(), (depth > DEEP_M).mean(), 1000 * depth.max()
+        values = (depth > 0).mean(), (depth > DEEP_M).mean(), 1000 * float(depth.max())
         return dict(zip(_INSIDE, map(float, values), strict=True))
 
 

@@ -181,7 +181,7 @@ def _landmarks(points: np.ndarray, part: np.ndarray, joint: Mapping[str, np.ndar
         "crotch": float(crotch),
         "hip": float(joint["left_hip"][2]),
         "hip_x": float(joint["left_hip"][0]),
-        "waist": float(joint["spine1"][2] * 0.6 + joint["spine2"][2] * 0.4),
+        "waist": float(joint["spine1"][2]) * 0.6 + float(joint["spine2"][2]) * 0.4,
         "armpit": float(z[near].min() - 0.012),
         "shoulder_x": float(shoulder[0]),
         "shoulder": float(shoulder[2]),

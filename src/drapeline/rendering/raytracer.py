@@ -526,7 +526,7 @@ def _view(camera: Camera, vertices: np.ndarray, floor: Sequence[float], rays: fl
     view.floor_x, view.floor_y, view.floor_reach = map(float, floor)
     low = vertices[vertices[:, 2] < _SHADOW_M]
     if len(low):
-        shadow = np.concatenate([low, low - low[:, 2:] / light[2] * light])
+        shadow = np.concatenate([low, low - low[:, 2:] / float(light[2]) * light])
         view.first_floor = wp.vec3(*(shadow.min(axis=0) - _CONTACT_M))
         view.last_floor = wp.vec3(*(shadow.max(axis=0) + _CONTACT_M))
     view.samples, view.edge_samples = max(1, round(rays / 8)), max(1, round(rays))
