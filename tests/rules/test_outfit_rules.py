@@ -175,10 +175,10 @@ def test_a_sample_is_judged_by_the_bounds_of_its_rule(run_rule, stages):
     assert [attempt["steps"] for attempt in accepted["attempts"]] == [7]
     with Sample(stages / "samples" / "00001") as sample:
         assert {*sample.garments} == {"Skirt", "Top"}
-    refused = write(run_rule, stages, slip_m=-1)
+    refused = write(run_rule, stages, stretch_low=1)
     assert refused["status"] == "rejected"
-    assert "slip_m" in refused["reason"]
-    again = write(run_rule, stages, attempts=2, slip_m=-1)
+    assert "stretch_low" in refused["reason"]
+    again = write(run_rule, stages, attempts=2, stretch_low=1)
     assert [attempt["status"] for attempt in again["attempts"]] == ["rejected", "rejected"]
     assert again["attempts"][1]["steps"] > 7
     files = [path.name for path in (stages / "samples" / "00001").rglob("*") if path.is_file()]
