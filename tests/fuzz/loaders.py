@@ -51,10 +51,13 @@ from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_f
 from drapeline.metrics.fitted_scans import load_fitted_scans, save_fitted_scans
 from drapeline.metrics.reconstructions import Reconstruction, load_reconstruction
 from drapeline.metrics.table import read_metrics, write_metrics
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
-from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    PosedStage,
+    load_posed_files,
+    load_stage,
+    save_posed_files,
+)
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.conditioning import load_conditioning
 from drapeline.models.gcvae.garment_ppca import StaticPpca

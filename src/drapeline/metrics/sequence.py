@@ -18,7 +18,7 @@ FPS = 30.0
 CONTACT_EVERY = 5
 
 
-class MovingBody(NamedTuple):
+class BodyFrames(NamedTuple):
     """The body under a garment.
 
     Attributes:
@@ -80,7 +80,7 @@ def segmentation_accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
 
 
 def inside_means(
-    garment: np.ndarray, body: MovingBody, *, every: int = CONTACT_EVERY
+    garment: np.ndarray, body: BodyFrames, *, every: int = CONTACT_EVERY
 ) -> dict[str, float]:
     """`inside_measures` of every so many frames of a garment (F, N, 3), averaged over them."""
     measures = [
@@ -114,7 +114,7 @@ def sequence_measures(
     garment: np.ndarray,
     true: np.ndarray | None = None,
     *,
-    body: MovingBody | None = None,
+    body: BodyFrames | None = None,
     points: Sequence[np.ndarray] | None = None,
     faces: np.ndarray | None = None,
 ) -> dict[str, float]:

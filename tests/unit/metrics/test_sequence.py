@@ -6,7 +6,7 @@ import pytest
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.sequence import (
     CONTACT_EVERY,
-    MovingBody,
+    BodyFrames,
     acceleration_error_m_s2,
     canonical_measures,
     inside_means,
@@ -127,7 +127,7 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 
     outside, deep = body[:20] * 1.2, body[:20] * 0.75
     garment = np.stack([deep + [0, 0, k] if k < 5 else outside + [0, 0, k] for k in range(10)])
-    found = inside_means(garment, MovingBody(vertices, faces))
+    found = inside_means(garment, BodyFrames(vertices, faces))
     assert asked == [0, CONTACT_EVERY]
     assert found["inside_share"] == pytest.approx(0.5)
     assert found["inside_1cm_share"] == pytest.approx(0.5)
@@ -136,7 +136,7 @@ def test_inside_means_are_those_of_the_looked_at_frames():
 
 def test_sequence_measures_follow_what_is_known(motion):
     vertices, faces = ball(0.05)
-    body = MovingBody(lambda frame: vertices, faces)
+    body = BodyFrames(lambda frame: vertices, faces)
     assert set(sequence_measures(motion, motion)) == {"vertex_error_mm", "acceleration_error_m_s2"}
     assert set(sequence_measures(motion, points=motion)) == {"to_cloud_mm"}
     found = sequence_measures(motion + 0.01, motion, body=body, points=motion)

@@ -1,37 +1,41 @@
-"""Evaluation of trained Garment4D networks: metrics of all variants of a garment type."""
+"""SplitEvaluation of trained Garment4D networks: metrics of all variants of a garment type.
+
+F frames, P points of a cloud, N vertices of the template, B vertices of the body, L labels.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from drapeline.bodies.model import posed_vertices
+from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.body_relative_points import nearest_vertices
 from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
 from drapeline.metrics.reconstructions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
-from drapeline.models.garment4d.body_input import PosedBody
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.guessed_labels import GuessedLabels
-from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.data import BodySequences, ShapedBody
 from drapeline.models.garment4d.reconstruct import (
     Estimate,
     ReconstructedGarment,
+    body_frames,
     build_reconstruction,
     estimate,
     reconstruct,
     refine,
 )
 from drapeline.models.garment4d.settings import EvaluationSettings
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
 from drapeline.registration.settings import RefineSettings
@@ -42,9 +46,11 @@ from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
 _KEPT_BYTES = 1 << 30  # of the outputs of canonical networks for sequences
+ONE, BY_VERTEX = "one_label", "label_by_vertex"
+_COUNTED = slice(None, None, 10)  # neighbouring frames hardly differ
 
 
-class Evaluation:
+class SplitEvaluation:
     """Measures of all variants on one split, sequence by sequence.
 
     Args:
@@ -149,7 +155,7 @@ class Evaluation:
         sequence: int,
         made: ReconstructedGarment,
         poses: np.ndarray,
-        body: PosedBody,
+        body: ShapedBody,
         refining: RefineSettings,
         worn_statistics: WornGarmentStatistics | None,
     ) -> np.ndarray:
@@ -179,15 +185,8 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
 
-    def _measured_body(self, sequence: int) -> metrics.MovingBody:
-        data, body = self.data, self.sequences.body(sequence)
-        poses = data.poses[data.rows(sequence)]
-
-        @cache
-        def vertices(frame: int) -> np.ndarray:
-            return posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
-
-        return metrics.MovingBody(vertices, body.model.faces)
+    def _measured_body(self, sequence: int) -> metrics.BodyFrames:
+        return body_frames(self.sequences.body(sequence), self.data.poses[self.data.rows(sequence)])
 
     def measure_still(self, sequence: int) -> None:
         """M3 of a garment that never moves: what networks that smooth all motion away would get."""
@@ -263,7 +262,7 @@ class Evaluation:
                 made = self._reconstruct(posed["mgn"], sequence, noisy=True)
                 self._measure_errors("mgn_noisy_body", sequence, made.final)
 
-    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, PosedBody]:
+    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, ShapedBody]:
         """Poses (F, 72) and the body of a sequence as networks are given them."""
         data, settings = self.data, self.settings
         poses = data.poses[data.rows(sequence)]
@@ -272,7 +271,7 @@ class Evaluation:
         rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
         poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
         shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
-        return poses, self.sequences.bodies.of(int(data.gender[sequence]), shape)
+        return poses, self.sequences.bodies.of(GENDERS[data.gender[sequence]], shape)
 
     def _measure_errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
@@ -357,7 +356,7 @@ def evaluate(
     data, tables = sequences.data, []
     with atomic_folder(pictures) as scratch:
         for split in splits:
-            evaluation = Evaluation(sequences, split, settings)
+            evaluation = SplitEvaluation(sequences, split, settings)
             evaluation.measure_canonicals(canonical)
             others = {}
             if split == "test":
@@ -382,9 +381,47 @@ def evaluate(
                 if settings.noise_pose_rad or settings.noise_shape:
                     evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
                 if vertex_sampled is not None:
-                    released = Evaluation(vertex_sampled, split, settings)
+                    released = SplitEvaluation(vertex_sampled, split, settings)
                     for sequence in released.simulated.tolist():
                         released.measure_posed("vertex_sampled", posed["posed"], sequence)
                     tables.append(released.rows())
             tables.append(evaluation.rows())
     return join(tables)
+
+
+class GuessedLabels:
+    """Labels of points without a network, which a segmentation has to beat.
+
+    The guess `ONE` is the label that most training points have. `BY_VERTEX` is the one that most
+    of them have among those nearest to the same vertex of the body, which must be known.
+
+    Args:
+        sequences: whose training points count, in every tenth frame.
+    """
+
+    def __init__(self, sequences: BodySequences) -> None:
+        self._sequences = sequences
+        votes = sum(self._votes(sequence) for sequence in sequences.data.of_split("train"))
+        self._one = int(votes.sum(axis=0).argmax())
+        self._by_vertex = np.where(votes.any(axis=1), votes.argmax(axis=1), self._one)
+
+    def of(self, sequence: int) -> dict[str, np.ndarray]:
+        """Guess -> labels (F, P) of a sequence's points."""
+        nearest = self._nearest(sequence, slice(None))
+        return {ONE: np.full(nearest.shape, self._one), BY_VERTEX: self._by_vertex[nearest]}
+
+    def _votes(self, sequence: int) -> np.ndarray:
+        """(B, L) points of a sequence that are nearest to each vertex, by label."""
+        data, body = self._sequences.data, self._sequences.body(sequence).model
+        labels = data.labels[data.rows(sequence)][_COUNTED]
+        nearest = self._nearest(sequence, _COUNTED)
+        votes = np.zeros((len(body.v_template), len(LABELS)), dtype=np.int64)
+        np.add.at(votes, (nearest.ravel(), labels.ravel()), 1)
+        return votes
+
+    def _nearest(self, sequence: int, frames: slice) -> np.ndarray:
+        """(F, P) the body's vertices that are nearest to the points in some frames."""
+        data, body = self._sequences.data, self._sequences.body(sequence)
+        points, poses = (each[data.rows(sequence)][frames] for each in (data.points, data.poses))
+        posed = posed_vertices(body.model, body.shape, poses)[0]
+        return np.stack([nearest_vertices(*pair) for pair in zip(posed, points, strict=True)])

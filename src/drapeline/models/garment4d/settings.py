@@ -1,7 +1,7 @@
-"""Settings of Garment4D."""
+"""Settings of Garment4D, and what its ablations change in them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from drapeline.dataset.settings import CloudSettings, Protocol
@@ -16,6 +16,19 @@ _POINTS = 6890
 _Weight = Annotated[float, Field(ge=0, le=1_000_000)]
 _Garment = Annotated[str, OneOf(TEMPLATE_TYPES)]
 _Path = Annotated[str, Field(min_length=1)]
+# Variant -> group -> setting -> value, laid over the experiment's settings of the posed stage.
+POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "posed": {},
+    "no_body_encoder": {"network": {"body_encoder": False}},
+    "no_transformer": {"network": {"transformer": "none"}},
+    # Without what the default adds to the paper's posed stage, and with the released code's loss.
+    "as_printed": {
+        "network": {"pull_neighbours": 0, "smooth_passes": 0},
+        "loss": {"interpenetration": 100},
+    },
+    # Weights of the nearest body vertex, as in SMPL+D.
+    "nearest_weights": {"skinning": {"neighbours": 1, "passes": 0}},
+}
 
 
 class Garment4dTraining(Training):
@@ -481,3 +494,23 @@ class Garment4dSettings(Settings):
     )
     evaluation: EvaluationSettings = EvaluationSettings()
     reconstruct: Reconstruct = Reconstruct()
+
+
+def posed_variants(
+    settings: Mapping[str, Mapping[str, Any]],
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """Variant -> group -> setting -> value: the full model, and what differs from these settings.
+
+    Args:
+        settings: of the experiment's posed stage, by group; a setting that they lack differs.
+    """
+    return {
+        name: changes
+        for name, changes in POSED_VARIANTS.items()
+        if not changes
+        or any(
+            settings.get(group, {}).get(key) != value
+            for group, values in changes.items()
+            for key, value in values.items()
+        )
+    }

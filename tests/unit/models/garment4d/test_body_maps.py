@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d import body_maps
-from drapeline.models.garment4d.body_maps import MapRegression, body_map, map_cells
+from drapeline.models.garment4d import canonical
+from drapeline.models.garment4d.canonical import MapRegression, body_map, map_cells
 from drapeline.seeding import rng_for
 
 SEQUENCES = ["a", "a", "a", "b", "c", "c", "d", "e", "e", "f", "g", "h"]
@@ -87,7 +87,7 @@ def slowly(rows, coefficients, sequences, ridge):
 
 @pytest.mark.parametrize("ridge", [0.01, 1.0])
 def test_what_is_left_out_is_what_fits_without_it_say(given, monkeypatch, ridge):
-    monkeypatch.setattr(body_maps, "_RIDGES", np.array([ridge]))
+    monkeypatch.setattr(canonical, "_RIDGES", np.array([ridge]))
     regression, found, error = fitted(*given)
     rows, coefficients = seen(given[0]), given[1].astype(np.float64)
     whole = slowly(rows, coefficients, SEQUENCES, ridge)
@@ -107,9 +107,9 @@ def test_the_ridge_is_the_best_for_what_is_left_out_in_the_metric(given, monkeyp
     metric = np.diag([1.0, 4.0, 0.0])
     _, _, best = fitted(*given, metric=metric)
     each = []
-    for ridge in body_maps._RIDGES:
+    for ridge in canonical._RIDGES:
         with monkeypatch.context() as only:
-            only.setattr(body_maps, "_RIDGES", np.array([ridge]))
+            only.setattr(canonical, "_RIDGES", np.array([ridge]))
             _, found, error = fitted(*given, metric=metric)
         off = found - given[1]
         mean = np.average(((off @ metric) * off).sum(1), weights=shares(SEQUENCES))

@@ -9,12 +9,10 @@ from drapeline.models.garment4d.canonical import (
     CanonicalNetwork,
     CanonicalOutput,
     PointNetRegressor,
-    balance_labels,
-    canonical_loss,
     first_of,
     hashed_order,
 )
-from drapeline.models.garment4d.losses import CotangentLaplacian
+from drapeline.models.garment4d.losses import CotangentLaplacian, balance_labels, canonical_loss
 from drapeline.models.garment4d.settings import (
     Abstraction,
     CanonicalLayers,

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.models.garment4d.canonical import balance_labels
-from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
-from drapeline.models.garment4d.load import load_stage
+from drapeline.models.garment4d.losses import balance_labels
+from drapeline.models.garment4d.stages import CanonicalStage, PointNetStage, load_stage
 from drapeline.models.training.batches import as_tensors
 from toys.garment4d import CANONICAL, PLAIN
 from toys.garment4d_stages import batch_of, build_canonical, stage_windows, train_toys
@@ -29,7 +28,7 @@ def test_the_error_that_is_logged_is_that_of_canonical_garments(trained_canonica
 def test_searches_of_earlier_epochs_change_nothing(
     tmp_path, trained_canonical, sequences, monkeypatch
 ):
-    monkeypatch.setattr("drapeline.models.garment4d.canonical_stage._KEPT_BYTES", 0)
+    monkeypatch.setattr("drapeline.models.garment4d.stages._KEPT_BYTES", 0)
     searched = train_toys(tmp_path, "searched", build_canonical(sequences, PLAIN), sequences)
     for name in ("train_total", "val_total"):
         np.testing.assert_allclose(

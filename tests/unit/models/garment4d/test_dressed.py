@@ -6,8 +6,12 @@ import pytest
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
-from drapeline.models.garment4d.body_input import PosedBody
-from drapeline.models.garment4d.dressed import DressedSequences, propose_garment, skinning_weights
+from drapeline.models.garment4d.data import (
+    DressedSequences,
+    ShapedBody,
+    propose_garment,
+    skinning_weights,
+)
 from drapeline.models.garment4d.settings import SkinningSettings
 from toys.garment4d import skirt_faces
 
@@ -78,17 +82,17 @@ def test_motions_that_are_not_kept_are_computed_for_the_frames_asked_for(
     whole = [body.pose_surface(data.poses[r]) for body, r in zip(bodies, rows, strict=True)]
     frames = len(whole[0][0])
     size = sum(x.nbytes for x in whole[0]) + frames * 24 * 16 * 4  # transforms too
-    monkeypatch.setattr("drapeline.models.garment4d.dressed._KEPT_BYTES", int(rooms * size))
+    monkeypatch.setattr("drapeline.models.garment4d.data._KEPT_BYTES", int(rooms * size))
     dressed = DressedSequences(sequences, data.canonical, SKINNING)
     assert all(len(dressed.body(sequence).rest_surface) == 2 for sequence in (4, 5))
     asked = []
-    pose_surface = PosedBody.pose_surface
+    pose_surface = ShapedBody.pose_surface
 
     def counted(body, poses):
         asked.append(len(poses))
         return pose_surface(body, poses)
 
-    monkeypatch.setattr(PosedBody, "pose_surface", counted)
+    monkeypatch.setattr(ShapedBody, "pose_surface", counted)
     for sequence, expected in ((4, whole[0]), (5, whole[1]), (4, whole[0]), (5, whole[1])):
         batch = dressed.batch(np.array([[sequence, 2]]), 3)
         for key, values in zip(("body", "body_normals"), expected, strict=True):
@@ -109,7 +113,7 @@ def test_weights_are_interpolated_once(dressed, monkeypatch):
     canonical, faces = dressed.data.canonical[4], dressed.data.space.faces
     expected = skinning_weights(dressed.body(4), canonical, faces, SKINNING)
     np.testing.assert_array_equal(first, expected)
-    monkeypatch.setattr("drapeline.models.garment4d.dressed.skinning_weights", None)
+    monkeypatch.setattr("drapeline.models.garment4d.data.skinning_weights", None)
     assert dressed.weights(np.int64(4)) is first
 
 

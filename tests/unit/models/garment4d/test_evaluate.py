@@ -10,10 +10,10 @@ from drapeline.errors import InputError
 from drapeline.metrics.reconstructions import load_reconstruction
 from drapeline.metrics.table import find_value, read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.evaluate import Evaluation, evaluate
+from drapeline.models.garment4d.data import training_worn_statistics
+from drapeline.models.garment4d.evaluate import SplitEvaluation, evaluate
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
 from drapeline.models.garment4d.settings import EvaluationSettings
-from drapeline.models.garment4d.worn_statistics import training_worn_statistics
 from drapeline.registration.settings import RefineSettings
 from toys.garment4d import CANONICAL, fill_regression, open_toy_data, save_toy_data
 from toys.garment4d_stages import build_canonical
@@ -89,7 +89,7 @@ def test_garments_moved_by_skinning_are_never_measured(toy_body, tmp_path):
     data.split[(data.source == "blender") & (data.split == "val")] = "train"
     assert len(data.of_split("val"))
     with pytest.raises(InputError, match="no Skirt of the val split is simulated"):
-        Evaluation(sequences, "val", EvaluationSettings())
+        SplitEvaluation(sequences, "val", EvaluationSettings())
 
 
 def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, identity, tmp_path):
@@ -113,7 +113,7 @@ def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, ident
 def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
     relative = build_canonical(sequences, CANONICAL).eval()
     fill_regression(relative.network.regression)
-    evaluation = Evaluation(sequences, "test", EvaluationSettings())
+    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings())
     stages = {"canonical": relative, "pointnet": identity.canonical}
     evaluation.measure_canonicals(stages)
     evaluation.measure_noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
@@ -137,7 +137,7 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, ide
     other = copy.deepcopy(identity)
     with torch.no_grad():
         next(other.canonical.network.parameters()).mul_(2)
-    evaluation = Evaluation(sequences, "test", EvaluationSettings())
+    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings())
     count = len(evaluation.simulated)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
         for sequence in evaluation.simulated:

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from drapeline.bodies.model import posed_vertices
-from drapeline.models.garment4d.guessed_labels import BY_VERTEX, ONE, GuessedLabels
+from drapeline.models.garment4d.evaluate import BY_VERTEX, ONE, GuessedLabels
 from drapeline.seeding import rng_for
 
 COUNTED = 10  # every so many frames of the training sequences

@@ -4,9 +4,7 @@ import pytest
 import torch
 
 from drapeline.errors import DamagedFile, InputError
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
+from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PosedStage, load_stage
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from toys.garment4d_stages import batch_of

@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.models.garment4d.losses import CotangentLaplacian, UniformLaplacian
+from drapeline.models.garment4d.losses import CotangentLaplacian, UniformLaplacian, posed_loss
 from drapeline.models.garment4d.posed import (
     FrameAttention,
     GraphLayers,
     MgnNetwork,
     PosedNetwork,
     mean_of_neighbours,
-    posed_loss,
 )
 from drapeline.models.garment4d.settings import MgnSettings, PosedSettings, PosedWeights
 from drapeline.models.layers.pointnet import PointLevel

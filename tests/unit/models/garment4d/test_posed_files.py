@@ -3,9 +3,9 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
+from drapeline.models.garment4d.data import training_worn_statistics
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.worn_statistics import training_worn_statistics
+from drapeline.models.garment4d.stages import load_posed_files, save_posed_files
 from drapeline.storage import save_npz
 
 SKINNING = SkinningSettings(neighbours=16, passes=5)

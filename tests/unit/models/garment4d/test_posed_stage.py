@@ -5,10 +5,8 @@ import pytest
 import torch
 
 from drapeline.dataset.windows import window_starts
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.dressed import DressedSequences
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.data import DressedSequences
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage, load_stage
 from drapeline.models.layers.pointnet import PointLevel
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.byte_cache import ByteCache
@@ -21,7 +19,7 @@ from toys.histories import column
 
 def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, sequences):
     stage = load_stage(trained_posed, PosedStage)
-    batch = batch_of(stage, stage.dress(sequences, ("val",)), "val")
+    batch = batch_of(stage, stage.predict_worn(sequences, ("val",)), "val")
     assert set(sequences.data.source[batch["sequence"]]) == {"blender", "skinned"}
     with torch.no_grad():
         made = stage.predict(batch, stage.point_levels(batch))[-1]

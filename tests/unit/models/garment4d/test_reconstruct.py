@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from drapeline.dataset.scans import read_scans
 from drapeline.errors import InputError
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.models.garment4d.dressed import propose_garment
+from drapeline.models.garment4d.data import propose_garment
 from drapeline.models.garment4d.reconstruct import (
     estimate,
     reconstruct,

@@ -7,11 +7,18 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
-from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.reconstruct import reconstruct, refine
-from drapeline.models.garment4d.reconstruction_model import ReconstructionModel, check_labels
+from drapeline.models.garment4d.reconstruct import (
+    ReconstructionModel,
+    check_labels,
+    reconstruct,
+    refine,
+)
+from drapeline.models.garment4d.stages import (
+    PosedStage,
+    load_posed_files,
+    load_stage,
+    save_posed_files,
+)
 from drapeline.registration.settings import RefineSettings
 from toys.garment4d import GARMENT
 

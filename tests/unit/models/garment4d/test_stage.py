@@ -5,7 +5,7 @@ import torch
 
 from drapeline.errors import InputError
 from drapeline.models.garment4d.settings import CanonicalWeights, StageSettings
-from drapeline.models.garment4d.stage import Stage, distance_mm, sequence_names, window_keys
+from drapeline.models.garment4d.stages import Stage, distance_mm, sequence_names, window_keys
 from drapeline.settings import Settings
 
 

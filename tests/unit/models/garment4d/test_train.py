@@ -7,10 +7,14 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from drapeline.models.garment4d.stage import Stage
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    MgnStage,
+    PointNetStage,
+    PosedStage,
+    Stage,
+    load_stage,
+)
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data

@@ -1,7 +1,7 @@
 import pytest
 
-from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.variants import POSED_VARIANTS, posed_variants
+from drapeline.models.garment4d.settings import POSED_VARIANTS, posed_variants
+from drapeline.models.garment4d.stages import PosedStage
 from drapeline.models.training.settings import override_settings
 from toys.garment4d import POSED
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.learning_data.sequences import collect_sequences
-from drapeline.models.garment4d.windows import Windows
+from drapeline.models.garment4d.data import Windows
 from drapeline.models.training.batches import TrainingBatches
 from toys.garment4d import GARMENT, open_toy_data, skirt_faces, toy_sequences
 

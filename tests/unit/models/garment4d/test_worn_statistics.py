@@ -1,10 +1,10 @@
 import numpy as np
 
-from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.worn_statistics import (
+from drapeline.models.garment4d.data import (
     measure_worn_garments,
     training_worn_statistics,
 )
+from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.registration.springs import springs
 from toys.gcvae import tube, tube_faces
 
