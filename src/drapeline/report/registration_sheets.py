@@ -20,7 +20,7 @@ from drapeline.registration.to_body.round_trip import surface_distance
 from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at
-from drapeline.rendering.picture_grid import GridCell, heat_parts, save_contact_sheet, save_grid
+from drapeline.rendering.pictures import GridCell, heat_parts, save_contact_sheet, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 
 _INNER, _NEW = (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)

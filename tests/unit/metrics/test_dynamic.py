@@ -7,7 +7,7 @@ import pytest
 
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.bodies.skinning import skin_points
-from drapeline.metrics.dynamic import measure_motion, measured_in_motion
+from drapeline.metrics.registered import measure_motion, measured_in_motion
 from toys.moving import moving_garment
 
 

@@ -3,8 +3,8 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_pictures import (
-    FIRST_GARMENT,
+from drapeline.metrics.predictions import (
+    FIRST_GARMENT_PIXEL,
     FittedPicture,
     PersonShown,
     label_of,
@@ -56,5 +56,5 @@ def test_other_files_are_refused(tmp_path):
 
 def test_every_garment_has_a_label():
     assert [label_of(name) for name in GARMENTS] == [
-        FIRST_GARMENT + index for index in range(len(GARMENTS))
+        FIRST_GARMENT_PIXEL + index for index in range(len(GARMENTS))
     ]

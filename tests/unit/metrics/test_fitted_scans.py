@@ -3,12 +3,8 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_scans import (
-    CLASSES,
-    load_fitted_scans,
-    save_fitted_scans,
-    scan_class,
-)
+from drapeline.metrics.predictions import load_fitted_scans, save_fitted_scans
+from drapeline.metrics.properties import CLASSES, scan_class
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.metrics.measured_baselines import MEAN, STILL, mean_wrinkles, moving_baseline_summary
-from drapeline.metrics.table import find_value
+from drapeline.metrics.baselines import MEAN, STILL, mean_wrinkles, moving_baseline_summary
 from drapeline.outfits.garment_types import GARMENTS
+from toys.metric_rows import find_value
 from toys.moving import moving_garment
 
 WRINKLE_M = 0.01

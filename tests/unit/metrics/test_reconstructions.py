@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.metrics.reconstructions import (
+from drapeline.metrics.predictions import (
     Reconstruction,
     first_reconstructions,
     load_reconstruction,

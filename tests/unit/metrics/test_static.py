@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from drapeline.bodies.rest_body import rest_body
-from drapeline.metrics.measured_baselines import static_baseline_summary
-from drapeline.metrics.static import (
+from drapeline.metrics.baselines import static_baseline_summary
+from drapeline.metrics.registered import (
     Truth,
     add_kl,
     measure_predictions,
     measure_truth,
     measured_at_rest,
 )
-from drapeline.metrics.table import ALL, find_value
+from drapeline.metrics.table import ALL
 from drapeline.seeding import rng_for
 from toys.gcvae_files import torso_registration
+from toys.metric_rows import find_value
 
 ROWS = 12
 

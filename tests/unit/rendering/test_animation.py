@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drapeline.rendering.animation import save_animation
+from drapeline.rendering.pictures import save_animation
 
 SHADES = [0, 80, 160, 240]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drapeline.rendering.picture_grid import (
+from drapeline.rendering.pictures import (
     GridCell,
     heat_colour,
     heat_parts,

@@ -22,7 +22,7 @@ from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.garment4d.data import BodySequences, ShapedBody
 from drapeline.models.garment4d.reconstruct import (

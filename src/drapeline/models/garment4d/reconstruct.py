@@ -22,7 +22,7 @@ from drapeline.dataset.windows import window_starts
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.body_relative_points import body_relative_points
-from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.sequence import BodyFrames
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.data import ShapedBody, proposals, skinning_weights

@@ -28,7 +28,7 @@ from drapeline.geometry.mesh import (
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.garment4d.data import ShapedBody
 from drapeline.models.garment4d.reconstruct import (

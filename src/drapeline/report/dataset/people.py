@@ -11,8 +11,8 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import Camera, facing_direction, frame_points, look_at
+from drapeline.rendering.pictures import save_animation
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import fabric_gloss
 from drapeline.rule_log import progress

@@ -10,7 +10,7 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_scans import (
+from drapeline.metrics.predictions import (
     BODY,
     TRUE,
     Fits,
@@ -18,7 +18,7 @@ from drapeline.metrics.fitted_scans import (
 )
 from drapeline.metrics.registry import variants
 from drapeline.rendering.camera import facing_direction
-from drapeline.rendering.picture_grid import GridCell, save_contact_sheet, save_grid, text_card
+from drapeline.rendering.pictures import GridCell, save_contact_sheet, save_grid, text_card
 from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.report.colours import garment_colour
 from drapeline.report.models.garment4d.figures import spread_frames

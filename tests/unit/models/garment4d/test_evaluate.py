@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.metrics.reconstructions import load_reconstruction
-from drapeline.metrics.table import find_value, read_metrics, write_metrics
+from drapeline.metrics.predictions import load_reconstruction
+from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
 from drapeline.models.garment4d.data import training_worn_statistics
 from drapeline.models.garment4d.evaluate import SplitEvaluation, evaluate
@@ -17,6 +17,7 @@ from drapeline.models.garment4d.settings import EvaluationSettings
 from drapeline.registration.settings import RefineSettings
 from toys.garment4d import CANONICAL, fill_regression, open_toy_data, save_toy_data
 from toys.garment4d_stages import build_canonical
+from toys.metric_rows import find_value
 
 
 @pytest.fixture
