@@ -329,6 +329,14 @@ def moving_baseline_summary(
             measured["moving"] += measured_in_motion(moving, inside)
         for name, every in measured.items():
             model = "truth" if name == "moving" else "baseline"
-            how = {"model": model, "variant": name, "split": split, "seed": seed}
-            found.append(summarise(every, **how, stream=(name, split)))
+            found.append(
+                summarise(
+                    every,
+                    model=model,
+                    variant=name,
+                    split=split,
+                    seed=seed,
+                    stream=(name, split),
+                )
+            )
     return join(found)

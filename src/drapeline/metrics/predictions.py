@@ -1,4 +1,4 @@
-"""What figures show of models: garments beside their truth, and files of whole fits.
+"""Garments that models leave for figures, beside their truth, and files of whole fits.
 
 Fits to scans are scan's name -> variant -> garment type -> posed triangles. The labels of a fitted
 picture's pixels are 0 background, 1 body, 2 unknown, 3 + index into `GARMENTS`.

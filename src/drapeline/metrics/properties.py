@@ -1,4 +1,4 @@
-"""What a tailor would say about a garment at rest, measured on its mesh: lengths, neckline, width.
+"""A tailor's measures of a garment at rest, taken on its mesh: lengths, neckline, width.
 
 They are shares of the wearer's limbs, so that the same cut has the same numbers on every body.
 """
@@ -122,7 +122,7 @@ def _leg(vertices: np.ndarray, places: Mapping[str, np.ndarray]) -> float:
 
 
 def _reach(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
-    """How far points go along a limb from its start (0) to its end (1); never below 0."""
+    """Shares that points go along a limb from its start (0) to its end (1); never below 0."""
     way = end - start
     return float(((points - start) @ way / (way @ way)).max(initial=0.0))
 

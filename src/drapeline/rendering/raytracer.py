@@ -85,7 +85,7 @@ class _Surfaces:
 
 @wp.struct
 class _Spot:
-    """Where a ray through the picture ends."""
+    """End of a ray through the picture."""
 
     kind: int
     face: int
@@ -97,7 +97,7 @@ class _Spot:
 
 @wp.struct
 class _Pixels:
-    """What the middle of each pixel shows."""
+    """Spots that the middles of pixels show."""
 
     kind: wp.array(dtype=int)
     face: wp.array(dtype=int)
@@ -146,7 +146,7 @@ def _ray(view: _View, x: float, y: float) -> wp.vec3:
 
 @wp.func
 def _look(surfaces: _Surfaces, view: _View, x: float, y: float) -> _Spot:
-    """What lies at image coordinates."""
+    """The spot at image coordinates."""
     ray = _ray(view, x, y)
     spot = _Spot()
     if x > view.first_x and x < view.last_x and y > view.first_y and y < view.last_y:
@@ -236,7 +236,7 @@ def _gather(surfaces: _Surfaces, view: _View, spot: _Spot, u: float, v: float) -
 
 @wp.func
 def _floor_share(view: _View, place: wp.vec3, x: float, y: float) -> float:
-    """What is left of shadows on the floor: nothing far away and at the picture's borders."""
+    """Share that is left of shadows on the floor: none far away and at the picture's borders."""
     away = wp.length(wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0))
     border = wp.min(wp.min(x, float(view.width) - x), wp.min(y, float(view.height) - y)) / float(
         wp.min(view.width, view.height)

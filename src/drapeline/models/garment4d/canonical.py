@@ -309,7 +309,7 @@ class CanonicalNetwork(_ShapeNetwork):
         return self.encoder.widths
 
     def choose(self, labels: torch.Tensor) -> torch.Tensor:
-        """Which points with these labels (...) alpha is estimated from, (...) bool."""
+        """Mask (...) of the points with these labels (...) that alpha is estimated from."""
         return labels == self.label
 
     def forward(

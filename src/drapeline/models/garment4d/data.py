@@ -1,4 +1,4 @@
-"""What the networks are given: windows of clouds, the bodies in them and the garments they wear.
+"""Inputs of the networks: windows of clouds, the bodies in them and the garments they wear.
 
 All coordinates are metres relative to the root joint, Z up. S sequences, F frames, P points of a
 cloud, N vertices of the template, K of its springs, M body vertices that networks are given, T

@@ -26,6 +26,7 @@ from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
 from drapeline.models.garment4d.data import BodySequences, ShapedBody
 from drapeline.models.garment4d.reconstruct import (
+    DEFAULT_REFINING,
     Estimate,
     ReconstructedGarment,
     body_frames,
@@ -34,7 +35,7 @@ from drapeline.models.garment4d.reconstruct import (
     reconstruct,
     refine,
 )
-from drapeline.models.garment4d.settings import EvaluationSettings
+from drapeline.models.garment4d.settings import EvaluationSettings, SkinningSettings
 from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
@@ -57,15 +58,25 @@ class SplitEvaluation:
         sequences: of one type.
         split: "train", "val" or "test".
         settings: see there.
+        refining: of our last step.
+        worn_statistics: of the training sequences, see `training_worn_statistics`.
 
     Raises:
         InputError: no sequence of the split is simulated. Garments moved by skinning are never
             measured: they have no folds of their own.
     """
 
-    def __init__(self, sequences: BodySequences, split: str, settings: EvaluationSettings) -> None:
+    def __init__(
+        self,
+        sequences: BodySequences,
+        split: str,
+        settings: EvaluationSettings,
+        refining: RefineSettings = DEFAULT_REFINING,
+        worn_statistics: WornGarmentStatistics | None = None,
+    ) -> None:
         self.sequences, self.data = sequences, sequences.data
         self.split, self.settings = split, settings
+        self.refining, self.worn_statistics = refining, worn_statistics
         self._measured: dict[str, list[Measured]] = {}
         self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
         self._moving_body = lru_cache(1)(self._measured_body)  # all variants of one after another
@@ -78,12 +89,12 @@ class SplitEvaluation:
 
     def rows(self) -> Table:
         """Rows of the table of metrics."""
-        how = {"model": MODEL, "split": self.split, "seed": self.settings.seed}
-        parts = (
-            summarise(measured, variant=variant, **how)
+        seed = self.settings.seed
+        tables = (
+            summarise(measured, model=MODEL, variant=variant, split=self.split, seed=seed)
             for variant, measured in self._measured.items()
         )
-        return without_all(join(parts))
+        return without_all(join(tables))
 
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
         """Record measures of a variant on a sequence."""
@@ -135,32 +146,28 @@ class SplitEvaluation:
         self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
         return made
 
-    def measure_ours(
-        self,
-        sequence: int,
-        made: ReconstructedGarment,
-        refining: RefineSettings,
-        worn_statistics: WornGarmentStatistics | None,
-    ) -> np.ndarray:
+    def measure_ours(self, sequence: int, made: ReconstructedGarment) -> np.ndarray:
         """Measure our variant and return it, (F, N, 3)."""
-        data, started = self.data, time.perf_counter()
-        poses, body = data.poses[data.rows(sequence)], self.sequences.body(sequence)
-        refined = self._refine(sequence, made, poses, body, refining, worn_statistics)
+        started = time.perf_counter()
+        refined = self._refine(sequence, made)
         seconds = made.seconds + time.perf_counter() - started
         self.measure_garment("ours", sequence, refined, seconds=seconds)
         return refined
 
     def _refine(
-        self,
-        sequence: int,
-        made: ReconstructedGarment,
-        poses: np.ndarray,
-        body: ShapedBody,
-        refining: RefineSettings,
-        worn_statistics: WornGarmentStatistics | None,
+        self, sequence: int, made: ReconstructedGarment, *, noisy: bool = False
     ) -> np.ndarray:
-        points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
-        return refine(made, points, poses, body, self.data.label, faces, refining, worn_statistics)
+        """(F, N, 3) of our last step."""
+        data = self.data
+        return refine(
+            made,
+            data.points[data.rows(sequence)],
+            *self._body(sequence, noisy=noisy),
+            data.label,
+            data.space.faces,
+            self.refining,
+            self.worn_statistics,
+        )
 
     def measure_garment(
         self,
@@ -235,11 +242,7 @@ class SplitEvaluation:
                 self._measure_errors(variant, sequence, made.final, made.seconds)
 
     def measure_noisy_bodies(
-        self,
-        canonical: Mapping[str, CanonicalStage],
-        posed: Mapping[str, PosedStage],
-        refining: RefineSettings,
-        worn_statistics: WornGarmentStatistics | None,
+        self, canonical: Mapping[str, CanonicalStage], posed: Mapping[str, PosedStage]
     ) -> None:
         """Errors with a body that is not exactly known, in variants that end in "noisy_body".
 
@@ -252,17 +255,16 @@ class SplitEvaluation:
                 if stage.body_relative_points:
                     estimated = self._estimate(stage, sequence, noisy=True)
                     self._measure_canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
-            poses, body = self._body(sequence, noisy=True)
             made = self._reconstruct(posed["posed"], sequence, noisy=True)
-            ours = self._refine(sequence, made, poses, body, refining, worn_statistics)
             self._measure_errors("noisy_body", sequence, made.final)
             self._measure_errors("lbs_noisy_body", sequence, made.proposal)
+            ours = self._refine(sequence, made, noisy=True)
             self._measure_errors("ours_noisy_body", sequence, ours)
             if "mgn" in posed:
                 made = self._reconstruct(posed["mgn"], sequence, noisy=True)
                 self._measure_errors("mgn_noisy_body", sequence, made.final)
 
-    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, ShapedBody]:
+    def _body(self, sequence: int, *, noisy: bool = False) -> tuple[np.ndarray, ShapedBody]:
         """Poses (F, 72) and the body of a sequence as networks are given them."""
         data, settings = self.data, self.settings
         poses = data.poses[data.rows(sequence)]
@@ -306,23 +308,31 @@ class SplitEvaluation:
         return made
 
     def _reconstruct(
-        self, stage: PosedStage, sequence: int, *, noisy: bool = False, **changed: object
+        self,
+        stage: PosedStage,
+        sequence: int,
+        *,
+        noisy: bool = False,
+        points: np.ndarray | None = None,
+        labels: np.ndarray | None = None,
+        skinning: SkinningSettings | None = None,
     ) -> ReconstructedGarment:
-        rows = self.data.rows(sequence)
-        poses, body = self._body(sequence, noisy=noisy)
-        stride = self.settings.stride or None
-        if not {"points", "labels"} & set(changed):
+        """See `reconstruct`; what is None is as in the data, or as in training."""
+        stride, estimated = self.settings.stride or None, None
+        if points is None and labels is None:
             frames = stage.settings.training.frames
-            changed["estimated"] = self._estimate(
+            estimated = self._estimate(
                 stage.canonical, sequence, noisy=noisy, frames=frames, stride=stride
             )
-        given = {
-            "points": self.data.points[rows],
-            "poses": poses,
-            "body": body,
-            "stride": stride,
-        }
-        return reconstruct(stage, **{**given, **changed})
+        return reconstruct(
+            stage,
+            self.data.points[self.data.rows(sequence)] if points is None else points,
+            *self._body(sequence, noisy=noisy),
+            stride=stride,
+            skinning=skinning,
+            labels=labels,
+            estimated=estimated,
+        )
 
 
 def evaluate(
@@ -356,7 +366,7 @@ def evaluate(
     data, tables = sequences.data, []
     with atomic_folder(pictures) as scratch:
         for split in splits:
-            evaluation = SplitEvaluation(sequences, split, settings)
+            evaluation = SplitEvaluation(sequences, split, settings, refining, worn_statistics)
             evaluation.measure_canonicals(canonical)
             others = {}
             if split == "test":
@@ -368,7 +378,7 @@ def evaluate(
                 made = evaluation.measure_posed("posed", posed["posed"], sequence)
                 evaluation.measure_garment("lbs", sequence, made.proposal)
                 evaluation.measure_still(sequence)
-                ours = evaluation.measure_ours(sequence, made, refining, worn_statistics)
+                ours = evaluation.measure_ours(sequence, made)
                 evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
                 if split == "test":
                     shown = evaluation.reconstruction(sequence, made)
@@ -379,7 +389,7 @@ def evaluate(
             if split == "test":
                 evaluation.measure_sweeps(posed["posed"])
                 if settings.noise_pose_rad or settings.noise_shape:
-                    evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
+                    evaluation.measure_noisy_bodies(canonical, posed)
                 if vertex_sampled is not None:
                     released = SplitEvaluation(vertex_sampled, split, settings)
                     for sequence in released.simulated.tolist():

@@ -353,7 +353,7 @@ def build_reconstruction(
     )
 
 
-class MovingGarment(NamedTuple):
+class ReconstructedMotion(NamedTuple):
     """A garment that was reconstructed from point clouds.
 
     Attributes:
@@ -428,7 +428,7 @@ class ReconstructionModel:
         refining: RefineSettings | None = DEFAULT_REFINING,
         least_share: float = LEAST_SHARE,
         seed: int = 0,
-    ) -> MovingGarment:
+    ) -> ReconstructedMotion:
         """The garment that a person of known body wears in point clouds.
 
         Args:
@@ -463,7 +463,7 @@ class ReconstructionModel:
             scans, refining, name="points", seed=seed, least_share=least_share
         )
         root = scans.body.trans.astype(np.float32)[:, None]
-        return MovingGarment(
+        return ReconstructedMotion(
             self.garment,
             steps.final + root,
             self.stage.space.faces,

@@ -60,7 +60,7 @@ _SHOWN = 48  # frames of the sequence that pictures are made of, at most
 
 @dataclass(frozen=True)
 class FitTemplate:
-    """How the components of a template are fitted to points.
+    """Settings of the fit of a template's components to points.
 
     Attributes:
         steps: of least squares, after each of which points find new places on the garment.

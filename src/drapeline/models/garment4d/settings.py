@@ -13,7 +13,6 @@ from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, Ski
 
 # Points per cloud in the released code.
 _POINTS = 6890
-_Weight = Annotated[float, Field(ge=0, le=1_000_000)]
 _Garment = Annotated[str, OneOf(TEMPLATE_TYPES)]
 _Path = Annotated[str, Field(min_length=1)]
 # Variant -> group -> setting -> value, laid over the experiment's settings of the posed stage.
@@ -32,7 +31,7 @@ POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
 
 
 class Garment4dTraining(Training):
-    """How long, how fast and on what windows a network of a stage is trained."""
+    """Length, speed and windows of the training of a stage's network."""
 
     epochs: int = Field(
         5,
@@ -380,7 +379,7 @@ class MgnStageSettings(StageSettings):
 
 
 class EvaluationSettings(Settings):
-    """What is evaluated besides the plain reconstruction.
+    """Evaluations besides that of the plain reconstruction.
 
     Noisy bodies are left out where there is no noise at all; the noise on poses is the same in all
     frames of a sequence.
@@ -430,7 +429,7 @@ class Skinned(SkinnedSettings):
 
 
 class Reconstruct(Settings):
-    """What `snakemake reconstruct` reads."""
+    """Inputs of `snakemake reconstruct`."""
 
     points: str | None = Field(
         None, description="Your scans, a folder with one .ply per frame, or one .npz."

@@ -109,7 +109,7 @@ class Stage(TrainableModule):
         """Named terms with their `total`, and `ERROR`, a scalar."""
 
     def dependencies(self) -> dict[str, Any]:
-        """What the result depends on besides settings and data, as JSON values."""
+        """JSON values that the result depends on besides settings and data."""
         return {}
 
     def training_sequences(self, sequences: BodySequences) -> BodySequences:
@@ -543,7 +543,7 @@ def _build(metadata: Mapping[str, Any]) -> Stage:
 
 
 class PosedFiles(NamedTuple):
-    """What reconstruction needs besides the networks.
+    """Bodies, sizes and statistics that reconstruction needs besides the networks.
 
     Attributes:
         bodies: of both genders.

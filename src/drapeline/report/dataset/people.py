@@ -89,7 +89,7 @@ def render_people(
 
 
 def best_loop(moving: Sequence[np.ndarray]) -> tuple[int, list[int]]:
-    """Where motions can be cut to begin again with the least jump, all after as many frames.
+    """Find where motions can be cut to begin again with the least jump, all after as many frames.
 
     Args:
         moving: (N, V, 3) vertices of each; N may differ.

@@ -102,6 +102,15 @@ def share_scale(scenes: Sequence[Scene]) -> list[Scene]:
     ]
 
 
+def worn_parts(wearer: Mesh, garments: Mapping[str, Mesh]) -> list[ColouredMesh]:
+    """A body in garments (type -> mesh) of their types' colours; empty meshes are left out."""
+    return [ColouredMesh(wearer.vertices, wearer.faces, BODY_COLOUR)] + [
+        ColouredMesh(mesh.vertices, mesh.faces, garment_colour(garment))
+        for garment, mesh in garments.items()
+        if len(mesh.faces)
+    ]
+
+
 def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:
     """Draw a cloud (P, 3) as balls in the colours of its labels (P,), paler in the distance."""
     colours = [BODY_COLOUR if name not in GARMENTS else garment_colour(name) for name in LABELS]

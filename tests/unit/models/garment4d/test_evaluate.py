@@ -114,10 +114,10 @@ def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, ident
 def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
     relative = build_canonical(sequences, CANONICAL).eval()
     fill_regression(relative.network.regression)
-    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings())
+    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings(), RefineSettings(rounds=1))
     stages = {"canonical": relative, "pointnet": identity.canonical}
     evaluation.measure_canonicals(stages)
-    evaluation.measure_noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
+    evaluation.measure_noisy_bodies(stages, {"posed": identity})
     rows = evaluation.rows()
     assert not [row for row in rows.itertuples() if row.variant == "pointnet_noisy_body"]
     plain, noisy = (
@@ -138,13 +138,13 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, ide
     other = copy.deepcopy(identity)
     with torch.no_grad():
         next(other.canonical.network.parameters()).mul_(2)
-    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings())
+    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings(), RefineSettings(rounds=1))
     count = len(evaluation.simulated)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
         for sequence in evaluation.simulated:
             evaluation.measure_posed("posed", stage, sequence)
         assert len(asked) == expected * count
-    evaluation.measure_noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
+    evaluation.measure_noisy_bodies({}, {"posed": identity})
     assert len(asked) == 3 * count
 
 

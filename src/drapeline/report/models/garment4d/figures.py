@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator, PercentFormatter
 from PIL import Image, ImageDraw
 
-from drapeline.dataset.scene_part import BODY_COLOUR
-from drapeline.geometry.mesh import edges
+from drapeline.geometry.mesh import Mesh, edges
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.registry import metric, variant
@@ -28,7 +27,7 @@ from drapeline.rendering.pictures import (
 )
 from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.report.colours import BLUE, GARMENT_COLOURS, GREEN, INK, QUIET, SKY, garment_colour
-from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale
+from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale, worn_parts
 from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 from drapeline.rule_log import progress
 from drapeline.schema import Table
@@ -90,7 +89,7 @@ def plot_results(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequenc
         rows += [
             [GridCell(s.picture(cloud_parts(case.points[f], case.labels[f], s))) for s, f in pairs],
             [
-                GridCell(s.picture(_dress(case, f, case.final[f])), f"frame {case.number[f]}")
+                GridCell(s.picture(_worn(case, f, case.final[f])), f"frame {case.number[f]}")
                 for s, f in pairs
             ],
         ]
@@ -115,7 +114,7 @@ def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: float = 1
     for frame in progress(range(len(case.final)), label="animation"):
         scene = replace(first, floor_z=-float(case.root_height[frame]))
         parts = [cloud_parts(case.points[frame], case.labels[frame], scene)]
-        parts += [_dress(case, frame, garment[frame]) for garment in steps]
+        parts += [_worn(case, frame, garment[frame]) for garment in steps]
         shown = [scene.picture(each, _MOVING_SIZE, samples=8) for each in parts]
         pictures.append(join_pictures(shown, columns[: len(shown)]))
     save_animation(path, pictures, frame_ms)
@@ -132,35 +131,35 @@ def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list
     cells = [
         GridCell(scene.picture(cloud_parts(case.points[frame], case.labels[frame], scene))),
         _canonical_cell(case, row),
-        GridCell(scene.picture(_dress(case, frame, case.proposal[frame]))),
-        GridCell(scene.picture(_dress(case, frame, case.final[frame]))),
+        GridCell(scene.picture(_worn(case, frame, case.proposal[frame]))),
+        GridCell(scene.picture(_worn(case, frame, case.final[frame]))),
     ]
     if not len(case.true):
         return cells
-    cells.append(GridCell(scene.picture(_dress(case, frame, case.true[frame]))))
-    wearer = ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR)
+    cells.append(GridCell(scene.picture(_worn(case, frame, case.true[frame]))))
+    wearer = worn_parts(Mesh(case.body[frame], case.body_faces), {})
     for vertices in (case.proposal[frame], case.final[frame]):
         error = vertex_errors_mm(vertices, case.true[frame])
         heat = heat_parts(vertices, case.faces, error[case.faces].mean(axis=1), HEAT_SPAN_MM)
-        cells.append(GridCell(scene.picture([wearer, *heat]), f"{error.mean():.1f} mm"))
+        cells.append(GridCell(scene.picture([*wearer, *heat]), f"{error.mean():.1f} mm"))
     return cells
 
 
 def _canonical_cell(case: Reconstruction, row: int) -> GridCell | None:
     if row > 2 or (row > 0 and not len(case.true_canonical)):
         return None
+    wearer = Mesh(case.rest_body, case.body_faces)
     standing = Scene(floor_z=float(case.rest_body[:, 2].min()))
     scene = fit_scene(standing, [case.rest_body, case.canonical])
     if row == 1:
         error = vertex_errors_mm(case.canonical, case.true_canonical)
-        wearer = ColouredMesh(case.rest_body, case.body_faces, BODY_COLOUR)
         of_faces = error[case.faces].mean(axis=1)
         heat = heat_parts(case.canonical, case.faces, of_faces, HEAT_SPAN_MM)
-        return GridCell(scene.picture([wearer, *heat]), f"its error: {error.mean():.1f} mm")
+        picture = scene.picture([*worn_parts(wearer, {}), *heat])
+        return GridCell(picture, f"its error: {error.mean():.1f} mm")
     shown = case.true_canonical if row == 2 else case.canonical
-    wearer = ColouredMesh(case.rest_body, case.body_faces, BODY_COLOUR)
-    garment = ColouredMesh(shown, case.faces, garment_colour(case.garment))
-    return GridCell(scene.picture([wearer, garment]), "registered" if row == 2 else "")
+    parts = worn_parts(wearer, {case.garment: Mesh(shown, case.faces)})
+    return GridCell(scene.picture(parts), "registered" if row == 2 else "")
 
 
 def _scenes(case: Reconstruction, frames: Sequence[int]) -> list[Scene]:
@@ -173,12 +172,10 @@ def _scenes(case: Reconstruction, frames: Sequence[int]) -> list[Scene]:
     return share_scale(scenes)
 
 
-def _dress(case: Reconstruction, frame: int, garment: np.ndarray) -> list[ColouredMesh]:
-    """Put a posed garment (N, 3) on its wearer."""
-    return [
-        ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR),
-        ColouredMesh(garment, case.faces, garment_colour(case.garment)),
-    ]
+def _worn(case: Reconstruction, frame: int, garment: np.ndarray) -> list[ColouredMesh]:
+    """A posed garment (N, 3) on its wearer."""
+    wearer = Mesh(case.body[frame], case.body_faces)
+    return worn_parts(wearer, {case.garment: Mesh(garment, case.faces)})
 
 
 class SkinnedTwice(NamedTuple):
@@ -249,10 +246,8 @@ def _neighbour_cells(case: SkinnedTwice) -> list[GridCell]:
     near = replace(far, target=tuple(lifted.tolist()), height_m=_CLOSE_M)
     cells = []
     for vertices in (case.nearest, case.interpolated):
-        parts = [
-            ColouredMesh(case.body, case.body_faces, BODY_COLOUR),
-            ColouredMesh(vertices, case.faces, garment_colour(case.garment)),
-        ]
+        wearer = Mesh(case.body, case.body_faces)
+        parts = worn_parts(wearer, {case.garment: Mesh(vertices, case.faces)})
         cells.append(GridCell(_draw_ring(far.picture(parts), far, lifted)))
         cells.append(GridCell(near.picture(parts)))
     return cells

@@ -31,7 +31,7 @@ from drapeline.rendering.pictures import (
     save_grid,
     text_card,
 )
-from drapeline.rendering.raytracer import ColouredMesh, raytrace
+from drapeline.rendering.raytracer import raytrace
 from drapeline.report.colours import garment_colour
 from drapeline.report.models.scene import (
     Scene,
@@ -41,6 +41,7 @@ from drapeline.report.models.scene import (
     share_scale,
     view_picture,
     wearer_view,
+    worn_parts,
 )
 from drapeline.rule_log import progress
 
@@ -249,7 +250,8 @@ def _draw(image: np.ndarray, person: PersonShown, garments: Mapping[str, Mesh]) 
     """A dressed person over an image (H, W, 3) uint8."""
     camera = _camera(person, image.shape[1::-1])
     parts = [
-        replace(part, vertices=_upright(part.vertices, camera)) for part in _parts(person, garments)
+        replace(part, vertices=_upright(part.vertices, camera))
+        for part in worn_parts(person.body, garments)
     ]
     level = Camera(camera.intrinsics, _LEVEL, camera.width, camera.height)
     rendered = raytrace(parts, level, samples=12)
@@ -261,15 +263,6 @@ def _upright(points: np.ndarray, camera: Camera) -> np.ndarray:
     """(P, 3) points as the camera sees them: x to the right, y away, z up."""
     seen = points @ camera.axes.T + camera.world_to_camera[:3, 3]
     return np.stack([seen[:, 0], seen[:, 2], _FLOATING_M - seen[:, 1]], axis=1)
-
-
-def _parts(person: PersonShown, garments: Mapping[str, Mesh]) -> list[ColouredMesh]:
-    parts = [ColouredMesh(person.body.vertices, person.body.faces, BODY_COLOUR)]
-    return parts + [
-        ColouredMesh(mesh.vertices, mesh.faces, garment_colour(name))
-        for name, mesh in garments.items()
-        if len(mesh.faces)
-    ]
 
 
 def _side(picture: FittedPicture, kind: str, size_px: int) -> np.ndarray:
@@ -289,7 +282,7 @@ def _side_of_person(person: PersonShown, garments: Mapping[str, Mesh], size_px: 
     camera = _camera(person, (size_px, size_px))
     parts = [
         replace(part, vertices=_upright(part.vertices, camera) @ _TURN.T)
-        for part in _parts(person, garments)
+        for part in worn_parts(person.body, garments)
     ]
     low = np.min([part.vertices.min(axis=0) for part in parts], axis=0)
     high = np.max([part.vertices.max(axis=0) for part in parts], axis=0)
