@@ -9,6 +9,7 @@ import numpy as np
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.metrics.garment import (
+    CONTACT_STEP,
     garment_measures,
     garment_mesh,
     inside_measures,
@@ -20,7 +21,6 @@ from drapeline.registration.to_body.topology import Topology
 
 # Offsets (V, 3) in metres, and mask (V,) or None from a model that predicts none.
 Prediction = tuple[np.ndarray, np.ndarray | None]
-CONTACT_STEP = 5  # of the frames in which contact with the body is measured
 
 
 @dataclass(frozen=True)

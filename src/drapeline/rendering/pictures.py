@@ -64,8 +64,6 @@ def save_grid(
     columns: Sequence[str] = (),
     labels: Sequence[str] = (),
     heat_mm: float | None = None,
-    letter: int = 15,
-    gap: int = 6,
 ) -> None:
     """Write a PNG of pictures in rows: titles above, labels to the left, captions at the bottom.
 
@@ -75,9 +73,8 @@ def save_grid(
         columns: titles, which may have several lines.
         labels: of the rows, which may have several lines.
         heat_mm: span of the colour bar of `heat_parts` at the bottom; None for no bar.
-        letter: height of the letters, in pixels.
-        gap: between pictures, in pixels.
     """
+    letter, gap = 15, 6
     font, small = ImageFont.load_default(letter), ImageFont.load_default(letter - 1)
     height, width = next(c.picture for row in rows for c in row if c is not None).shape[:2]
     words = [line for label in labels for line in label.splitlines()]
@@ -114,7 +111,6 @@ def save_contact_sheet(
     pictures: Sequence[tuple[np.ndarray, str]],
     columns: int,
     *,
-    gap: int = 8,
     letter: int = 14,
 ) -> None:
     """Write a PNG of pictures that fill rows one after the other, each above its caption.
@@ -125,9 +121,9 @@ def save_contact_sheet(
         path: the PNG.
         pictures: (H, W, 3) uint8, of any sizes, and their captions.
         columns: pictures in a row.
-        gap: between pictures, in pixels.
         letter: height of the captions, in pixels.
     """
+    gap = 8
     width = max(p.shape[1] for p, _ in pictures)
     height = max(p.shape[0] for p, _ in pictures)
     rows = -(-len(pictures) // columns)

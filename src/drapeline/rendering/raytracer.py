@@ -444,7 +444,6 @@ def raytrace(
     floor_centre: Sequence[float] = (0.0, 0.0),
     floor_reach_m: float = FLOOR_REACH_M,
     samples: int = 16,
-    backdrop: float = BACKDROP,
 ) -> np.ndarray:
     """Render meshes that stand on the floor z = 0; equal inputs give equal pictures.
 
@@ -457,7 +456,6 @@ def raytrace(
         samples: at edges, per pixel, before `ray_share`; an eighth as many for the light, which
             neighbouring pixels share. A block of pixels is one colour where its pixels have less
             than a sample each.
-        backdrop: sRGB grey of background and unshaded floor.
 
     Returns:
         (height, width, 3) uint8 sRGB.
@@ -487,7 +485,7 @@ def raytrace(
     pixels.place, pixels.normal = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2))
     light, blended = (wp.zeros(count, dtype=wp.vec4, device=_DEVICE) for _ in range(2))
     image = wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
-    wall = wp.vec3(*[float(_to_linear(np.array(backdrop)))] * 3)
+    wall = wp.vec3(*[float(_to_linear(np.array(BACKDROP)))] * 3)
     for kernel, inputs in (
         (_expose, [surfaces, view, pixels, light]),
         (_blend, [view, pixels, 1, light, blended]),

@@ -76,7 +76,7 @@ def test_sheet_holds_pictures_titles_labels_captions_and_the_bar(tmp_path):
 
 def test_contact_sheet_has_a_place_for_every_picture(tmp_path):
     red, green = (np.full((20, 10, 3), colour, np.uint8) for colour in ((255, 0, 0), (0, 255, 0)))
-    save_contact_sheet(tmp_path / "sheet.png", [(red, "1"), (green, "2"), (red, "3")], 2, gap=4)
+    save_contact_sheet(tmp_path / "sheet.png", [(red, "1"), (green, "2"), (red, "3")], 2)
     with Image.open(tmp_path / "sheet.png") as image:
         sheet = np.asarray(image)
     assert (sheet == [255, 0, 0]).all(-1).sum() == 2 * 200
@@ -86,13 +86,13 @@ def test_contact_sheet_has_a_place_for_every_picture(tmp_path):
 def test_long_captions_keep_off_their_neighbours_and_off_the_row_below(tmp_path):
     white = np.full((30, 120, 3), 255, np.uint8)
     cells = [(white, "L00182: getup_facedown at 0.95, mirrored"), (white, "short")] * 2
-    save_contact_sheet(tmp_path / "sheet.png", cells, 2, gap=10, letter=11)
+    save_contact_sheet(tmp_path / "sheet.png", cells, 2, letter=11)
     with Image.open(tmp_path / "sheet.png") as image:
         ink = (np.asarray(image.convert("L")) < 128).any
-    assert not ink(0)[132:140].any()  # between the columns
-    height = 10 + (len(ink(1)) - 10) // 2
+    assert not ink(0)[130:136].any()  # between the columns
+    height = 8 + (len(ink(1)) - 8) // 2
     assert ink(1)[:height].any()
-    np.testing.assert_array_equal(ink(1)[10:height], ink(1)[height:])
+    np.testing.assert_array_equal(ink(1)[8:height], ink(1)[height:])
 
 
 @pytest.mark.parametrize("size", [(240, 320), (480, 640)])

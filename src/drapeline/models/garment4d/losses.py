@@ -184,9 +184,8 @@ def posed_loss(
     body_normals: torch.Tensor,
     laplacian: CotangentLaplacian | UniformLaplacian,
     weights: PosedWeights,
-    iteration_weights: Sequence[float] | None = None,
 ) -> Mapping[str, torch.Tensor]:
-    """Equation 7, summed over iterations.
+    """Equation 7, summed over iterations, which all weigh the same.
 
     Args:
         predictions: (B, T, N, 3) after each iteration, metres.
@@ -194,17 +193,15 @@ def posed_loss(
         body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
         laplacian: of the template; the cotangent one for the paper's form, else the uniform one.
         weights: of the terms.
-        iteration_weights: w_j, 1 each if None.
 
     Returns:
         `vertices` (m^2), `interpenetration` (m), `laplacian` and `temporal`, each summed over
-        iterations with the weights w_j but without those of the terms, and `total`.
+        iterations without its weight, and `total`.
     """
-    shares = iteration_weights or [1.0] * len(predictions)
     terms = dict.fromkeys(("vertices", "interpenetration", "laplacian", "temporal"), 0.0)
     skin, normals = body.flatten(0, 1), body_normals.flatten(0, 1)
     last_alone = weights.temporal_form == "released"
-    for number, (share, garment) in enumerate(zip(shares, predictions, strict=True), 1):
+    for number, garment in enumerate(predictions, 1):
         parts = {
             "vertices": (garment - target).square().sum(-1).mean(),
             "interpenetration": interpenetration(garment.flatten(0, 1), skin, normals),
@@ -214,5 +211,5 @@ def posed_loss(
         }
         if number == len(predictions) or not last_alone:
             parts["temporal"] = temporal_difference(garment, weights.temporal_form)
-        terms |= {name: terms[name] + share * part for name, part in parts.items()}
+        terms |= {name: terms[name] + part for name, part in parts.items()}
     return {**terms, "total": sum(getattr(weights, name) * term for name, term in terms.items())}
