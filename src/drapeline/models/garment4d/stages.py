@@ -365,17 +365,11 @@ class PosedStage(Stage):
         return of_window
 
     def training_sequences(self, sequences: BodySequences) -> DressedSequences:
-        """Dressed in predicted canonical garments."""
-        return self.predict_worn(sequences, ("train", "val"))
-
-    def predict_worn(self, sequences: BodySequences, splits: Sequence[str]) -> DressedSequences:
         """Sequences in the canonical garments that the canonical network predicts for them.
 
-        Args:
-            sequences: to dress.
-            splits: whose garments are predicted; bodies of other splits wear the mean garment.
+        Bodies of the test split wear the mean garment.
         """
-        canonical = self.predict_canonicals(sequences.data, splits)
+        canonical = self.predict_canonicals(sequences.data, ("train", "val"))
         return DressedSequences(sequences, canonical, self.settings.skinning)
 
     def predict_canonicals(self, data: SequenceData, splits: Sequence[str]) -> np.ndarray:

@@ -19,7 +19,7 @@ from toys.histories import column
 
 def test_the_error_that_is_logged_is_that_of_the_posed_garments(trained_posed, sequences):
     stage = load_stage(trained_posed, PosedStage)
-    batch = batch_of(stage, stage.predict_worn(sequences, ("val",)), "val")
+    batch = batch_of(stage, stage.training_sequences(sequences), "val")
     assert set(sequences.data.source[batch["sequence"]]) == {"blender", "skinned"}
     with torch.no_grad():
         made = stage.predict(batch, stage.point_levels(batch))[-1]
