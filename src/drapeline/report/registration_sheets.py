@@ -2,6 +2,7 @@
 
 import colorsys
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -270,15 +271,12 @@ def _row(
         ),
     ]
     camera = _body_camera(body)
-    lift = -body[:, 2].min()
-    return [
-        GridCell(raytrace([_lift(p, lift) for p in parts], camera, samples=12), caption)
+    lift = [0, 0, -body[:, 2].min()]
+    lifted = (
+        ([replace(part, vertices=part.vertices + lift) for part in parts], caption)
         for parts, caption in views
-    ]
-
-
-def _lift(part: ColouredMesh, height: float) -> ColouredMesh:
-    return ColouredMesh(part.vertices + [0, 0, height], part.faces, part.colour)
+    )
+    return [GridCell(raytrace(parts, camera, samples=12), caption) for parts, caption in lifted]
 
 
 def _body_camera(body: np.ndarray) -> Camera:

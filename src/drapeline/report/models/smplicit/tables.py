@@ -108,11 +108,8 @@ def read_gallery_tables(folder: str | Path) -> GalleryTables:
     Raises:
         InputError: a table is missing.
     """
-    return GalleryTables(*(_read(Path(folder) / f"{name}.tsv") for name in GalleryTables._fields))
-
-
-def _read(path: Path) -> list[Row]:
-    return read_rows(path, "a table of a gallery")[1]
+    paths = (Path(folder) / f"{name}.tsv" for name in GalleryTables._fields)
+    return GalleryTables(*(read_rows(path, "a table of a gallery")[1] for path in paths))
 
 
 def write_correlations(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
