@@ -26,7 +26,7 @@ from drapeline.geometry.point_cache import PointCache, write_point_cache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.outfits.outfit import Garment, Outfit, load_outfit
 from drapeline.rendering.camera import frame_points, look_at, view_direction
-from drapeline.rendering.picture_grid import GridCell, save_grid
+from drapeline.rendering.pictures import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.simulation.attachments import Pins
 from drapeline.simulation.attempts import Attempt

@@ -21,7 +21,7 @@ from drapeline.dataset.card import markdown_table
 from drapeline.dataset.record import SampleRecord, read_record
 from drapeline.dataset.shards import samples_of
 from drapeline.dataset.splits import SPLITS
-from drapeline.metrics.fitted_scans import CLASSES, COMMON
+from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import GARMENTS, TEMPLATE_TYPES

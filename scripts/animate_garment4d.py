@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from drapeline.metrics.reconstructions import first_reconstructions, load_reconstruction
+from drapeline.metrics.predictions import first_reconstructions, load_reconstruction
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d.figures import animate_steps
 from drapeline.rule_log import rule_log

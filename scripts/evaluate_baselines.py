@@ -6,8 +6,8 @@ from drapeline.bodies.model import load_body
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.metrics.measured_baselines import static_baseline_summary
-from drapeline.metrics.static import Truth
+from drapeline.metrics.baselines import static_baseline_summary
+from drapeline.metrics.registered import Truth
 from drapeline.metrics.table import write_metrics
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import load_topology

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.moving import load_moving
-from drapeline.metrics.measured_baselines import moving_baseline_summary
+from drapeline.metrics.baselines import moving_baseline_summary
 from drapeline.metrics.table import write_metrics
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log

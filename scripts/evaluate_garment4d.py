@@ -8,14 +8,17 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.sequences import SequenceData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
+from drapeline.models.garment4d.data import BodySequences, BodySet
 from drapeline.models.garment4d.evaluate import evaluate
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_files import load_posed_files
-from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
 from drapeline.models.garment4d.settings import EvaluationSettings
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    MgnStage,
+    PointNetStage,
+    PosedStage,
+    load_posed_files,
+    load_stage,
+)
 from drapeline.models.training.module import fastest_device
 from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import rule_log

@@ -8,7 +8,7 @@ import torch
 from drapeline.bodies.model import load_body
 from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
-from drapeline.metrics.fitted_scans import save_fitted_scans
+from drapeline.metrics.predictions import save_fitted_scans
 from drapeline.metrics.table import write_metrics
 from drapeline.models.compare_scans import compare_scan_fits, known_scans
 from drapeline.models.gcvae.load import load_codec

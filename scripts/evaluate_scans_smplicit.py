@@ -8,7 +8,7 @@ import torch
 from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.shards import samples_of
 from drapeline.generation.moving_sheets import make_draper
-from drapeline.metrics.fitted_scans import BODY, save_fitted_scans
+from drapeline.metrics.predictions import BODY, save_fitted_scans
 from drapeline.metrics.table import join, write_metrics
 from drapeline.models.compare_scans import (
     body_rows,

@@ -9,7 +9,7 @@ from drapeline.bodies.settings import BodyFit
 from drapeline.dataset.scans import read_scans
 from drapeline.dataset.segmented_scans import save_scans, segment_scans
 from drapeline.generation.moving_sheets import make_draper
-from drapeline.metrics.fitted_scans import save_fitted_scans
+from drapeline.metrics.predictions import save_fitted_scans
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.scans.garments import find_in_scans, shown_scan, write_found
 from drapeline.models.smplicit.settings import FitScan, Meshing

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drapeline.metrics.fitted_pictures import load_fitted_picture
+from drapeline.metrics.predictions import load_fitted_picture
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d.figures import spread_frames
-from drapeline.report.models.smplicit.fitted_pictures import plot_known_pictures
+from drapeline.report.models.smplicit.figures import plot_known_pictures
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

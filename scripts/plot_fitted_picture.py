@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.metrics.fitted_pictures import load_fitted_picture
+from drapeline.metrics.predictions import load_fitted_picture
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.fitted_pictures import plot_own_picture
+from drapeline.report.models.smplicit.figures import plot_own_picture
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

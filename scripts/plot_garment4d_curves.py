@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.metrics.garment4d import MODEL
-from drapeline.report.models.garment4d.curves import (
+from drapeline.report.models.garment4d.figures import (
     plot_ablation,
     plot_accuracy_curve,
     plot_missing_curve,

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.metrics.reconstructions import first_reconstructions, load_reconstruction
+from drapeline.metrics.predictions import first_reconstructions, load_reconstruction
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d.figures import plot_results, plot_steps, spread_frames
 from drapeline.rule_log import rule_log

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from drapeline.dataset.segmented_scans import load_scans
-from drapeline.metrics.fitted_scans import load_fitted_scans
+from drapeline.metrics.predictions import load_fitted_scans
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.scans import plot_own_scans
 from drapeline.rule_log import rule_log

@@ -8,10 +8,8 @@ from drapeline.bodies.model import load_body, posed_vertices
 from drapeline.dataset.splits import SPLITS
 from drapeline.frames import GENDERS
 from drapeline.learning_data.sequences import SequenceData
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.dressed import propose_garment
+from drapeline.models.garment4d.data import BodySequences, BodySet, propose_garment
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.garment4d.windows import BodySequences
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.models.garment4d.figures import SkinnedTwice, plot_neighbours
 from drapeline.rule_log import rule_log

@@ -9,7 +9,7 @@ from drapeline.models.smplicit.representation import load_held_out
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.outfits.static import load_static
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.garments import plot_rebuilt
+from drapeline.report.models.smplicit.figures import plot_rebuilt
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

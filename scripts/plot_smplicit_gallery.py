@@ -7,7 +7,7 @@ from drapeline.frames import GENDERS
 from drapeline.models.smplicit.gallery.files import load_gallery
 from drapeline.models.smplicit.gallery.plan import SHEETS
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.garments import plot_gallery
+from drapeline.report.models.smplicit.figures import plot_gallery
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from drapeline.models.smplicit.gallery.plan import nearest_type
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.settings import Meshing
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.garments import animate_clip, plot_clip
+from drapeline.report.models.smplicit.figures import animate_clip, plot_clip
 from drapeline.rule_log import rule_log
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
 

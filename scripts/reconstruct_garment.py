@@ -8,7 +8,7 @@ from drapeline.dataset.writer import GarmentAnimation, write_reconstruction
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import write_metrics
-from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
+from drapeline.models.garment4d.reconstruct import ReconstructionModel
 from drapeline.models.garment4d.scans import reconstruct_scans
 from drapeline.registration.settings import RefineSettings
 from drapeline.rule_log import rule_log

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.report.models.smplicit.gallery_page import (
+from drapeline.report.models.smplicit.tables import (
     read_gallery_tables,
     write_correlations,
     write_gallery_page,

@@ -5,10 +5,8 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.sequences import SequenceData
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
-from drapeline.models.garment4d.train import train_stage
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.data import BodySequences, BodySet
+from drapeline.models.garment4d.stages import CanonicalStage, PointNetStage, train_stage
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

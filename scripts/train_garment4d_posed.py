@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.sequences import SequenceData
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_files import save_posed_files
-from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from drapeline.models.garment4d.train import train_stage
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.data import BodySequences, BodySet
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    MgnStage,
+    PosedStage,
+    load_stage,
+    save_posed_files,
+    train_stage,
+)
 from drapeline.models.training.module import fastest_device
 from drapeline.rule_log import rule_log
 

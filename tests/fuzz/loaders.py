@@ -47,14 +47,23 @@ from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.learning_data.skinned import load_skinned, write_skinned
 from drapeline.learning_data.static import StaticData, collect_static
 from drapeline.manifest import damages, write_manifest
-from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, load_fitted_picture
-from drapeline.metrics.fitted_scans import load_fitted_scans, save_fitted_scans
-from drapeline.metrics.reconstructions import Reconstruction, load_reconstruction
+from drapeline.metrics.predictions import (
+    FittedPicture,
+    PersonShown,
+    Reconstruction,
+    load_fitted_picture,
+    load_fitted_scans,
+    load_reconstruction,
+    save_fitted_scans,
+)
 from drapeline.metrics.table import read_metrics, write_metrics
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_files import load_posed_files, save_posed_files
-from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.stages import (
+    CanonicalStage,
+    PosedStage,
+    load_posed_files,
+    load_stage,
+    save_posed_files,
+)
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.models.gcvae.conditioning import load_conditioning
 from drapeline.models.gcvae.garment_ppca import StaticPpca
@@ -97,7 +106,7 @@ from drapeline.registration.to_body.topology import (
 from drapeline.registration.to_template.garment_space import load_space
 from drapeline.registration.to_template.garment_template import load_template
 from drapeline.registration.to_template.remesh_table import RemeshTable, load_tables
-from drapeline.report.models.smplicit.gallery_page import read_gallery_tables
+from drapeline.report.models.smplicit.tables import read_gallery_tables
 from drapeline.schema import Column, Schema, read_table
 from drapeline.seeding import rng_for
 from drapeline.storage import save_npz, write_rows

@@ -9,7 +9,7 @@ from PIL import Image
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import collect_dynamic
-from drapeline.metrics.table import find_value, read_metrics
+from drapeline.metrics.table import read_metrics
 from drapeline.models.gcvae.body_template import STATIC_CVAR
 from drapeline.models.gcvae.codes import Codes, save_codes
 from drapeline.models.gcvae.garment_ppca import DynamicPpca
@@ -28,6 +28,7 @@ from toys.gcvae_files import (
     template_on_body,
     torso_registration,
 )
+from toys.metric_rows import find_value
 from toys.outfits_at_rest import save_static
 from toys.tiny_sample import write_tiny_sample
 

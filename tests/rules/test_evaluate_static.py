@@ -9,12 +9,13 @@ from PIL import Image
 
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
-from drapeline.metrics.table import find_value, read_metrics
+from drapeline.metrics.table import read_metrics
 from drapeline.models.gcvae.codes import load_codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import save_topology
 from toys.gcvae import VERTICES, tube, tube_faces
 from toys.gcvae_files import save_model, save_static_data, toy_topology
+from toys.metric_rows import find_value
 
 SPLITS = ["val", "test"]
 

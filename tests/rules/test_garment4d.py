@@ -8,15 +8,14 @@ from drapeline.bodies.model import save_body
 from drapeline.dataset.reader import Sample
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.metrics.reconstructions import load_reconstruction
-from drapeline.metrics.table import find_value, read_metrics
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
-from drapeline.models.garment4d.variants import POSED_VARIANTS
+from drapeline.metrics.predictions import load_reconstruction
+from drapeline.metrics.table import read_metrics
+from drapeline.models.garment4d.settings import POSED_VARIANTS
+from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PosedStage, load_stage
 from drapeline.models.load import load
 from drapeline.models.training.settings import override_settings
 from toys.garment4d import CANONICAL, GARMENT, POSED, save_toy_data
+from toys.metric_rows import find_value
 
 BODY_POINTS = 30
 SHORT = {"epochs": 1, "batch": 4, "frames": 3, "stride": 1}

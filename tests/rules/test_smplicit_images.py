@@ -9,7 +9,7 @@ from PIL import Image
 
 from drapeline.frames import REST_POSE
 from drapeline.geometry.obj import load_obj
-from drapeline.metrics.fitted_pictures import load_fitted_picture
+from drapeline.metrics.predictions import load_fitted_picture
 from toys.tiny_sample import write_tiny_sample
 
 SIZE = 120

@@ -9,7 +9,7 @@ from drapeline.bodies.model import posed_vertices, save_body
 from drapeline.dataset.segmented_scans import load_scans
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.obj import load_obj
-from drapeline.metrics.fitted_scans import BODY, TRUE, load_fitted_scans
+from drapeline.metrics.predictions import BODY, TRUE, load_fitted_scans
 from drapeline.metrics.table import read_metrics
 from drapeline.storage import save_npz
 from toys.tiny_sample import write_tiny_sample

@@ -13,9 +13,8 @@ from drapeline.dataset.labels import LABELS
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.sequences import GarmentSequence, SequenceData, collect_sequences
-from drapeline.models.garment4d.body_input import BodySet
-from drapeline.models.garment4d.body_maps import MapRegression
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.canonical import MapRegression
+from drapeline.models.garment4d.data import BodySequences, BodySet
 from drapeline.seeding import rng_for
 from toys.tiny_sample import tube
 

@@ -13,3 +13,12 @@ def metric_row(variant, garment, metric, value, *, model="garment4d", split="tes
 def metric_table(rows):
     """The table of some rows."""
     return make_table(METRICS, rows)
+
+
+def find_value(table, variant, split, garment, metric, source=""):
+    """The first row of that name and source, of any model and seed, or None."""
+    found = table.query(
+        "variant == @variant and split == @split and garment == @garment and metric == @metric"
+        " and source == @source"
+    )
+    return found.iloc[0] if len(found) else None

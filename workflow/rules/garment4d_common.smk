@@ -3,7 +3,7 @@ from drapeline.experiment.checks import (
     require_sequences,
     require_simulated,
 )
-from drapeline.models.garment4d.variants import posed_variants
+from drapeline.models.garment4d.settings import posed_variants
 from drapeline.models.training.settings import override_settings
 
 G4D = f"{RESULTS}/garment4d"

@@ -1,1 +1,1 @@
-"""How good predicted garments are, and what trivial predictions reach."""
+"""Errors of predicted garments, and those of trivial predictions."""

@@ -15,6 +15,7 @@ from drapeline.geometry.closest import closest_on_mesh, closest_points
 from drapeline.geometry.mesh import Mesh, face_edges, face_normals, faces_within
 from drapeline.geometry.warp_mesh import warp_mesh
 
+CONTACT_STEP = 5  # of the frames of garments in motion in which contact and surfaces are measured
 DEEP_M = 0.01
 _BODIES = 16  # that stay known: those of a sequence's frames that are measured, and a few more
 _INSIDE = "inside_share", "inside_1cm_share", "inside_depth_mm"

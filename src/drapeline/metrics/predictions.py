@@ -1,10 +1,58 @@
-"""Single garments with their predictions, as figures show them."""
+"""Garments that models leave for figures, beside their truth, and files of whole fits.
 
+Fits to scans are scan's name -> variant -> garment type -> posed triangles. The labels of a fitted
+picture's pixels are 0 background, 1 body, 2 unknown, 3 + index into `GARMENTS`.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.storage import load_npz, save_npz
+
+TRUE, BODY = "true", "body"  # what figures show besides fits
+
+# Variant -> garment type, or `BODY` -> posed triangles. The variant `BODY` has the body that is
+# shown where a variant has none of its own.
+Fits = Mapping[str, Mapping[str, Mesh]]
+
+
+_FIT_ARRAYS = {"keys": "str n", "*/vertices": "float * 3", "*/faces": "int * 3"}
+BODY_PIXEL, UNKNOWN_PIXEL, FIRST_GARMENT_PIXEL = 1, 2, 3
+_RECONSTRUCTION_ARRAYS = {
+    **dict.fromkeys(("name", "garment"), "str"),
+    "faces": "int<n * 3",
+    "canonical": "float n 3",
+    **dict.fromkeys(("proposal", "final"), "float f n 3"),
+    "true": "float ...",
+    "true_canonical": "float ...",
+    "points": "float f p 3",
+    "labels": "int f p",
+    "body": "float f v 3",
+    "rest_body": "float v 3",
+    "body_faces": "int<v * 3",
+    "root_rotation": "float f 3",
+    "root_height": "float f",
+    "number": "int f",
+}
+_PICTURE_ARRAYS = {
+    "name": "str",
+    "labels": "int h w",
+    "photo": "int * * 3",
+    "people": "int",
+    "*/intrinsics": "number 3 3",
+    "*/world_to_camera": "number 4 4",
+    "*/vertices": "float * 3",
+    "*/faces": "int * 3",
+    "*/garments": "str *",
+    "*/true": "str *",
+}
 
 
 class GarmentCase(NamedTuple):
@@ -89,3 +137,204 @@ class GalleryGarment(NamedTuple):
     garment: str
     mesh: Mesh
     wearer: Mesh
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Frames of a sequence with every step of their reconstruction, for pictures.
+
+    All vertices are in metres and relative to the root joint, Z up.
+
+    Attributes:
+        name: of the sequence.
+        garment: its type.
+        faces: (n, 3) of the garment's template.
+        canonical: (N, 3) as estimated.
+        proposal: (F, N, 3), the canonical garment skinned: equation 1 without displacements.
+        final: (F, N, 3), with them.
+        true: (F, N, 3), or no frames for a scan without ground truth.
+        true_canonical: (N, 3), or no vertices.
+        points: (F, P, 3) input clouds.
+        labels: (F, P) predicted indices into `dataset.labels.LABELS`.
+        body: (F, V, 3) whole body.
+        rest_body: (V, 3) in the pose of the canonical garment.
+        body_faces: (f, 3).
+        root_rotation: (F, 3) axis-angle of the body's root joint, rad.
+        root_height: (F,) metres of the root joint above the floor.
+        number: (F,) of the frames in their sequence, rising.
+    """
+
+    name: str
+    garment: str
+    faces: np.ndarray
+    canonical: np.ndarray
+    proposal: np.ndarray
+    final: np.ndarray
+    true: np.ndarray
+    true_canonical: np.ndarray
+    points: np.ndarray
+    labels: np.ndarray
+    body: np.ndarray
+    rest_body: np.ndarray
+    body_faces: np.ndarray
+    root_rotation: np.ndarray
+    root_height: np.ndarray
+    number: np.ndarray
+
+    def save(self, path: str | Path) -> None:
+        """Write one `.npz`."""
+        save_npz(path, **vars(self))
+
+
+def load_reconstruction(path: str | Path) -> Reconstruction:
+    """Read what `Reconstruction.save` wrote.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    values = load_npz(path, _RECONSTRUCTION_ARRAYS)
+    words = {name: str(values[name]) for name in ("name", "garment")}
+    return Reconstruction(**{**values, **words})
+
+
+def first_reconstructions(folders: Iterable[str | Path]) -> list[tuple[Path, Path]]:
+    """Of each type the first test sequence; names of simulated ones come before the others'.
+
+    Args:
+        folders: a folder of reconstructions per type.
+
+    Returns:
+        The files of the paper's network and of ours, for every type that has any.
+
+    Raises:
+        InputError: no type has one.
+    """
+    folders = list(folders)
+    ours = [path for folder in folders for path in sorted(Path(folder).glob("*_ours.npz"))[:1]]
+    if not ours:
+        raise InputError(
+            f"{folders[0]}: no sequence of any type is in the test split, expected one or"
+            " more; ask for more samples or for a larger share"
+        )
+    return [(path.with_name(path.name.replace("_ours", "")), path) for path in ours]
+
+
+def save_fitted_scans(path: str | Path, found: Mapping[str, Fits]) -> None:
+    """Write scan's name -> fits, which `load_fitted_scans` reads."""
+    arrays, keys = {}, []
+    for scan, variants in found.items():
+        for variant, garments in variants.items():
+            for name, mesh in garments.items():
+                key = f"{scan}/{variant}/{name}"
+                keys.append(key)
+                arrays[f"{key}/vertices"] = mesh.vertices.astype(np.float32)
+                arrays[f"{key}/faces"] = mesh.faces.astype(np.int32)
+    save_npz(path, keys=np.array(keys, dtype=np.str_), **arrays)
+
+
+def load_fitted_scans(path: str | Path) -> dict[str, dict[str, dict[str, Mesh]]]:
+    """Read what `save_fitted_scans` wrote.
+
+    Raises:
+        InputError: the file is missing, lacks an array or names none of a fit.
+    """
+    arrays = load_npz(path, _FIT_ARRAYS)
+    found: dict[str, dict[str, dict[str, Mesh]]] = {}
+    for key in map(str, arrays["keys"]):
+        if key.count("/") != 2:
+            raise InputError(f"{path}: names a fit '{key:.80}', expected scan/variant/garment")
+        scan, variant, name = key.split("/")
+        mesh = Mesh(arrays[f"{key}/vertices"], arrays[f"{key}/faces"])
+        found.setdefault(scan, {}).setdefault(variant, {})[name] = mesh
+    return found
+
+
+@dataclass(frozen=True)
+class PersonShown:
+    """A person of a picture, in the world of the camera.
+
+    Attributes:
+        intrinsics: (3, 3) of the camera, pixels.
+        world_to_camera: (4, 4), metres.
+        body: posed.
+        garments: type -> posed sheet, from the innermost to the outermost.
+        true: type -> the garment that the picture was taken of; empty where nobody knows.
+    """
+
+    intrinsics: np.ndarray
+    world_to_camera: np.ndarray
+    body: Mesh
+    garments: Mapping[str, Mesh]
+    true: Mapping[str, Mesh]
+
+
+@dataclass(frozen=True)
+class FittedPicture:
+    """A picture and what was found in it.
+
+    Attributes:
+        name: of the picture.
+        labels: (H, W) uint8, see above.
+        photo: (H, W, 3) uint8, or None.
+        people: in it.
+    """
+
+    name: str
+    labels: np.ndarray
+    photo: np.ndarray | None
+    people: tuple[PersonShown, ...]
+
+    def save(self, path: str | Path) -> None:
+        """Write one `.npz`."""
+        arrays: dict[str, np.ndarray] = {}
+        for number, person in enumerate(self.people):
+            arrays[f"{number}/intrinsics"] = person.intrinsics
+            arrays[f"{number}/world_to_camera"] = person.world_to_camera
+            meshes = {"body": person.body}
+            for kind in ("garments", "true"):
+                found = getattr(person, kind)
+                arrays[f"{number}/{kind}"] = np.array([*found], dtype=np.str_)
+                meshes |= {f"{kind}/{name}": mesh for name, mesh in found.items()}
+            for name, mesh in meshes.items():
+                arrays[f"{number}/{name}/vertices"] = mesh.vertices.astype(np.float32)
+                arrays[f"{number}/{name}/faces"] = mesh.faces.astype(np.int32)
+        photo = np.zeros((0, 0, 3), np.uint8) if self.photo is None else self.photo
+        count = len(self.people)
+        save_npz(path, name=self.name, labels=self.labels, photo=photo, people=count, **arrays)
+
+
+def load_fitted_picture(path: str | Path) -> FittedPicture:
+    """Read what `FittedPicture.save` wrote.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    arrays = load_npz(path, _PICTURE_ARRAYS)
+    photo = arrays["photo"]
+    return FittedPicture(
+        str(arrays["name"]),
+        arrays["labels"],
+        photo if photo.size else None,
+        tuple(_person(arrays, number) for number in range(int(arrays["people"]))),
+    )
+
+
+def _person(arrays: Mapping[str, np.ndarray], number: int) -> PersonShown:
+    def mesh(name: str) -> Mesh:
+        return Mesh(arrays[f"{number}/{name}/vertices"], arrays[f"{number}/{name}/faces"])
+
+    def meshes(kind: str) -> dict[str, Mesh]:
+        return {str(name): mesh(f"{kind}/{name}") for name in arrays[f"{number}/{kind}"]}
+
+    return PersonShown(
+        arrays[f"{number}/intrinsics"],
+        arrays[f"{number}/world_to_camera"],
+        mesh("body"),
+        meshes("garments"),
+        meshes("true"),
+    )
+
+
+def label_of(garment: str) -> int:
+    """The label of a garment type's pixels."""
+    return FIRST_GARMENT_PIXEL + GARMENTS.index(garment)

@@ -1,4 +1,4 @@
-"""What a tailor would say about a garment at rest, measured on its mesh: lengths, neckline, width.
+"""A tailor's measures of a garment at rest, taken on its mesh: lengths, neckline, width.
 
 They are shares of the wearer's limbs, so that the same cut has the same numbers on every body.
 """
@@ -13,6 +13,10 @@ from drapeline.frames import JOINT_NAMES, REST_POSE
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import Mesh, edges
 
+# As in table 2 of SMPLicit, which has no garments for the whole body.
+CLASSES = ("short upper", "long upper", "short lower", "long lower", "whole body")
+COMMON = "common types"  # garments of the types that every model can learn, of whatever class
+_LONG = 0.5  # share of the limb
 _SIDES = ("left", "right")
 _SLEEVE_BELOW_M = 0.25  # a sleeve's cuff hangs no lower than this below the arm
 _PLACKET_M = 0.02  # a polo is open in the middle, by less than this to either side
@@ -118,7 +122,7 @@ def _leg(vertices: np.ndarray, places: Mapping[str, np.ndarray]) -> float:
 
 
 def _reach(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
-    """How far points go along a limb from its start (0) to its end (1); never below 0."""
+    """Shares that points go along a limb from its start (0) to its end (1); never below 0."""
     way = end - start
     return float(((points - start) @ way / (way @ way)).max(initial=0.0))
 
@@ -151,3 +155,16 @@ def _width(garment: Mesh, wearer: np.ndarray, faces: np.ndarray) -> float:
 
 def _mean(places: Mapping[str, np.ndarray], joint: str) -> np.ndarray:
     return (places[f"left_{joint}"] + places[f"right_{joint}"]) / 2
+
+
+def scan_class(region: str, properties: Mapping[str, float]) -> str:
+    """The class that garments in scans are compared by.
+
+    Args:
+        region: of the garment's type, as in `GARMENT_TYPES`.
+        properties: of the garment.
+    """
+    if region == "whole":
+        return CLASSES[-1]
+    reach = properties["sleeve" if region == "upper" else "leg"]
+    return f"{'long' if reach >= _LONG else 'short'} {region}"

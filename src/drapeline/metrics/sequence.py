@@ -11,14 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
+from drapeline.frames import FPS
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.garment import area_distance_mm, inside_measures, surface_distances_mm
+from drapeline.metrics.garment import (
+    CONTACT_STEP,
+    area_distance_mm,
+    inside_measures,
+    surface_distances_mm,
+)
 
-FPS = 30.0
-CONTACT_EVERY = 5
 
-
-class MovingBody(NamedTuple):
+class BodyFrames(NamedTuple):
     """The body under a garment.
 
     Attributes:
@@ -41,12 +44,11 @@ def vertex_error_mm(predicted: np.ndarray, true: np.ndarray) -> float:
     return float(vertex_errors_mm(predicted, true).mean())
 
 
-def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray, *, fps: float = FPS) -> float:
+def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray) -> float:
     """M3: mean length of the difference of accelerations, by second differences.
 
     Args:
-        predicted, true: (F, N, 3) metres, consecutive frames of one whole sequence.
-        fps: frames per second.
+        predicted, true: (F, N, 3) metres, consecutive frames of one whole sequence, 30 per second.
 
     Returns:
         m/s^2, over the F - 2 frames that have both neighbours; NaN with fewer than three frames.
@@ -55,7 +57,7 @@ def acceleration_error_m_s2(predicted: np.ndarray, true: np.ndarray, *, fps: flo
         return float("nan")
     # Second differences are linear: those of the error are the difference of the two.
     error = np.asarray(predicted, dtype=np.float64) - true
-    return float(fps**2 * np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1).mean())
+    return float(FPS**2 * np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1).mean())
 
 
 def to_cloud_mm(vertices: Sequence[np.ndarray], points: Sequence[np.ndarray]) -> float:
@@ -79,32 +81,27 @@ def segmentation_accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
     return float((np.asarray(predicted) == true).mean())
 
 
-def inside_means(
-    garment: np.ndarray, body: MovingBody, *, every: int = CONTACT_EVERY
-) -> dict[str, float]:
-    """`inside_measures` of every so many frames of a garment (F, N, 3), averaged over them."""
+def inside_means(garment: np.ndarray, body: BodyFrames) -> dict[str, float]:
+    """`inside_measures` of every fifth frame of a garment (F, N, 3), averaged over them."""
     measures = [
         inside_measures(np.asarray(garment[frame]), body.vertices(frame), body.faces)
-        for frame in range(0, len(garment), every)
+        for frame in range(0, len(garment), CONTACT_STEP)
     ]
     return {name: float(np.mean([one[name] for one in measures])) for name in measures[0]}
 
 
-def surface_means(
-    garment: np.ndarray, true: np.ndarray, faces: np.ndarray, *, every: int = CONTACT_EVERY
-) -> dict[str, float]:
-    """Distances between surfaces in every so many frames, averaged over them.
+def surface_means(garment: np.ndarray, true: np.ndarray, faces: np.ndarray) -> dict[str, float]:
+    """Distances between surfaces in every fifth frame, averaged over them.
 
     Vertex errors also count sliding along the surface, which nobody sees.
 
     Args:
         garment, true: (F, N, 3) metres.
         faces: (E, 3) of both.
-        every: step of the frames.
     """
     both = [
         surface_distances_mm(Mesh(garment[frame], faces), Mesh(true[frame], faces))
-        for frame in range(0, len(garment), every)
+        for frame in range(0, len(garment), CONTACT_STEP)
     ]
     to_true, to_predicted = np.mean(both, axis=0).tolist()
     return {"predicted_to_true_mm": to_true, "true_to_predicted_mm": to_predicted}
@@ -114,7 +111,7 @@ def sequence_measures(
     garment: np.ndarray,
     true: np.ndarray | None = None,
     *,
-    body: MovingBody | None = None,
+    body: BodyFrames | None = None,
     points: Sequence[np.ndarray] | None = None,
     faces: np.ndarray | None = None,
 ) -> dict[str, float]:

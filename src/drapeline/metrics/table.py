@@ -188,17 +188,6 @@ def with_intervals(table: Table) -> Table:
     return values.reset_index()[[*METRICS.columns, "low", "high"]]
 
 
-def find_value(
-    table: Table, variant: str, split: str, garment: str, metric: str, source: str = ""
-) -> pd.Series | None:
-    """The first row of that name and source, of any model and seed, or None."""
-    wanted = {"variant": variant, "split": split, "garment": garment, "metric": metric}
-    found = np.ones(len(table), dtype=bool)
-    for column, value in {**wanted, "source": source}.items():
-        found &= (table[column] == value).to_numpy()
-    return table.iloc[int(found.argmax())] if found.any() else None
-
-
 def unit_of(metric: str) -> str:
     """Unit of a metric, which its name ends in; "1" for shares and counts."""
     name = metric.removesuffix(LOW).removesuffix(HIGH)

@@ -14,10 +14,10 @@ from drapeline.dataset.record import solver_name
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.metrics.fitted_scans import BODY, COMMON, TRUE, Fits, scan_class
 from drapeline.metrics.garment import area_distances_mm
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.properties import measure_properties
+from drapeline.metrics.predictions import BODY, TRUE, Fits
+from drapeline.metrics.properties import COMMON, measure_properties, scan_class
 from drapeline.metrics.table import ALL, join, summarise
 from drapeline.models.contract import ScanFitter
 from drapeline.outfits.garment_types import GARMENT_TYPES, TEMPLATE_TYPES

@@ -13,8 +13,8 @@ docs/reference/api.md shows more of it. Loading executes nothing that is in the 
 from pathlib import Path
 
 from drapeline.errors import InputError
-from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.reconstruction_model import ReconstructionModel, stage_folder
+from drapeline.models.garment4d.reconstruct import ReconstructionModel, stage_folder
+from drapeline.models.garment4d.stages import PosedStage
 from drapeline.models.gcvae.garment_ppca import StaticPpca
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import StaticVae

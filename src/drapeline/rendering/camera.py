@@ -42,7 +42,7 @@ class Camera:
         return replace(self, intrinsics=scale @ self.intrinsics, width=width, height=height)
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where world points (..., 3) appear.
+        """Project world points (..., 3) onto the picture.
 
         Returns:
             Image coordinates (..., 2) in pixels and distances along the optical axis (...) in

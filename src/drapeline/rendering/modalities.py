@@ -1,4 +1,4 @@
-"""What a camera sees, exactly: depth, normals, velocities and segments by casting rays."""
+"""Views of a camera, exact: depth, normals, velocities and segments by casting rays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

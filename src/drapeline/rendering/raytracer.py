@@ -85,7 +85,7 @@ class _Surfaces:
 
 @wp.struct
 class _Spot:
-    """Where a ray through the picture ends."""
+    """End of a ray through the picture."""
 
     kind: int
     face: int
@@ -97,7 +97,7 @@ class _Spot:
 
 @wp.struct
 class _Pixels:
-    """What the middle of each pixel shows."""
+    """Spots that the middles of pixels show."""
 
     kind: wp.array(dtype=int)
     face: wp.array(dtype=int)
@@ -146,7 +146,7 @@ def _ray(view: _View, x: float, y: float) -> wp.vec3:
 
 @wp.func
 def _look(surfaces: _Surfaces, view: _View, x: float, y: float) -> _Spot:
-    """What lies at image coordinates."""
+    """The spot at image coordinates."""
     ray = _ray(view, x, y)
     spot = _Spot()
     if x > view.first_x and x < view.last_x and y > view.first_y and y < view.last_y:
@@ -236,7 +236,7 @@ def _gather(surfaces: _Surfaces, view: _View, spot: _Spot, u: float, v: float) -
 
 @wp.func
 def _floor_share(view: _View, place: wp.vec3, x: float, y: float) -> float:
-    """What is left of shadows on the floor: nothing far away and at the picture's borders."""
+    """Share that is left of shadows on the floor: none far away and at the picture's borders."""
     away = wp.length(wp.vec3(place[0] - view.floor_x, place[1] - view.floor_y, 0.0))
     border = wp.min(wp.min(x, float(view.width) - x), wp.min(y, float(view.height) - y)) / float(
         wp.min(view.width, view.height)
@@ -444,7 +444,6 @@ def raytrace(
     floor_centre: Sequence[float] = (0.0, 0.0),
     floor_reach_m: float = FLOOR_REACH_M,
     samples: int = 16,
-    backdrop: float = BACKDROP,
 ) -> np.ndarray:
     """Render meshes that stand on the floor z = 0; equal inputs give equal pictures.
 
@@ -457,7 +456,6 @@ def raytrace(
         samples: at edges, per pixel, before `ray_share`; an eighth as many for the light, which
             neighbouring pixels share. A block of pixels is one colour where its pixels have less
             than a sample each.
-        backdrop: sRGB grey of background and unshaded floor.
 
     Returns:
         (height, width, 3) uint8 sRGB.
@@ -487,7 +485,7 @@ def raytrace(
     pixels.place, pixels.normal = (wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2))
     light, blended = (wp.zeros(count, dtype=wp.vec4, device=_DEVICE) for _ in range(2))
     image = wp.zeros(count, dtype=wp.vec3, device=_DEVICE)
-    wall = wp.vec3(*[float(_to_linear(np.array(backdrop)))] * 3)
+    wall = wp.vec3(*[float(_to_linear(np.array(BACKDROP)))] * 3)
     for kernel, inputs in (
         (_expose, [surfaces, view, pixels, light]),
         (_blend, [view, pixels, 1, light, blended]),

@@ -2,6 +2,7 @@
 
 import colorsys
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from drapeline.registration.to_body.round_trip import surface_distance
 from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at
-from drapeline.rendering.picture_grid import GridCell, heat_parts, save_contact_sheet, save_grid
+from drapeline.rendering.pictures import GridCell, heat_parts, save_contact_sheet, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 
 _INNER, _NEW = (0.56, 0.7, 0.83), (0.9, 0.42, 0.16)
@@ -39,6 +40,10 @@ _FIELDS = (
     *((0.68, 0.62, 0.85), (0.8, 0.82, 0.45), (0.6, 0.45, 0.4), (0.75, 0.77, 0.8)),
 )
 _STANDING = (0.12, 0.12, 0.14)
+_SIZE = (320, 340)
+_CLOTH, _LAID, _REBUILT = (0.33, 0.5, 0.74), (0.84, 0.6, 0.3), (0.4, 0.62, 0.5)
+_FLOAT_M = 0.004  # garments laid on the body are shown this far above it
+_SCALE_MM = 5.0
 
 
 def plot_topologies(path: str | Path, topology: Topology) -> None:
@@ -123,11 +128,11 @@ def _picture(
     seen_m: float,
     centre: tuple[float, float, float] = (0.0, 0.0, 0.71),
 ) -> np.ndarray:
-    camera = _camera(view, size, seen_m, np.array(centre))
+    camera = _view_camera(view, size, seen_m, np.array(centre))
     return raytrace(parts, camera, samples=_SAMPLES)
 
 
-def _camera(view: str, size: tuple[int, int], seen_m: float, centre: np.ndarray) -> Camera:
+def _view_camera(view: str, size: tuple[int, int], seen_m: float, centre: np.ndarray) -> Camera:
     """A camera that sees `seen_m` metres across its narrower side."""
     direction = np.array(_DIRECTIONS[view])
     place = centre + _DISTANCE_M * direction / np.linalg.norm(direction)
@@ -220,12 +225,6 @@ def _facets(
     )
 
 
-_SIZE = (320, 340)
-_CLOTH, _LAID, _REBUILT = (0.33, 0.5, 0.74), (0.84, 0.6, 0.3), (0.4, 0.62, 0.5)
-_FLOAT_M = 0.004  # garments laid on the body are shown this far above it
-_SCALE_MM = 5.0
-
-
 def plot_registration(
     path: str | Path,
     topology: Topology,
@@ -271,19 +270,16 @@ def _row(
             f" at most {values['garment_to_rebuilt_max_mm']:.1f} mm",
         ),
     ]
-    camera = _camera(body)
-    lift = -body[:, 2].min()
-    return [
-        GridCell(raytrace([_lift(p, lift) for p in parts], camera, samples=12), caption)
+    camera = _body_camera(body)
+    lift = [0, 0, -body[:, 2].min()]
+    lifted = (
+        ([replace(part, vertices=part.vertices + lift) for part in parts], caption)
         for parts, caption in views
-    ]
+    )
+    return [GridCell(raytrace(parts, camera, samples=12), caption) for parts, caption in lifted]
 
 
-def _lift(part: ColouredMesh, height: float) -> ColouredMesh:
-    return ColouredMesh(part.vertices + [0, 0, height], part.faces, part.colour)
-
-
-def _camera(body: np.ndarray) -> Camera:
+def _body_camera(body: np.ndarray) -> Camera:
     height = float(np.ptp(body[:, 2]))
     return look_at(
         np.array([0.0, -4.6, 1.25 * height / 1.5]),

@@ -1,6 +1,6 @@
 """Tables of metrics, and pages that are lists of sections."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,12 @@ from drapeline.report.html import Cell, html_table, write_page
 from drapeline.schema import Column, Schema, Table, make_table, write_table
 
 MEAN_OF_TYPES = "Mean of types"
-_HEADINGS = {"variant": "Model", "garment": "Garment", "metric": "Measure", "source": "Samples"}
+_HEADINGS = {
+    "variant": "Model",
+    "garment": "Garment",
+    "metric": "Measure",
+    "source": "Samples",
+}
 _PRINTED = Schema(
     "numbers that a paper prints",
     {
@@ -121,7 +126,8 @@ class MetricTable:
             whose: [name for name in every[self.across].cat.categories if name in set(part)]
             for whose, part in every.groupby("theirs")[self.across]
         }
-        grouped = any(variant(*key).group for key in _keys(every))
+        named = every[["model", "variant"]].drop_duplicates()
+        grouped = any(variant(*key).group for key in named.itertuples(index=False))
         return [
             {
                 **self._titles(dict(zip(self.down, key, strict=True)), part, grouped),
@@ -268,10 +274,6 @@ def write_beside_paper(path: str | Path, measured: Table, tables: Mapping[str, T
     theirs = pd.concat([table.assign(table=name) for name, table in tables.items()])
     both = theirs.rename(columns={"value": "theirs"}).merge(ours, "left", key)
     write_table(path, both[list(BESIDE_PAPER.columns)], BESIDE_PAPER)
-
-
-def _keys(table: Table) -> Iterator[tuple[str, str]]:
-    yield from dict.fromkeys(zip(table["model"], table["variant"], strict=True))
 
 
 def _matching(names: Sequence[str], found: pd.Series) -> list[str]:

@@ -12,14 +12,13 @@ from drapeline.metrics.table import (
     LOW,
     METRICS,
     collect_metrics,
-    find_value,
     read_metrics,
     summarise,
     with_intervals,
     write_metrics,
 )
 from drapeline.seeding import rng_for
-from toys.metric_rows import metric_row, metric_table
+from toys.metric_rows import find_value, metric_row, metric_table
 
 ROW = metric_row("svae", "Dress", "surface_error_mm", 12.5, model="svae", n=7)
 HEADING = "\t".join(METRICS.columns)

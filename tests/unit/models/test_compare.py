@@ -8,12 +8,13 @@ import pandas as pd
 import pytest
 
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.table import ALL, find_value
+from drapeline.metrics.table import ALL
 from drapeline.models.compare import MODEL, compare_representations, held_out_garments
 from drapeline.models.contract import HeldOutGarment
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.static import StaticOutfit
+from toys.metric_rows import find_value
 
 NONE = np.zeros((0, 3), dtype=np.float32)
 

@@ -9,8 +9,9 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.segmented_scans import save_scans, scan_sample
 from drapeline.dataset.settings import ScanSettings
 from drapeline.errors import DamagedFile
-from drapeline.metrics.fitted_scans import BODY, COMMON, TRUE
-from drapeline.metrics.table import ALL, METRICS, find_value
+from drapeline.metrics.predictions import BODY, TRUE
+from drapeline.metrics.properties import COMMON
+from drapeline.metrics.table import ALL, METRICS
 from drapeline.models.compare_scans import (
     MODEL,
     body_rows,
@@ -19,6 +20,7 @@ from drapeline.models.compare_scans import (
     skin_of,
     truth_shown,
 )
+from toys.metric_rows import find_value
 from toys.tiny_sample import write_tiny_sample
 
 

@@ -1,37 +1,42 @@
-"""Evaluation of trained Garment4D networks: metrics of all variants of a garment type."""
+"""SplitEvaluation of trained Garment4D networks: metrics of all variants of a garment type.
+
+F frames, P points of a cloud, N vertices of the template, B vertices of the body, L labels.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from drapeline.bodies.model import posed_vertices
+from drapeline.dataset.labels import LABELS
 from drapeline.dataset.point_clouds import corrupt_labels, cut_holes
 from drapeline.errors import InputError
+from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
+from drapeline.learning_data.body_relative_points import nearest_vertices
 from drapeline.learning_data.sequences import SIMULATED
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
-from drapeline.models.garment4d.body_input import PosedBody
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.guessed_labels import GuessedLabels
-from drapeline.models.garment4d.posed_stage import PosedStage
+from drapeline.models.garment4d.data import BodySequences, ShapedBody
 from drapeline.models.garment4d.reconstruct import (
+    DEFAULT_REFINING,
     Estimate,
     ReconstructedGarment,
+    body_frames,
     build_reconstruction,
     estimate,
     reconstruct,
     refine,
 )
-from drapeline.models.garment4d.settings import EvaluationSettings
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.settings import EvaluationSettings, SkinningSettings
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.models.training.byte_cache import ByteCache
 from drapeline.models.training.digests import tensors_digest
 from drapeline.registration.settings import RefineSettings
@@ -42,24 +47,36 @@ from drapeline.seeding import rng_for
 from drapeline.storage import atomic_folder
 
 _KEPT_BYTES = 1 << 30  # of the outputs of canonical networks for sequences
+ONE, BY_VERTEX = "one_label", "label_by_vertex"
+_COUNTED = slice(None, None, 10)  # neighbouring frames hardly differ
 
 
-class Evaluation:
+class SplitEvaluation:
     """Measures of all variants on one split, sequence by sequence.
 
     Args:
         sequences: of one type.
         split: "train", "val" or "test".
         settings: see there.
+        refining: of our last step.
+        worn_statistics: of the training sequences, see `training_worn_statistics`.
 
     Raises:
         InputError: no sequence of the split is simulated. Garments moved by skinning are never
             measured: they have no folds of their own.
     """
 
-    def __init__(self, sequences: BodySequences, split: str, settings: EvaluationSettings) -> None:
+    def __init__(
+        self,
+        sequences: BodySequences,
+        split: str,
+        settings: EvaluationSettings,
+        refining: RefineSettings = DEFAULT_REFINING,
+        worn_statistics: WornGarmentStatistics | None = None,
+    ) -> None:
         self.sequences, self.data = sequences, sequences.data
         self.split, self.settings = split, settings
+        self.refining, self.worn_statistics = refining, worn_statistics
         self._measured: dict[str, list[Measured]] = {}
         self._estimates: ByteCache[tuple, Estimate] = ByteCache(_KEPT_BYTES)
         self._moving_body = lru_cache(1)(self._measured_body)  # all variants of one after another
@@ -72,12 +89,12 @@ class Evaluation:
 
     def rows(self) -> Table:
         """Rows of the table of metrics."""
-        how = {"model": MODEL, "split": self.split, "seed": self.settings.seed}
-        parts = (
-            summarise(measured, variant=variant, **how)
+        seed = self.settings.seed
+        tables = (
+            summarise(measured, model=MODEL, variant=variant, split=self.split, seed=seed)
             for variant, measured in self._measured.items()
         )
-        return without_all(join(parts))
+        return without_all(join(tables))
 
     def add(self, variant: str, sequence: int, measures: Mapping[str, float]) -> None:
         """Record measures of a variant on a sequence."""
@@ -129,32 +146,28 @@ class Evaluation:
         self.measure_garment(variant, sequence, made.final, seconds=made.seconds)
         return made
 
-    def measure_ours(
-        self,
-        sequence: int,
-        made: ReconstructedGarment,
-        refining: RefineSettings,
-        worn_statistics: WornGarmentStatistics | None,
-    ) -> np.ndarray:
+    def measure_ours(self, sequence: int, made: ReconstructedGarment) -> np.ndarray:
         """Measure our variant and return it, (F, N, 3)."""
-        data, started = self.data, time.perf_counter()
-        poses, body = data.poses[data.rows(sequence)], self.sequences.body(sequence)
-        refined = self._refine(sequence, made, poses, body, refining, worn_statistics)
+        started = time.perf_counter()
+        refined = self._refine(sequence, made)
         seconds = made.seconds + time.perf_counter() - started
         self.measure_garment("ours", sequence, refined, seconds=seconds)
         return refined
 
     def _refine(
-        self,
-        sequence: int,
-        made: ReconstructedGarment,
-        poses: np.ndarray,
-        body: PosedBody,
-        refining: RefineSettings,
-        worn_statistics: WornGarmentStatistics | None,
+        self, sequence: int, made: ReconstructedGarment, *, noisy: bool = False
     ) -> np.ndarray:
-        points, faces = self.data.points[self.data.rows(sequence)], self.data.space.faces
-        return refine(made, points, poses, body, self.data.label, faces, refining, worn_statistics)
+        """(F, N, 3) of our last step."""
+        data = self.data
+        return refine(
+            made,
+            data.points[data.rows(sequence)],
+            *self._body(sequence, noisy=noisy),
+            data.label,
+            data.space.faces,
+            self.refining,
+            self.worn_statistics,
+        )
 
     def measure_garment(
         self,
@@ -179,15 +192,8 @@ class Evaluation:
             measures["inference_s_per_frame"] = seconds / len(garment)
         self.add(variant, sequence, measures)
 
-    def _measured_body(self, sequence: int) -> metrics.MovingBody:
-        data, body = self.data, self.sequences.body(sequence)
-        poses = data.poses[data.rows(sequence)]
-
-        @cache
-        def vertices(frame: int) -> np.ndarray:
-            return posed_vertices(body.model, body.shape, poses[frame][None])[0][0]
-
-        return metrics.MovingBody(vertices, body.model.faces)
+    def _measured_body(self, sequence: int) -> metrics.BodyFrames:
+        return body_frames(self.sequences.body(sequence), self.data.poses[self.data.rows(sequence)])
 
     def measure_still(self, sequence: int) -> None:
         """M3 of a garment that never moves: what networks that smooth all motion away would get."""
@@ -236,11 +242,7 @@ class Evaluation:
                 self._measure_errors(variant, sequence, made.final, made.seconds)
 
     def measure_noisy_bodies(
-        self,
-        canonical: Mapping[str, CanonicalStage],
-        posed: Mapping[str, PosedStage],
-        refining: RefineSettings,
-        worn_statistics: WornGarmentStatistics | None,
+        self, canonical: Mapping[str, CanonicalStage], posed: Mapping[str, PosedStage]
     ) -> None:
         """Errors with a body that is not exactly known, in variants that end in "noisy_body".
 
@@ -253,17 +255,16 @@ class Evaluation:
                 if stage.body_relative_points:
                     estimated = self._estimate(stage, sequence, noisy=True)
                     self._measure_canonical(f"{variant}_noisy_body", sequence, estimated.canonical)
-            poses, body = self._body(sequence, noisy=True)
             made = self._reconstruct(posed["posed"], sequence, noisy=True)
-            ours = self._refine(sequence, made, poses, body, refining, worn_statistics)
             self._measure_errors("noisy_body", sequence, made.final)
             self._measure_errors("lbs_noisy_body", sequence, made.proposal)
+            ours = self._refine(sequence, made, noisy=True)
             self._measure_errors("ours_noisy_body", sequence, ours)
             if "mgn" in posed:
                 made = self._reconstruct(posed["mgn"], sequence, noisy=True)
                 self._measure_errors("mgn_noisy_body", sequence, made.final)
 
-    def _body(self, sequence: int, *, noisy: bool) -> tuple[np.ndarray, PosedBody]:
+    def _body(self, sequence: int, *, noisy: bool = False) -> tuple[np.ndarray, ShapedBody]:
         """Poses (F, 72) and the body of a sequence as networks are given them."""
         data, settings = self.data, self.settings
         poses = data.poses[data.rows(sequence)]
@@ -272,7 +273,7 @@ class Evaluation:
         rng = rng_for(settings.seed, "noisy body", str(data.name[sequence]))
         poses = poses + rng.normal(0, settings.noise_pose_rad, 72)
         shape = data.shape[sequence] + rng.normal(0, settings.noise_shape, 10)
-        return poses, self.sequences.bodies.of(int(data.gender[sequence]), shape)
+        return poses, self.sequences.bodies.of(GENDERS[data.gender[sequence]], shape)
 
     def _measure_errors(
         self, variant: str, sequence: int, garment: np.ndarray, seconds: float | None = None
@@ -307,23 +308,31 @@ class Evaluation:
         return made
 
     def _reconstruct(
-        self, stage: PosedStage, sequence: int, *, noisy: bool = False, **changed: object
+        self,
+        stage: PosedStage,
+        sequence: int,
+        *,
+        noisy: bool = False,
+        points: np.ndarray | None = None,
+        labels: np.ndarray | None = None,
+        skinning: SkinningSettings | None = None,
     ) -> ReconstructedGarment:
-        rows = self.data.rows(sequence)
-        poses, body = self._body(sequence, noisy=noisy)
-        stride = self.settings.stride or None
-        if not {"points", "labels"} & set(changed):
+        """See `reconstruct`; what is None is as in the data, or as in training."""
+        stride, estimated = self.settings.stride or None, None
+        if points is None and labels is None:
             frames = stage.settings.training.frames
-            changed["estimated"] = self._estimate(
+            estimated = self._estimate(
                 stage.canonical, sequence, noisy=noisy, frames=frames, stride=stride
             )
-        given = {
-            "points": self.data.points[rows],
-            "poses": poses,
-            "body": body,
-            "stride": stride,
-        }
-        return reconstruct(stage, **{**given, **changed})
+        return reconstruct(
+            stage,
+            self.data.points[self.data.rows(sequence)] if points is None else points,
+            *self._body(sequence, noisy=noisy),
+            stride=stride,
+            skinning=skinning,
+            labels=labels,
+            estimated=estimated,
+        )
 
 
 def evaluate(
@@ -357,7 +366,7 @@ def evaluate(
     data, tables = sequences.data, []
     with atomic_folder(pictures) as scratch:
         for split in splits:
-            evaluation = Evaluation(sequences, split, settings)
+            evaluation = SplitEvaluation(sequences, split, settings, refining, worn_statistics)
             evaluation.measure_canonicals(canonical)
             others = {}
             if split == "test":
@@ -369,7 +378,7 @@ def evaluate(
                 made = evaluation.measure_posed("posed", posed["posed"], sequence)
                 evaluation.measure_garment("lbs", sequence, made.proposal)
                 evaluation.measure_still(sequence)
-                ours = evaluation.measure_ours(sequence, made, refining, worn_statistics)
+                ours = evaluation.measure_ours(sequence, made)
                 evaluation.measure_garment("truth", sequence, data.garment[rows], true=False)
                 if split == "test":
                     shown = evaluation.reconstruction(sequence, made)
@@ -380,11 +389,49 @@ def evaluate(
             if split == "test":
                 evaluation.measure_sweeps(posed["posed"])
                 if settings.noise_pose_rad or settings.noise_shape:
-                    evaluation.measure_noisy_bodies(canonical, posed, refining, worn_statistics)
+                    evaluation.measure_noisy_bodies(canonical, posed)
                 if vertex_sampled is not None:
-                    released = Evaluation(vertex_sampled, split, settings)
+                    released = SplitEvaluation(vertex_sampled, split, settings)
                     for sequence in released.simulated.tolist():
                         released.measure_posed("vertex_sampled", posed["posed"], sequence)
                     tables.append(released.rows())
             tables.append(evaluation.rows())
     return join(tables)
+
+
+class GuessedLabels:
+    """Labels of points without a network, which a segmentation has to beat.
+
+    The guess `ONE` is the label that most training points have. `BY_VERTEX` is the one that most
+    of them have among those nearest to the same vertex of the body, which must be known.
+
+    Args:
+        sequences: whose training points count, in every tenth frame.
+    """
+
+    def __init__(self, sequences: BodySequences) -> None:
+        self._sequences = sequences
+        votes = sum(self._votes(sequence) for sequence in sequences.data.of_split("train"))
+        self._one = int(votes.sum(axis=0).argmax())
+        self._by_vertex = np.where(votes.any(axis=1), votes.argmax(axis=1), self._one)
+
+    def of(self, sequence: int) -> dict[str, np.ndarray]:
+        """Guess -> labels (F, P) of a sequence's points."""
+        nearest = self._nearest(sequence, slice(None))
+        return {ONE: np.full(nearest.shape, self._one), BY_VERTEX: self._by_vertex[nearest]}
+
+    def _votes(self, sequence: int) -> np.ndarray:
+        """(B, L) points of a sequence that are nearest to each vertex, by label."""
+        data, body = self._sequences.data, self._sequences.body(sequence).model
+        labels = data.labels[data.rows(sequence)][_COUNTED]
+        nearest = self._nearest(sequence, _COUNTED)
+        votes = np.zeros((len(body.v_template), len(LABELS)), dtype=np.int64)
+        np.add.at(votes, (nearest.ravel(), labels.ravel()), 1)
+        return votes
+
+    def _nearest(self, sequence: int, frames: slice) -> np.ndarray:
+        """(F, P) the body's vertices that are nearest to the points in some frames."""
+        data, body = self._sequences.data, self._sequences.body(sequence)
+        points, poses = (each[data.rows(sequence)][frames] for each in (data.points, data.poses))
+        posed = posed_vertices(body.model, body.shape, poses)[0]
+        return np.stack([nearest_vertices(*pair) for pair in zip(posed, points, strict=True)])

@@ -1,12 +1,17 @@
-"""Terms shared by the losses of both stages (Garment4D equations 5, 6 and 8), all of them means."""
+"""Losses of both stages (Garment4D equations 4 and 7) and their terms (5, 6 and 8), all means."""
+
+from collections.abc import Mapping, Sequence
 
 import igl
 import numpy as np
 import torch
+import torch.nn.functional as F
 from scipy import sparse
 from torch import nn
 
 from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.models.garment4d.canonical import CanonicalOutput
+from drapeline.models.garment4d.settings import CanonicalWeights, PosedWeights
 from drapeline.models.layers.point_search import nearest_neighbours
 from drapeline.models.layers.sparse_matrix import SparseMatrix
 
@@ -110,3 +115,101 @@ def temporal_difference(vertices: torch.Tensor, form: str = "paper") -> torch.Te
         return vertices.new_zeros(())
     step = vertices[:, 1:] - vertices[:, :-1]
     return step.norm(dim=-1).mean() if form == "released" else step.square().sum(-1).mean()
+
+
+def balance_labels(share: np.ndarray, balance: float) -> torch.Tensor:
+    """(L,) weights of labels with shares (L,) of the training points; their mean over points is 1.
+
+    Otherwise small garments would be the last to be told apart. A label without points has weight
+    0.
+
+    Args:
+        share: of the training points that have each label.
+        balance: see `CanonicalWeights`.
+    """
+    weights = np.zeros(len(share))
+    weights[share > 0] = share[share > 0] ** -balance
+    return torch.from_numpy(weights / (weights * share).sum()).float()
+
+
+def canonical_loss(
+    output: CanonicalOutput,
+    labels: torch.Tensor,
+    coefficients: torch.Tensor,
+    canonical: torch.Tensor,
+    body: torch.Tensor,
+    body_normals: torch.Tensor,
+    laplacian: CotangentLaplacian,
+    weights: CanonicalWeights,
+    label_weights: torch.Tensor | None = None,
+) -> dict[str, torch.Tensor]:
+    """Equation 4.
+
+    Args:
+        output: of B windows.
+        labels: (B, T, P) int64 of the points.
+        coefficients: (B, D) true alpha.
+        canonical: (B, N, 3) true canonical garments, metres.
+        body: (B, M, 3) vertices of the bodies in the rest pose, metres.
+        body_normals: (B, M, 3) their outward unit normals.
+        laplacian: of the garment's mesh.
+        weights: of the terms.
+        label_weights: (L,) of points by true label, see `balance_labels`; None for equal ones.
+
+    Returns:
+        Each term before it is weighted, and their weighted sum as "total". There is no term
+        "segmentation" if the network has no segmentation.
+    """
+    terms = {
+        "coefficients": (output.coefficients - coefficients).square().sum(-1).mean(),
+        "vertices": (output.vertices - canonical).square().sum(-1).mean(),
+        "interpenetration": interpenetration(output.vertices, body, body_normals),
+        "laplacian": laplacian_difference(
+            laplacian, output.vertices, canonical, weights.laplacian_form
+        ),
+    }
+    if output.logits is not None:
+        of_points = F.cross_entropy(
+            output.logits.flatten(0, 2), labels.flatten(), label_weights, reduction="none"
+        )
+        terms["segmentation"] = of_points.mean()
+    terms["total"] = sum(getattr(weights, name) * term for name, term in terms.items())
+    return terms
+
+
+def posed_loss(
+    predictions: Sequence[torch.Tensor],
+    target: torch.Tensor,
+    body: torch.Tensor,
+    body_normals: torch.Tensor,
+    laplacian: CotangentLaplacian | UniformLaplacian,
+    weights: PosedWeights,
+) -> Mapping[str, torch.Tensor]:
+    """Equation 7, summed over iterations, which all weigh the same.
+
+    Args:
+        predictions: (B, T, N, 3) after each iteration, metres.
+        target: (B, T, N, 3).
+        body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
+        laplacian: of the template; the cotangent one for the paper's form, else the uniform one.
+        weights: of the terms.
+
+    Returns:
+        `vertices` (m^2), `interpenetration` (m), `laplacian` and `temporal`, each summed over
+        iterations without its weight, and `total`.
+    """
+    terms = dict.fromkeys(("vertices", "interpenetration", "laplacian", "temporal"), 0.0)
+    skin, normals = body.flatten(0, 1), body_normals.flatten(0, 1)
+    last_alone = weights.temporal_form == "released"
+    for number, garment in enumerate(predictions, 1):
+        parts = {
+            "vertices": (garment - target).square().sum(-1).mean(),
+            "interpenetration": interpenetration(garment.flatten(0, 1), skin, normals),
+            "laplacian": roughness(laplacian, garment)
+            if weights.laplacian_form == "released"
+            else laplacian_difference(laplacian, garment, target),
+        }
+        if number == len(predictions) or not last_alone:
+            parts["temporal"] = temporal_difference(garment, weights.temporal_form)
+        terms |= {name: terms[name] + part for name, part in parts.items()}
+    return {**terms, "total": sum(getattr(weights, name) * term for name, term in terms.items())}

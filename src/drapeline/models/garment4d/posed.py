@@ -5,7 +5,7 @@ are turned into a displacement by graph convolutions, and the next iteration sta
 garment. Between iterations, frames attend to one another (Garment4D 2.4).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -14,15 +14,7 @@ from scipy import sparse
 from torch import nn
 
 from drapeline.geometry.mesh import edge_graph, edges
-from drapeline.models.garment4d.losses import (
-    CotangentLaplacian,
-    UniformLaplacian,
-    interpenetration,
-    laplacian_difference,
-    roughness,
-    temporal_difference,
-)
-from drapeline.models.garment4d.settings import MgnSettings, PosedSettings, PosedWeights
+from drapeline.models.garment4d.settings import MgnSettings, PosedSettings
 from drapeline.models.layers.lbs import linear_blend_skinning
 from drapeline.models.layers.linear import linear
 from drapeline.models.layers.point_search import gather_rows, nearest_neighbours
@@ -215,47 +207,6 @@ def mean_of_neighbours(faces: np.ndarray, count: int) -> sparse.csr_matrix:
     """D^-1 (A + I), (N, N): the mean over a vertex and its neighbours."""
     matrix = (edge_graph(edges(faces), count) + sparse.identity(count)).tocsr()
     return (sparse.diags(1 / np.asarray(matrix.sum(axis=1)).ravel()) @ matrix).tocsr()
-
-
-def posed_loss(
-    predictions: Sequence[torch.Tensor],
-    target: torch.Tensor,
-    body: torch.Tensor,
-    body_normals: torch.Tensor,
-    laplacian: CotangentLaplacian | UniformLaplacian,
-    weights: PosedWeights,
-    iteration_weights: Sequence[float] | None = None,
-) -> Mapping[str, torch.Tensor]:
-    """Equation 7, summed over iterations.
-
-    Args:
-        predictions: (B, T, N, 3) after each iteration, metres.
-        target: (B, T, N, 3).
-        body, body_normals: (B, T, M, 3) body vertices and outward unit normals.
-        laplacian: of the template; the cotangent one for the paper's form, else the uniform one.
-        weights: of the terms.
-        iteration_weights: w_j, 1 each if None.
-
-    Returns:
-        `vertices` (m^2), `interpenetration` (m), `laplacian` and `temporal`, each summed over
-        iterations with the weights w_j but without those of the terms, and `total`.
-    """
-    shares = iteration_weights or [1.0] * len(predictions)
-    terms = dict.fromkeys(("vertices", "interpenetration", "laplacian", "temporal"), 0.0)
-    skin, normals = body.flatten(0, 1), body_normals.flatten(0, 1)
-    last_alone = weights.temporal_form == "released"
-    for number, (share, garment) in enumerate(zip(shares, predictions, strict=True), 1):
-        parts = {
-            "vertices": (garment - target).square().sum(-1).mean(),
-            "interpenetration": interpenetration(garment.flatten(0, 1), skin, normals),
-            "laplacian": roughness(laplacian, garment)
-            if weights.laplacian_form == "released"
-            else laplacian_difference(laplacian, garment, target),
-        }
-        if number == len(predictions) or not last_alone:
-            parts["temporal"] = temporal_difference(garment, weights.temporal_form)
-        terms |= {name: terms[name] + share * part for name, part in parts.items()}
-    return {**terms, "total": sum(getattr(weights, name) * term for name, term in terms.items())}
 
 
 class MgnNetwork(nn.Module):

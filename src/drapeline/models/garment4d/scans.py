@@ -1,28 +1,243 @@
-"""A garment from a user's scans: all stages on one sequence, and its metrics.
+"""Garment4D's garments in scans: in single segmented scans, and in a user's own sequence.
 
-F frames, N vertices of the garment.
+F frames, P points, N vertices and D components of a type's template.
 """
 
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from drapeline.bodies.model import posed_vertices
+from drapeline.bodies import follow
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.labels import LABELS
 from drapeline.dataset.scans import ScanSequence
+from drapeline.dataset.segmented_scans import SegmentedScan
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.least_squares import LeastSquares, absolute_weights
+from drapeline.geometry.mesh import (
+    Mesh,
+    barycentric,
+    boundary_edges,
+    face_normals,
+    vertex_normals,
+)
 from drapeline.metrics import sequence as metrics
 from drapeline.metrics.garment4d import MODEL
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.metrics.predictions import Reconstruction
 from drapeline.metrics.table import join, summarise, without_all
-from drapeline.models.garment4d.body_input import PosedBody
-from drapeline.models.garment4d.reconstruct import ReconstructedGarment, build_reconstruction
-from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
+from drapeline.models.garment4d.data import ShapedBody
+from drapeline.models.garment4d.reconstruct import (
+    DEFAULT_REFINING,
+    ReconstructedGarment,
+    ReconstructionModel,
+    body_frames,
+    build_reconstruction,
+    reconstruct,
+    refine,
+)
+from drapeline.outfits.worn import SkinningOptions, pose_in_layers
 from drapeline.registration.settings import RefineSettings
+from drapeline.registration.to_scan import move_to_scan
+from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.schema import Table
+from drapeline.seeding import rng_for
 
+PCA, MOVED, POSED, REFINED = (
+    f"garment4d_scan_{name}" for name in ("pca", "moved", "posed", "ours")
+)
+_FLOOR_M = 0.003  # below it, absolute distances are taken for squares
+_CORNER = 1e-3  # share from which a corner takes part in a place on a face
+_BEYOND = 3.0  # distances between points, from which a vertex is off the cloud
+_SLIDE = 0.02  # weight of offsets along the cloth, where it is free to slide below the points
 SPLIT = "scans"
 _SHOWN = 48  # frames of the sequence that pictures are made of, at most
+
+
+@dataclass(frozen=True)
+class FitTemplate:
+    """Settings of the fit of a template's components to points.
+
+    Attributes:
+        steps: of least squares, after each of which points find new places on the garment.
+        points: of the garment that count, and vertices of the template.
+        weight: of the points, as a number of independent ones.
+        points_m: how far garments are off the points, metres.
+        skinning: how the template follows the body.
+    """
+
+    steps: int = 20
+    points: int = 1500
+    weight: float = 100.0
+    points_m: float = 0.005
+    skinning: SkinningOptions = field(default_factory=SkinningOptions)
+
+
+class Garment4dScanFitter:
+    """Fulfils `ScanFitter`.
+
+    The components alone are fitted to the garment's points, and the garment moved to them. The
+    networks are given the scan as a
+    body that stands still, with its labels; what they find is shown as it is and after the final
+    step, which fits it to the points.
+
+    Args:
+        models: trained, of the types that they know.
+        settings: of the fit of components.
+        seed: of the points that are chosen.
+    """
+
+    def __init__(
+        self, models: Mapping[str, ReconstructionModel], settings: FitTemplate, seed: int
+    ) -> None:
+        self._models, self._settings, self._seed = models, settings, seed
+
+    def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
+        """The garments that models know, in four ways."""
+        found: dict[str, dict[str, Mesh]] = {PCA: {}, POSED: {}, REFINED: {}}
+        at_rest: dict[str, Mesh] = {}
+        for name in scan.garments:
+            if name in self._models:
+                model = self._models[name]
+                faces = model.stage.space.faces
+                wearer = model.bodies.models[scan.gender]
+                rng = rng_for(self._seed, "template", scan.name, name)
+                fitted = fit_template(
+                    model.stage.space, scan, name, wearer, body, self._settings, rng
+                )
+                at_rest[name] = Mesh(fitted, faces)
+                posed, refined = self._networks(model, scan, body)
+                found[POSED][name], found[REFINED][name] = Mesh(posed, faces), Mesh(refined, faces)
+        if at_rest:
+            posed = follow.pose_body(wearer, body.shape, body.pose, body.trans)
+            found[PCA] = pose_in_layers(at_rest, posed, self._settings.skinning)
+            found[MOVED] = move_to_scan(found[PCA], at_rest, scan, posed)
+        return {variant: garments for variant, garments in found.items() if garments}
+
+    def _networks(
+        self, model: ReconstructionModel, scan: SegmentedScan, body: BodyState
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) of the networks, and after the final step, in the scan's world."""
+        frames = model.stage.settings.training.frames
+        rng = rng_for(self._seed, "networks", scan.name, model.garment)
+        count = model.points
+        chosen = np.stack(
+            [
+                rng.choice(len(scan.points), count, replace=len(scan.points) < count)
+                for _ in range(frames)
+            ]
+        )
+        clouds = (scan.points[chosen] - body.trans).astype(np.float32)
+        poses = np.tile(body.pose, (frames, 1))
+        wearer = model.bodies.of(scan.gender, body.shape)
+        made = reconstruct(model.stage, clouds, poses, wearer, labels=scan.labels[chosen])._replace(
+            labels=scan.labels[chosen]
+        )
+        final = refine(
+            made,
+            clouds,
+            poses,
+            wearer,
+            LABELS.index(model.garment),
+            model.stage.space.faces,
+            DEFAULT_REFINING,
+            model.worn_statistics,
+        )
+        middle = frames // 2
+        return tuple((part[middle] + body.trans).astype(np.float32) for part in (made.final, final))
+
+
+def fit_template(
+    space: GarmentSpace,
+    scan: SegmentedScan,
+    garment: str,
+    wearer: BodyModel,
+    body: BodyState,
+    settings: FitTemplate,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(N, 3) float32 at rest, of the components that fit the points of a garment.
+
+    Points come to lie on the garment, and vertices on the points, but for those next to a garment
+    that may hide them. Both may slide along the cloth, except where one of them ends before the
+    other. Each component has a normal prior, with the variance of training garments.
+
+    Args:
+        space: of the type.
+        scan: with the garment.
+        garment: its type.
+        wearer: model of the wearer's body.
+        body: its state.
+        settings: of the fit.
+        rng: draws points.
+    """
+    posed_body = follow.pose_body(wearer, body.shape, body.pose, body.trans)
+    own = scan.points_of(garment).astype(np.float64)
+    over = scan.garments[scan.garments.index(garment) + 1 :]
+    hiding = np.isin(scan.labels, [LABELS.index(name) for name in over])
+    tree, own_tree = KDTree(scan.points), KDTree(own)
+    spacing_m = _BEYOND * float(np.median(own_tree.query(own, k=2)[0][:, 1]))
+    points = own[rng.choice(len(own), min(len(own), settings.points), replace=False)]
+    size = len(space.components)
+    vertices = rng.choice(len(space.mean), min(len(space.mean), settings.points), replace=False)
+    alpha = np.zeros(size)
+    edge = np.zeros(len(space.mean), dtype=bool)
+    edge[boundary_edges(space.faces)] = True
+    for _ in range(settings.steps):
+        rest = space.vertices(alpha)
+        motions = follow.garment_motions(
+            Mesh(rest, space.faces),
+            posed_body,
+            neighbours=settings.skinning.neighbours,
+            smoothing=settings.skinning.smoothing,
+        )
+        posed = follow.move(rest, motions)
+        slopes = np.einsum("nab,dnb->nad", motions[:, 1:], space.components)
+        place, face = closest_points(points, posed, space.faces)
+        corners = space.faces[face]
+        share = barycentric(place.astype(np.float64), posed[corners])
+        equations = LeastSquares(size)
+        _add_offsets(
+            equations,
+            place - points,
+            np.einsum("pc,pcad->pad", share, slopes[corners]),
+            face_normals(posed, corners),
+            ((share > _CORNER) <= edge[corners]).all(axis=1),
+            settings,
+        )
+        seen = vertices[~hiding[tree.query(posed[vertices])[1]]]
+        if len(seen):
+            distance, nearest = own_tree.query(posed[seen])
+            normals = vertex_normals(posed, space.faces)[seen]
+            # Within the cloud, the nearest point is somewhere between others.
+            beyond = edge[seen] & (distance > spacing_m)
+            to_points = posed[seen] - own[nearest]
+            _add_offsets(equations, to_points, slopes[seen], normals, beyond, settings)
+        equations.add_prior(slice(None), alpha, 1.0)
+        alpha = alpha + equations.step()
+    return space.vertices(alpha)
+
+
+def _add_offsets(
+    equations: LeastSquares,
+    offsets: np.ndarray,
+    slopes: np.ndarray,
+    normals: np.ndarray,
+    held: np.ndarray,
+    settings: FitTemplate,
+) -> None:
+    """Offsets (P, 3) with derivatives (P, 3, D), along normals (P, 3) alone unless held (P,)."""
+    height = np.einsum("pi,pi->p", offsets, normals)
+    length = np.where(held, np.linalg.norm(offsets, axis=1), np.abs(height))
+    total = settings.weight / settings.points_m / len(offsets)
+    weight = total * absolute_weights(length, _FLOOR_M)
+    equations.add(np.einsum("pi,pid->pd", normals, slopes), height, weight * ~held)
+    along = np.repeat(weight * np.where(held, 1.0, _SLIDE), 3)
+    equations.add(slopes.reshape(-1, slopes.shape[-1]), offsets.ravel(), along)
 
 
 class ScannedGarment(NamedTuple):
@@ -81,19 +296,14 @@ def reconstruct_scans(
 
 def _measure(
     scans: ScanSequence,
-    body: PosedBody,
+    body: ShapedBody,
     garment: str,
     made: ReconstructedGarment,
     final: np.ndarray,
     seed: int,
 ) -> Table:
     """Table 5 for the proposals, the posed stage and our last step, against the whole scans."""
-
-    @cache
-    def body_vertices(frame: int) -> np.ndarray:
-        return posed_vertices(body.model, body.shape, scans.body.poses[frame][None])[0][0]
-
-    moving = metrics.MovingBody(body_vertices, body.model.faces)
+    moving = body_frames(body, scans.body.poses)
     tables = []
     steps = {"lbs": made.proposal, "posed": made.final, "ours": final}
     for variant, vertices in steps.items():

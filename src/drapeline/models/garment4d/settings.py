@@ -1,7 +1,7 @@
-"""Settings of Garment4D."""
+"""Settings of Garment4D, and what its ablations change in them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from drapeline.dataset.settings import CloudSettings, Protocol
@@ -13,13 +13,25 @@ from drapeline.settings import ConfigDict, EachOnce, Field, OneOf, Settings, Ski
 
 # Points per cloud in the released code.
 _POINTS = 6890
-_Weight = Annotated[float, Field(ge=0, le=1_000_000)]
 _Garment = Annotated[str, OneOf(TEMPLATE_TYPES)]
 _Path = Annotated[str, Field(min_length=1)]
+# Variant -> group -> setting -> value, laid over the experiment's settings of the posed stage.
+POSED_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "posed": {},
+    "no_body_encoder": {"network": {"body_encoder": False}},
+    "no_transformer": {"network": {"transformer": "none"}},
+    # Without what the default adds to the paper's posed stage, and with the released code's loss.
+    "as_printed": {
+        "network": {"pull_neighbours": 0, "smooth_passes": 0},
+        "loss": {"interpenetration": 100},
+    },
+    # Weights of the nearest body vertex, as in SMPL+D.
+    "nearest_weights": {"skinning": {"neighbours": 1, "passes": 0}},
+}
 
 
 class Garment4dTraining(Training):
-    """How long, how fast and on what windows a network of a stage is trained."""
+    """Length, speed and windows of the training of a stage's network."""
 
     epochs: int = Field(
         5,
@@ -367,7 +379,7 @@ class MgnStageSettings(StageSettings):
 
 
 class EvaluationSettings(Settings):
-    """What is evaluated besides the plain reconstruction.
+    """Evaluations besides that of the plain reconstruction.
 
     Noisy bodies are left out where there is no noise at all; the noise on poses is the same in all
     frames of a sequence.
@@ -417,7 +429,7 @@ class Skinned(SkinnedSettings):
 
 
 class Reconstruct(Settings):
-    """What `snakemake reconstruct` reads."""
+    """Inputs of `snakemake reconstruct`."""
 
     points: str | None = Field(
         None, description="Your scans, a folder with one .ply per frame, or one .npz."
@@ -481,3 +493,23 @@ class Garment4dSettings(Settings):
     )
     evaluation: EvaluationSettings = EvaluationSettings()
     reconstruct: Reconstruct = Reconstruct()
+
+
+def posed_variants(
+    settings: Mapping[str, Mapping[str, Any]],
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """Variant -> group -> setting -> value: the full model, and what differs from these settings.
+
+    Args:
+        settings: of the experiment's posed stage, by group; a setting that they lack differs.
+    """
+    return {
+        name: changes
+        for name, changes in POSED_VARIANTS.items()
+        if not changes
+        or any(
+            settings.get(group, {}).get(key) != value
+            for group, values in changes.items()
+            for key, value in values.items()
+        )
+    }

@@ -15,7 +15,7 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.storage import load_npz, save_npz
 
 if TYPE_CHECKING:  # a training does not depend on how its results are measured
-    from drapeline.metrics.static import Prediction, StaticRows
+    from drapeline.metrics.registered import Prediction, StaticRows
 
 _BATCH = 16
 

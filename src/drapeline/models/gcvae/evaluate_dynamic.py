@@ -4,9 +4,8 @@ from collections.abc import Iterable, Mapping
 
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.moving import MovingGarment
-from drapeline.metrics.dynamic import measure_motion, measured_in_motion
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.static import add_kl
+from drapeline.metrics.registered import add_kl, measure_motion, measured_in_motion
 from drapeline.metrics.table import join, summarise
 from drapeline.models.gcvae.codec import GarmentCodec
 from drapeline.models.gcvae.codes import encode_garments

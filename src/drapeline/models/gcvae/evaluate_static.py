@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drapeline.metrics.static import (
+from drapeline.metrics.registered import (
     add_kl,
     measure_predictions,
     measured_at_rest,

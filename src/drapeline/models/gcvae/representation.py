@@ -8,7 +8,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.baselines import fit_pca
 from drapeline.metrics.garment import garment_mesh
-from drapeline.metrics.static import Prediction
+from drapeline.metrics.registered import Prediction
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import GarmentCodec

@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from drapeline.metrics.static import StaticRows, Truth
+from drapeline.metrics.registered import StaticRows, Truth
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.codec import Garments
 from drapeline.registration.to_body.topology import TOPOLOGIES

@@ -22,7 +22,7 @@ from drapeline.metrics.garment import (
     shape_measures,
 )
 from drapeline.metrics.predictions import RebuiltGarment
-from drapeline.metrics.static import measured_at_rest
+from drapeline.metrics.registered import measured_at_rest
 from drapeline.metrics.table import join, summarise
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.network import GarmentField, Points, fit_codes

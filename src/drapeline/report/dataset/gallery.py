@@ -12,7 +12,6 @@ from drapeline.dataset.record import meta_path, read_meta, read_record
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.dataset.scene_part import ScenePart
 from drapeline.errors import InputError
-from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import (
     Camera,
     facing_direction,
@@ -20,7 +19,7 @@ from drapeline.rendering.camera import (
     look_at,
     view_direction,
 )
-from drapeline.rendering.picture_grid import save_contact_sheet, text_card
+from drapeline.rendering.pictures import save_animation, save_contact_sheet, text_card
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import fabric_gloss
 from drapeline.rule_log import progress
@@ -31,6 +30,8 @@ _TARGET_HEIGHT_M = 0.93
 _MARGIN = 0.05  # of the picture's height and width, around the figure
 _TURN_DEG = 28.0  # the camera stands this far to the side of where the body faces
 _RISE = 0.2
+_SIZE = (210, 280)
+_COLUMNS = 8
 
 
 def render_gallery(
@@ -142,10 +143,6 @@ def _card(meta: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
 def _save_still(path: str | Path, picture: np.ndarray) -> None:
     with atomic_file(path) as scratch:
         Image.fromarray(picture).save(scratch, format="PNG")
-
-
-_SIZE = (210, 280)
-_COLUMNS = 8
 
 
 def plot_group(path: str | Path, samples: Sequence[str | Path], *, most: int) -> int:

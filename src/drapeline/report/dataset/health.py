@@ -21,7 +21,7 @@ _ROW_IN = 0.24
 
 
 @dataclass(frozen=True)
-class Measure:
+class HealthMeasure:
     """A quantity of a sample, and its place in `meta.json`.
 
     Attributes:
@@ -78,46 +78,46 @@ def _over_frames(key: str) -> tuple[tuple[str, str], tuple[str, str], tuple[str,
 
 
 MEASURES = {
-    "penetration": Measure(
+    "penetration": HealthMeasure(
         "Garment vertices inside the body", "Inside", "%",
         _over_frames("inside_share"), 100.0,
         bounds=(None, 0.5),
     ),
-    "depth": Measure(
+    "depth": HealthMeasure(
         "Deepest vertex inside the body", "Depth", "mm",
         _over_frames("depth_max_m"), 1000.0, digits=1
     ),
-    "stretch": Measure(
+    "stretch": HealthMeasure(
         "Edge length to rest length", "Stretch", "",
         (("stretch_p01", "mean"), ("stretch_p50", "mean"), ("stretch_p99", "mean")),
         bounds=(0.85, 1.20), judged=(0, 2),
         about="dot: median of the edges, line: 1st to 99th percentile, mean over the frames",
     ),
-    "gap": Measure(
+    "gap": HealthMeasure(
         "Gap between cloth and body", "Gap", "mm",
         (("gap_p05_m", "mean"), ("gap_p50_m", "mean"), None), 1000.0, digits=1, judged=(0, 1),
         about="dot: median of the vertices, line: from the 5th percentile, mean over the frames",
     ),
-    "acceleration": Measure(
+    "acceleration": HealthMeasure(
         "Mean acceleration", "Acceleration", "m/s²",
         _over_frames("acceleration_m_s2"),
     ),
-    "self_crossing": Measure(
+    "self_crossing": HealthMeasure(
         "Edges through the garment's own faces", "Self-crossing", "%",
         _over_frames("self_share"), 100.0
     ),
-    "layers": Measure(
+    "layers": HealthMeasure(
         "Outer vertices beneath the inner garment", "Beneath", "%",
         _over_frames("layer_share"), 100.0
     ),
-    "slip": Measure(
+    "slip": HealthMeasure(
         "Slip along the body", "Slip", "mm",
         _over_frames("slip_m"), 1000.0, digits=1,
     ),
 }  # fmt: skip
 
 
-def plot_measure(path: str | Path, records: Sequence[SampleRecord], measure: Measure) -> None:
+def plot_measure(path: str | Path, records: Sequence[SampleRecord], measure: HealthMeasure) -> None:
     """Draw a line and dot for each sample, and the band that the goal allows."""
     values = np.array([measure.values(record) for record in records]).reshape(-1, 3)
     names = [record.meta["id"] for record in records]
@@ -138,7 +138,7 @@ def plot_speed(path: str | Path, records: Sequence[SampleRecord]) -> None:
                 f"{meta_path(record.folder)}: lacks simulation.frames_per_second, expected a number"
             )
         speeds.append((np.nan, float(speed), np.nan))
-    measure = Measure(
+    measure = HealthMeasure(
         "Simulation speed",
         "Speed",
         "frames/s on one core",
@@ -153,7 +153,7 @@ def _plot_rows(
     path: str | Path,
     names: Sequence[str],
     values: np.ndarray,
-    measure: Measure,
+    measure: HealthMeasure,
     from_zero: bool = False,
 ) -> None:
     """Draw horizontal rows from low to high, with a dot in the middle; values (S, 3)."""
@@ -184,7 +184,7 @@ def _plot_rows(
         place_legend_above(axes)
 
 
-def _draw_band(axes: Axes, measure: Measure) -> None:
+def _draw_band(axes: Axes, measure: HealthMeasure) -> None:
     lower, upper = measure.bounds
     if upper is None and lower is None:
         return
@@ -271,7 +271,7 @@ def _goal_rows(status: Table, records: Sequence[SampleRecord]) -> list[dict[str,
     return rows
 
 
-def _goal(measure: Measure) -> str:
+def _goal(measure: HealthMeasure) -> str:
     lower, upper = measure.bounds
     if lower is None:
         return "-" if upper is None else f"at most {upper:g}"
@@ -303,7 +303,7 @@ def _sample_rows(status: Table, accepted: Mapping[str, SampleRecord]) -> list[di
     return rows
 
 
-def _sample_cell(measure: Measure, record: SampleRecord | None) -> Cell:
+def _sample_cell(measure: HealthMeasure, record: SampleRecord | None) -> Cell:
     if record is None:
         return Cell("", "number")
     values = [measure.values(record)[which] for which in measure.judged]

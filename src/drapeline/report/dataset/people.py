@@ -11,8 +11,8 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.sample_meshes import scene_parts
 from drapeline.errors import InputError
 from drapeline.frames import FPS
-from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import Camera, facing_direction, frame_points, look_at
+from drapeline.rendering.pictures import save_animation
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.report.colours import fabric_gloss
 from drapeline.rule_log import progress
@@ -89,7 +89,7 @@ def render_people(
 
 
 def best_loop(moving: Sequence[np.ndarray]) -> tuple[int, list[int]]:
-    """Where motions can be cut to begin again with the least jump, all after as many frames.
+    """Find where motions can be cut to begin again with the least jump, all after as many frames.
 
     Args:
         moving: (N, V, 3) vertices of each; N may differ.

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from drapeline.metrics.fitted_scans import CLASSES, COMMON
+from drapeline.metrics.properties import CLASSES, COMMON
 from drapeline.metrics.registry import variants
 from drapeline.metrics.table import ALL
 from drapeline.outfits.garment_types import TEMPLATE_TYPES

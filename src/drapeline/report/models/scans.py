@@ -7,10 +7,9 @@ import numpy as np
 
 from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import LABELS
-from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_scans import (
+from drapeline.metrics.predictions import (
     BODY,
     TRUE,
     Fits,
@@ -18,11 +17,9 @@ from drapeline.metrics.fitted_scans import (
 )
 from drapeline.metrics.registry import variants
 from drapeline.rendering.camera import facing_direction
-from drapeline.rendering.picture_grid import GridCell, save_contact_sheet, save_grid, text_card
-from drapeline.rendering.raytracer import ColouredMesh
-from drapeline.report.colours import garment_colour
+from drapeline.rendering.pictures import GridCell, save_contact_sheet, save_grid, text_card
 from drapeline.report.models.garment4d.figures import spread_frames
-from drapeline.report.models.scene import Scene, cloud_parts, fit_scene
+from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, worn_parts
 from drapeline.rule_log import progress
 
 OWN = "own"
@@ -87,14 +84,12 @@ def _row(scan: SegmentedScan, fits: Fits, columns: Sequence[str]) -> list[GridCe
     for name in columns:
         garments = dict(fits.get(name, {}))
         wearer = garments.pop(BODY, body)
-        parts = [ColouredMesh(wearer.vertices, wearer.faces, BODY_COLOUR)]
-        parts += [
-            ColouredMesh(mesh.vertices, mesh.faces, garment_colour(garment))
-            for garment, mesh in garments.items()
-            if len(mesh.faces)
-        ]
         height, width = cells[0].picture.shape[:2]
-        picture = scene.picture(parts) if garments else text_card("", _UNKNOWN, (width, height))
+        picture = (
+            scene.picture(worn_parts(wearer, garments))
+            if garments
+            else text_card("", _UNKNOWN, (width, height))
+        )
         cells.append(GridCell(picture))
     return cells
 

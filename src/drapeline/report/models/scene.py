@@ -12,7 +12,7 @@ from drapeline.dataset.scene_part import BODY_COLOUR
 from drapeline.geometry.mesh import Mesh
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.camera import Camera, look_at, view_direction
-from drapeline.rendering.picture_grid import GridCell, heat_parts, save_grid
+from drapeline.rendering.pictures import GridCell, heat_parts, save_grid
 from drapeline.rendering.raytracer import BACKDROP, ColouredMesh, raytrace
 from drapeline.report.colours import garment_colour
 from drapeline.rule_log import progress
@@ -23,6 +23,12 @@ _TURN_DEG = 24.0
 _RISE = 0.12
 _MARGIN = 1.12
 _FLOOR_SHARE = 0.44  # of a picture's height lies between its middle and the floor
+_SURFACE_M2 = 2.2  # of a dressed body, roughly: what a cloud's points are spread over
+_POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them
+_DEPTH_LEVELS, _HAZE = 6, 0.6  # distant points are drawn paler, so that near ones stand out
+HEAT_SPAN_MM = 30.0
+_TARGET_HEIGHT_M = 0.95
+_EMPTY = 255  # white, like the background of the others
 
 
 @dataclass(frozen=True)
@@ -96,9 +102,13 @@ def share_scale(scenes: Sequence[Scene]) -> list[Scene]:
     ]
 
 
-_SURFACE_M2 = 2.2  # of a dressed body, roughly: what a cloud's points are spread over
-_POINT_SHARE = 0.37  # radius of a drawn point, of the distance between them
-_DEPTH_LEVELS, _HAZE = 6, 0.6  # distant points are drawn paler, so that near ones stand out
+def worn_parts(wearer: Mesh, garments: Mapping[str, Mesh]) -> list[ColouredMesh]:
+    """A body in garments (type -> mesh) of their types' colours; empty meshes are left out."""
+    return [ColouredMesh(wearer.vertices, wearer.faces, BODY_COLOUR)] + [
+        ColouredMesh(mesh.vertices, mesh.faces, garment_colour(garment))
+        for garment, mesh in garments.items()
+        if len(mesh.faces)
+    ]
 
 
 def cloud_parts(points: np.ndarray, labels: np.ndarray, scene: Scene) -> list[ColouredMesh]:
@@ -124,11 +134,6 @@ def _balls(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     vertices = np.asarray(points, dtype=np.float64)[:, None] + radius * ball.vertices
     first = len(ball.vertices) * np.arange(len(points))[:, None, None]
     return vertices.reshape(-1, 3), (first + ball.faces).reshape(-1, 3)
-
-
-HEAT_SPAN_MM = 30.0
-_TARGET_HEIGHT_M = 0.95
-_EMPTY = 255  # white, like the background of the others
 
 
 _STANDING = Scene(target=(0.0, 0.0, _TARGET_HEIGHT_M), floor_z=-0.95)

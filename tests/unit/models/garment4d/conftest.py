@@ -7,10 +7,8 @@ import pytest
 
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.sequences import GarmentSequence, SequenceData
-from drapeline.models.garment4d.canonical_stage import CanonicalStage
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.windows import BodySequences
+from drapeline.models.garment4d.data import BodySequences
+from drapeline.models.garment4d.stages import CanonicalStage, PosedStage, load_stage
 from toys.garment4d import CANONICAL, PLAIN, POSED, open_toy_data, save_toy_data
 from toys.garment4d_stages import build_canonical, train_toys
 

@@ -1,22 +1,34 @@
-"""All variants of toy skirts, measured against the truth."""
+"""All variants, measured."""
 
 import copy
 
 import numpy as np
 import pytest
 import torch
+from scipy.spatial import cKDTree
 
+from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
-from drapeline.metrics.reconstructions import load_reconstruction
-from drapeline.metrics.table import find_value, read_metrics, write_metrics
+from drapeline.metrics.predictions import load_reconstruction
+from drapeline.metrics.table import read_metrics, write_metrics
 from drapeline.models.garment4d import evaluate as evaluation_module
-from drapeline.models.garment4d.evaluate import Evaluation, evaluate
+from drapeline.models.garment4d.data import training_worn_statistics
+from drapeline.models.garment4d.evaluate import (
+    BY_VERTEX,
+    ONE,
+    GuessedLabels,
+    SplitEvaluation,
+    evaluate,
+)
 from drapeline.models.garment4d.reconstruct import estimate, reconstruct
 from drapeline.models.garment4d.settings import EvaluationSettings
-from drapeline.models.garment4d.worn_statistics import training_worn_statistics
 from drapeline.registration.settings import RefineSettings
+from drapeline.seeding import rng_for
 from toys.garment4d import CANONICAL, fill_regression, open_toy_data, save_toy_data
 from toys.garment4d_stages import build_canonical
+from toys.metric_rows import find_value
+
+COUNTED = 10  # every so many frames of the training sequences
 
 
 @pytest.fixture
@@ -89,7 +101,7 @@ def test_garments_moved_by_skinning_are_never_measured(toy_body, tmp_path):
     data.split[(data.source == "blender") & (data.split == "val")] = "train"
     assert len(data.of_split("val"))
     with pytest.raises(InputError, match="no Skirt of the val split is simulated"):
-        Evaluation(sequences, "val", EvaluationSettings())
+        SplitEvaluation(sequences, "val", EvaluationSettings())
 
 
 def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, identity, tmp_path):
@@ -113,10 +125,10 @@ def test_bodies_without_noise_are_not_measured_twice(sequences, canonical, ident
 def test_a_noisy_body_reaches_canonical_stages_with_body_relative_points(sequences, identity):
     relative = build_canonical(sequences, CANONICAL).eval()
     fill_regression(relative.network.regression)
-    evaluation = Evaluation(sequences, "test", EvaluationSettings())
+    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings(), RefineSettings(rounds=1))
     stages = {"canonical": relative, "pointnet": identity.canonical}
     evaluation.measure_canonicals(stages)
-    evaluation.measure_noisy_bodies(stages, {"posed": identity}, RefineSettings(rounds=1), None)
+    evaluation.measure_noisy_bodies(stages, {"posed": identity})
     rows = evaluation.rows()
     assert not [row for row in rows.itertuples() if row.variant == "pointnet_noisy_body"]
     plain, noisy = (
@@ -137,13 +149,13 @@ def test_stages_share_what_one_canonical_network_says_of_one_body(sequences, ide
     other = copy.deepcopy(identity)
     with torch.no_grad():
         next(other.canonical.network.parameters()).mul_(2)
-    evaluation = Evaluation(sequences, "test", EvaluationSettings())
+    evaluation = SplitEvaluation(sequences, "test", EvaluationSettings(), RefineSettings(rounds=1))
     count = len(evaluation.simulated)
     for stage, expected in ((identity, 1), (copy.deepcopy(identity), 1), (other, 2)):
         for sequence in evaluation.simulated:
             evaluation.measure_posed("posed", stage, sequence)
         assert len(asked) == expected * count
-    evaluation.measure_noisy_bodies({}, {"posed": identity}, RefineSettings(rounds=1), None)
+    evaluation.measure_noisy_bodies({}, {"posed": identity})
     assert len(asked) == 3 * count
 
 
@@ -159,3 +171,64 @@ def test_pictures_hold_all_stages(rows, data, given, identity, tmp_path):
     assert ours.final.shape == shown.true.shape
     assert np.abs(ours.final - shown.final).max() > 1e-3
     assert (shown.body[..., 2].min(axis=1) + shown.root_height == 0).all()
+
+
+@pytest.fixture
+def beneath(sequences):
+    """Lays all points .1 mm above vertices of the body that have none within 2 mm.
+
+    Sequence -> (F, P) these vertices.
+    """
+    data = sequences.data
+    data.points, data.labels = np.array(data.points), np.array(data.labels)
+    posed = {}
+    for sequence in range(len(data)):
+        body, poses = sequences.body(sequence), data.poses[data.rows(sequence)]
+        posed[sequence] = posed_vertices(body.model, body.shape, poses)[0]
+    gaps = [
+        cKDTree(frame).query(frame, 2)[0][:, 1] for frames in posed.values() for frame in frames
+    ]
+    apart = np.flatnonzero(np.min(gaps, axis=0) > 0.002)
+    vertices = {}
+    for sequence, frames in posed.items():
+        rng = rng_for(sequence, "points above vertices")
+        size = len(frames), data.points.shape[1]
+        vertices[sequence] = rng.choice(apart, size)
+        at = np.take_along_axis(frames, vertices[sequence][..., None], axis=1)
+        data.points[data.rows(sequence)] = at + [0, 0, 1e-4]
+    return vertices
+
+
+def test_labels_are_guessed_by_the_vertex_beneath_a_point(sequences, beneath):
+    data = sequences.data
+    train, test = (data.of_split(split).tolist() for split in ("train", "test"))
+    for sequence, vertices in beneath.items():
+        data.labels[data.rows(sequence)] = np.where(vertices % 4, 2, 5)
+    seen = np.unique(np.concatenate([beneath[s][::COUNTED].ravel() for s in train]))
+    for sequence in test:
+        guessed = GuessedLabels(sequences).of(sequence)
+        assert (guessed[ONE] == 2).all()
+        known = np.isin(beneath[sequence], seen)
+        assert known.any()
+        assert not known.all()
+        true = data.labels[data.rows(sequence)]
+        np.testing.assert_array_equal(guessed[BY_VERTEX], np.where(known, true, 2))
+
+
+def test_the_label_of_most_points_at_a_vertex_counts(sequences, beneath):
+    data, votes = sequences.data, {}
+    for sequence in data.of_split("train").tolist():
+        labels = data.labels[data.rows(sequence)]
+        labels[:] = rng_for(sequence, "labels").integers(3, size=labels.shape)
+        pairs = zip(beneath[sequence][::COUNTED].ravel(), labels[::COUNTED].ravel(), strict=True)
+        for vertex, label in pairs:
+            votes.setdefault(vertex, np.zeros(3, dtype=int))[label] += 1
+    assert any((count > 0).sum() > 1 for count in votes.values())
+    one = sum(votes.values()).argmax()
+    (sequence,) = data.of_split("test").tolist()[:1]
+    expected = [
+        [votes[v].argmax() if v in votes else one for v in frame] for frame in beneath[sequence]
+    ]
+    found = GuessedLabels(sequences).of(sequence)
+    np.testing.assert_array_equal(found[BY_VERTEX], expected)
+    assert (found[ONE] == one).all()

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.models.garment4d.canonical_stage import CanonicalStage, PointNetStage
-from drapeline.models.garment4d.dressed import DressedSequences
-from drapeline.models.garment4d.posed_stage import MgnStage, PosedStage
+from drapeline.models.garment4d.data import DressedSequences
+from drapeline.models.garment4d.stages import CanonicalStage, MgnStage, PointNetStage, PosedStage
 from drapeline.models.training.batches import as_tensors
 from toys.garment4d import CANONICAL, PLAIN, POSED
 from toys.garment4d_stages import build_canonical, stage_windows

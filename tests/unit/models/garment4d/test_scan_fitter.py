@@ -11,11 +11,8 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
 from drapeline.geometry.closest import closest_points
-from drapeline.models.garment4d.load import load_stage
-from drapeline.models.garment4d.posed_files import save_posed_files
-from drapeline.models.garment4d.posed_stage import PosedStage
-from drapeline.models.garment4d.reconstruction_model import ReconstructionModel
-from drapeline.models.garment4d.scan_fitter import (
+from drapeline.models.garment4d.reconstruct import ReconstructionModel
+from drapeline.models.garment4d.scans import (
     MOVED,
     PCA,
     POSED,
@@ -24,6 +21,7 @@ from drapeline.models.garment4d.scan_fitter import (
     Garment4dScanFitter,
     fit_template,
 )
+from drapeline.models.garment4d.stages import PosedStage, load_stage, save_posed_files
 from drapeline.registration.to_template.garment_space import fit_space
 from toys.garment4d import GARMENT, skirt_faces
 from toys.tiny_sample import tube

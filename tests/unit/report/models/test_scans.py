@@ -8,7 +8,7 @@ from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan, save_scans
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_scans import BODY, TRUE, save_fitted_scans
+from drapeline.metrics.predictions import BODY, TRUE, save_fitted_scans
 from drapeline.report.models.scans import OWN, plot_own_scans, plot_scans
 from toys.smplicit import tube
 

@@ -6,7 +6,7 @@ from PIL import Image
 
 from drapeline.dataset.labels import LABELS
 from drapeline.geometry.mesh import Mesh
-from drapeline.rendering.picture_grid import heat_parts
+from drapeline.rendering.pictures import heat_parts
 from drapeline.report.models.scene import (
     HEAT_SPAN_MM,
     Scene,

@@ -19,9 +19,9 @@ from drapeline.dataset.reader import Sample
 from drapeline.dataset.record import solver_name
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.metrics.fitted_pictures import FittedPicture
 from drapeline.metrics.garment import area_distances_mm, inside_measures, mask_iou
 from drapeline.metrics.metric import Measured
+from drapeline.metrics.predictions import FittedPicture
 from drapeline.metrics.table import join, summarise
 from drapeline.models.smplicit.dressing import BodyShape, Draper, FittedGarment, decode_worn
 from drapeline.models.smplicit.model import SmplicitModel

@@ -12,7 +12,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
-from drapeline.metrics.fitted_pictures import FittedPicture, PersonShown, label_of
+from drapeline.metrics.predictions import FittedPicture, PersonShown, label_of
 from drapeline.models.smplicit.dressing import BodyShape, FittedGarment, decode_worn
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures.fit import (
@@ -343,7 +343,7 @@ def shown_person(
 
 
 def shown_labels(classes: np.ndarray) -> np.ndarray:
-    """(H, W) labels of `metrics.fitted_pictures` of indices into `CLASSES`."""
+    """(H, W) labels of `metrics.predictions` of indices into `CLASSES`."""
     table = [
         index if name not in GARMENT_CLASSES else label_of(GARMENT_CLASSES[name].garment)
         for index, name in enumerate(CLASSES)

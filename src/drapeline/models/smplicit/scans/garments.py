@@ -15,8 +15,8 @@ from drapeline.dataset.scans import to_scans
 from drapeline.dataset.segmented_scans import SegmentedScan, segment_scans
 from drapeline.geometry.mesh import Mesh
 from drapeline.geometry.obj import save_obj
-from drapeline.metrics.fitted_scans import BODY, Fits
 from drapeline.metrics.garment import distances_mm
+from drapeline.metrics.predictions import BODY, Fits
 from drapeline.models.smplicit.dressing import (
     BodyShape,
     Draper,

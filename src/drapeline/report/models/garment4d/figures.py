@@ -1,4 +1,4 @@
-"""Figures of Garment4D: from point clouds to garments (4, 5 and 7 of the paper), and its spaces."""
+"""Figures of Garment4D: from clouds to garments, its spaces, ablations and sweeps (4 to 10)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -6,21 +6,31 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from matplotlib.ticker import PercentFormatter
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, NullLocator, PercentFormatter
 from PIL import Image, ImageDraw
 
-from drapeline.dataset.scene_part import BODY_COLOUR
-from drapeline.geometry.mesh import edges
-from drapeline.metrics.reconstructions import Reconstruction
+from drapeline.geometry.mesh import Mesh, edges
+from drapeline.metrics.garment4d import MODEL
+from drapeline.metrics.predictions import Reconstruction
+from drapeline.metrics.registry import metric, variant
 from drapeline.metrics.sequence import vertex_errors_mm
-from drapeline.rendering.animation import save_animation
+from drapeline.outfits.garment_types import TEMPLATE_TYPES
 from drapeline.rendering.camera import facing_direction
-from drapeline.rendering.picture_grid import GridCell, heat_parts, join_pictures, save_grid
+from drapeline.rendering.pictures import (
+    GridCell,
+    heat_parts,
+    join_pictures,
+    save_animation,
+    save_grid,
+)
 from drapeline.rendering.raytracer import ColouredMesh
-from drapeline.report.colours import GARMENT_COLOURS, QUIET, garment_colour
-from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale
-from drapeline.report.style import place_legend_above, saved_figure, show_message
+from drapeline.report.colours import BLUE, GARMENT_COLOURS, GREEN, INK, QUIET, SKY, garment_colour
+from drapeline.report.models.scene import Scene, cloud_parts, fit_scene, share_scale, worn_parts
+from drapeline.report.style import label_bar, place_legend_above, saved_figure, show_message
 from drapeline.rule_log import progress
+from drapeline.schema import Table
 
 HEAT_SPAN_MM = 80.0
 STEP_COLUMNS = (
@@ -33,6 +43,16 @@ STEP_COLUMNS = (
     "error of (d)",
 )
 _MOVING_SIZE = (340, 456)  # 480 pixels high with the titles
+_BASELINE = "#b4b8be"
+_DASHED = {"linewidth": 1, "linestyle": (0, (4, 3))}
+_ABLATIONS = (
+    *("lbs", "mgn", "no_body_encoder", "no_transformer", "as_printed", "nearest_weights"),
+    *("posed", "ours"),
+)
+_RING = (213, 94, 0)
+_CLOSE_M = 0.75  # what the height of a close-up spans
+_DEVIATIONS = (-2, -1, 0, 1, 2)
+_SIZE = (210, 210)
 
 
 def plot_steps(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequence[int]]]) -> None:
@@ -69,7 +89,7 @@ def plot_results(path: str | Path, cases: Sequence[tuple[Reconstruction, Sequenc
         rows += [
             [GridCell(s.picture(cloud_parts(case.points[f], case.labels[f], s))) for s, f in pairs],
             [
-                GridCell(s.picture(_dress(case, f, case.final[f])), f"frame {case.number[f]}")
+                GridCell(s.picture(_worn(case, f, case.final[f])), f"frame {case.number[f]}")
                 for s, f in pairs
             ],
         ]
@@ -94,7 +114,7 @@ def animate_steps(path: str | Path, case: Reconstruction, *, frame_ms: float = 1
     for frame in progress(range(len(case.final)), label="animation"):
         scene = replace(first, floor_z=-float(case.root_height[frame]))
         parts = [cloud_parts(case.points[frame], case.labels[frame], scene)]
-        parts += [_dress(case, frame, garment[frame]) for garment in steps]
+        parts += [_worn(case, frame, garment[frame]) for garment in steps]
         shown = [scene.picture(each, _MOVING_SIZE, samples=8) for each in parts]
         pictures.append(join_pictures(shown, columns[: len(shown)]))
     save_animation(path, pictures, frame_ms)
@@ -111,35 +131,35 @@ def step_cells(case: Reconstruction, frame: int, row: int, scene: Scene) -> list
     cells = [
         GridCell(scene.picture(cloud_parts(case.points[frame], case.labels[frame], scene))),
         _canonical_cell(case, row),
-        GridCell(scene.picture(_dress(case, frame, case.proposal[frame]))),
-        GridCell(scene.picture(_dress(case, frame, case.final[frame]))),
+        GridCell(scene.picture(_worn(case, frame, case.proposal[frame]))),
+        GridCell(scene.picture(_worn(case, frame, case.final[frame]))),
     ]
     if not len(case.true):
         return cells
-    cells.append(GridCell(scene.picture(_dress(case, frame, case.true[frame]))))
-    wearer = ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR)
+    cells.append(GridCell(scene.picture(_worn(case, frame, case.true[frame]))))
+    wearer = worn_parts(Mesh(case.body[frame], case.body_faces), {})
     for vertices in (case.proposal[frame], case.final[frame]):
         error = vertex_errors_mm(vertices, case.true[frame])
         heat = heat_parts(vertices, case.faces, error[case.faces].mean(axis=1), HEAT_SPAN_MM)
-        cells.append(GridCell(scene.picture([wearer, *heat]), f"{error.mean():.1f} mm"))
+        cells.append(GridCell(scene.picture([*wearer, *heat]), f"{error.mean():.1f} mm"))
     return cells
 
 
 def _canonical_cell(case: Reconstruction, row: int) -> GridCell | None:
     if row > 2 or (row > 0 and not len(case.true_canonical)):
         return None
+    wearer = Mesh(case.rest_body, case.body_faces)
     standing = Scene(floor_z=float(case.rest_body[:, 2].min()))
     scene = fit_scene(standing, [case.rest_body, case.canonical])
     if row == 1:
         error = vertex_errors_mm(case.canonical, case.true_canonical)
-        wearer = ColouredMesh(case.rest_body, case.body_faces, BODY_COLOUR)
         of_faces = error[case.faces].mean(axis=1)
         heat = heat_parts(case.canonical, case.faces, of_faces, HEAT_SPAN_MM)
-        return GridCell(scene.picture([wearer, *heat]), f"its error: {error.mean():.1f} mm")
+        picture = scene.picture([*worn_parts(wearer, {}), *heat])
+        return GridCell(picture, f"its error: {error.mean():.1f} mm")
     shown = case.true_canonical if row == 2 else case.canonical
-    wearer = ColouredMesh(case.rest_body, case.body_faces, BODY_COLOUR)
-    garment = ColouredMesh(shown, case.faces, garment_colour(case.garment))
-    return GridCell(scene.picture([wearer, garment]), "registered" if row == 2 else "")
+    parts = worn_parts(wearer, {case.garment: Mesh(shown, case.faces)})
+    return GridCell(scene.picture(parts), "registered" if row == 2 else "")
 
 
 def _scenes(case: Reconstruction, frames: Sequence[int]) -> list[Scene]:
@@ -152,16 +172,10 @@ def _scenes(case: Reconstruction, frames: Sequence[int]) -> list[Scene]:
     return share_scale(scenes)
 
 
-def _dress(case: Reconstruction, frame: int, garment: np.ndarray) -> list[ColouredMesh]:
-    """Put a posed garment (N, 3) on its wearer."""
-    return [
-        ColouredMesh(case.body[frame], case.body_faces, BODY_COLOUR),
-        ColouredMesh(garment, case.faces, garment_colour(case.garment)),
-    ]
-
-
-_RING = (213, 94, 0)
-_CLOSE_M = 0.75  # what the height of a close-up spans
+def _worn(case: Reconstruction, frame: int, garment: np.ndarray) -> list[ColouredMesh]:
+    """A posed garment (N, 3) on its wearer."""
+    wearer = Mesh(case.body[frame], case.body_faces)
+    return worn_parts(wearer, {case.garment: Mesh(garment, case.faces)})
 
 
 class SkinnedTwice(NamedTuple):
@@ -232,10 +246,8 @@ def _neighbour_cells(case: SkinnedTwice) -> list[GridCell]:
     near = replace(far, target=tuple(lifted.tolist()), height_m=_CLOSE_M)
     cells = []
     for vertices in (case.nearest, case.interpolated):
-        parts = [
-            ColouredMesh(case.body, case.body_faces, BODY_COLOUR),
-            ColouredMesh(vertices, case.faces, garment_colour(case.garment)),
-        ]
+        wearer = Mesh(case.body, case.body_faces)
+        parts = worn_parts(wearer, {case.garment: Mesh(vertices, case.faces)})
         cells.append(GridCell(_draw_ring(far.picture(parts), far, lifted)))
         cells.append(GridCell(near.picture(parts)))
     return cells
@@ -251,10 +263,6 @@ def _draw_ring(picture: np.ndarray, scene: Scene, place: np.ndarray) -> np.ndarr
     box = [4 * v for v in (x - radius, y - radius, x + radius, y + radius)]
     ImageDraw.Draw(image).ellipse(box, outline=_RING, width=7)
     return np.asarray(image.resize((width, height), Image.Resampling.BOX))
-
-
-_DEVIATIONS = (-2, -1, 0, 1, 2)
-_SIZE = (210, 210)
 
 
 class Space(Protocol):
@@ -315,3 +323,155 @@ def plot_modes(path: str | Path, spaces: Mapping[str, Space], *, modes: int = 3)
             labels.append(f"{name}\nmode {mode + 1}\n{100 * space.explained[mode]:.1f} %")
     columns = ["mean" if d == 0 else f"{d:+d} std. dev." for d in _DEVIATIONS]
     save_grid(path, rows, columns=columns, labels=labels)
+
+
+def curve(
+    measured: Table,
+    prefix: str,
+    garment: str,
+    name: str,
+    ends: Mapping[float, str] | None = None,
+) -> pd.DataFrame:
+    """A metric of the variants `{prefix}_{number}`, by rising number.
+
+    Args:
+        measured: rows of the test split, see `read_test_metrics`.
+        prefix: such as "neighbours".
+        garment: type.
+        name: of the metric.
+        ends: number -> variant that stands for it where none of the prefix does.
+
+    Returns:
+        Columns "at", and "value", "low" and "high" as they are shown; no rows if the prefix has
+        none.
+    """
+    rows = _of(measured, garment, name)
+    start = f"{prefix}_"
+    numbered = rows[rows["variant"].str.startswith(start)]
+    found = numbered.assign(at=numbered["variant"].str.removeprefix(start).astype(float))
+    if len(found):
+        known = set(found["at"])
+        beside = {other: at for at, other in (ends or {}).items() if at not in known}
+        others = rows[rows["variant"].isin([*beside])]
+        found = pd.concat([found, others.assign(at=others["variant"].map(beside))])
+    numbers = found[["value", "low", "high"]] * metric(name).scale
+    return numbers.assign(at=found["at"]).sort_values("at")
+
+
+def _of(measured: Table, garment: str, name: str) -> Table:
+    """Rows of a metric and type, on the samples of all solvers."""
+    wanted = {"garment": garment, "metric": name, "source": ""}
+    return measured[(measured[[*wanted]] == pd.Series(wanted)).all(axis=1)]
+
+
+def _value(measured: Table, name: str, garment: str, key: str) -> pd.Series | None:
+    found = _of(measured, garment, key)
+    found = found[found["variant"] == name]
+    return found.iloc[0] if len(found) else None
+
+
+def _draw_curve(axes: Axes, found: pd.DataFrame, colour: str, label: str) -> None:
+    at = found["at"].to_numpy()
+    if found["low"].notna().all():
+        axes.fill_between(at, found["low"], found["high"], color=colour, alpha=0.14, linewidth=0)
+    axes.plot(at, found["value"], color=colour, marker="o", markersize=4.5, label=label)
+
+
+def plot_neighbour_curve(path: str | Path, measured: Table) -> None:
+    """Figure 8: error and time over the number K of body vertices that weights come from."""
+    with saved_figure(path, 9.0, 3.4, columns=2) as (_, axes):
+        for panel, name in zip(axes, ("vertex_error_mm", "inference_s_per_frame"), strict=True):
+            drawn = []
+            for garment in TEMPLATE_TYPES:
+                found = curve(measured, "neighbours", garment, name)
+                if len(found):
+                    _draw_curve(panel, found, GARMENT_COLOURS[garment], garment)
+                    drawn += found["at"].tolist()
+            if not drawn:
+                show_message(panel, "Not measured.")
+                continue
+            panel.set_xscale("log", base=2)
+            panel.xaxis.set_major_locator(FixedLocator(sorted(set(drawn))))
+            panel.xaxis.set_minor_locator(NullLocator())
+            panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+            panel.set(xlabel="Neighbours K", ylabel=metric(name).heading, ylim=(0, None))
+            panel.grid(axis="y")
+            place_legend_above(panel)
+
+
+def plot_missing_curve(path: str | Path, measured: Table) -> None:
+    """Figure 9: error over the share of the cloud that holes take away."""
+    _plot_robustness(path, measured, "missing", {0.0: "posed"}, "Points missing (%)")
+
+
+def plot_accuracy_curve(path: str | Path, measured: Table) -> None:
+    """Figure 10: error over the share of points with the right label."""
+    _plot_robustness(path, measured, "accuracy", None, "Segmentation accuracy (%)")
+
+
+def _plot_robustness(
+    path: str | Path,
+    measured: Table,
+    prefix: str,
+    ends: Mapping[float, str] | None,
+    label: str,
+) -> None:
+    """Curves of the posed garments, with what skinning alone reaches dashed."""
+    name = "vertex_error_mm"
+    with saved_figure(path, 5.6, 3.6) as (_, (axes,)):
+        drawn = False
+        for garment in TEMPLATE_TYPES:
+            found = curve(measured, prefix, garment, name, ends)
+            if not len(found):
+                continue
+            drawn, colour = True, GARMENT_COLOURS[garment]
+            _draw_curve(axes, found, colour, garment)
+            skinned = _value(measured, "lbs", garment, name)
+            if skinned is not None:
+                axes.axhline(skinned["value"], color=colour, **_DASHED)
+        if not drawn:
+            show_message(axes, "Not measured.")
+            return
+        axes.plot([], [], color=QUIET, label=variant(MODEL, "lbs").title, **_DASHED)
+        axes.set(xlabel=label, ylabel=metric(name).heading, ylim=(0, None))
+        axes.grid(axis="y")
+        place_legend_above(axes)
+
+
+def plot_ablation(path: str | Path, measured: Table, garment: str) -> None:
+    """Figure 6: vertex and acceleration errors without single parts of the model.
+
+    Args:
+        path: the figure.
+        measured: rows of the test split, see `read_test_metrics`.
+        garment: type shown.
+    """
+    names = [n for n in _ABLATIONS if _value(measured, n, garment, "vertex_error_mm") is not None]
+    with saved_figure(path, 9.0, 0.9 + 0.36 * max(len(names), 3), columns=2) as (_, axes):
+        for panel, key in zip(axes, ("vertex_error_mm", "acceleration_error_m_s2"), strict=True):
+            if not names:
+                show_message(panel, "Not measured.")
+                continue
+            for place, name in enumerate(names):
+                row = _value(measured, name, garment, key)
+                if row is not None:
+                    _draw_bar(panel, row, place, metric(key).digits)
+            first = panel is axes[0]
+            titles = [variant(MODEL, name).title for name in names]
+            panel.set_yticks(range(len(names)), titles if first else [])
+            panel.invert_yaxis()
+            panel.set(xlabel=metric(key).heading, title=garment if first else "")
+            panel.tick_params(axis="y", length=0)
+            panel.margins(x=0.18)
+            panel.set_xlim(left=0)
+            panel.grid(axis="x")
+
+
+def _draw_bar(axes: Axes, row: pd.Series, place: int, digits: int) -> None:
+    colour = {"posed": BLUE, "ours": GREEN, "lbs": _BASELINE, "mgn": _BASELINE}
+    axes.barh(place, row["value"], height=0.62, color=colour.get(row["variant"], SKY))
+    measured = not np.isnan(row["high"])
+    if measured:
+        axes.plot([row["low"], row["high"]], [place, place], color=INK, linewidth=1.2)
+    end = row["high"] if measured else row["value"]
+    label_bar(axes, end, place, f"{row['value']:.{digits}f}")

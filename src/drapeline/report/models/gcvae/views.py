@@ -9,9 +9,8 @@ import numpy as np
 from drapeline.geometry.mesh import Mesh, faces_within
 from drapeline.metrics.garment import distances_mm, garment_mesh
 from drapeline.metrics.predictions import GarmentCase, WornGarment
-from drapeline.rendering.animation import save_animation
 from drapeline.rendering.camera import facing_direction
-from drapeline.rendering.picture_grid import save_contact_sheet
+from drapeline.rendering.pictures import save_animation, save_contact_sheet
 from drapeline.report.colours import garment_colour
 from drapeline.report.models.scene import View, view_picture, wearer_view
 

@@ -1,11 +1,18 @@
-"""Tables of how well SMPLicit holds held-out garments, beside trivial answers."""
+"""Pages of SMPLicit: how well it holds garments, and what its codes say about them."""
 
+import csv
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from drapeline.metrics.registry import variants
 from drapeline.metrics.smplicit import MODEL
+from drapeline.report.html import Cell, html_table, write_page
 from drapeline.report.tables import MetricTable, Section, read_test_metrics, write_sections
+from drapeline.storage import atomic_file, read_rows
 
 _PICTURED = tuple(name for name in variants(MODEL) if name.startswith(f"{MODEL}_images_"))
 _HELD = tuple(name for name in variants(MODEL) if name not in _PICTURED)
@@ -53,6 +60,7 @@ _SECTIONS = (
         by_source=True,
     ),
 )
+Row = Mapping[str, str]
 
 
 def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
@@ -78,3 +86,166 @@ def write_smplicit_page(path: str | Path, metrics: str | Path) -> None:
         _SECTIONS,
         read_test_metrics(metrics, [MODEL]),
     )
+
+
+class GalleryTables(NamedTuple):
+    """Rows of the tables of a model's gallery, as they are written.
+
+    Attributes:
+        garments: of `garments.tsv`.
+        correlations: of `correlations.tsv`.
+        regressions: of `regressions.tsv`.
+    """
+
+    garments: Sequence[Row]
+    correlations: Sequence[Row]
+    regressions: Sequence[Row]
+
+
+def read_gallery_tables(folder: str | Path) -> GalleryTables:
+    """Read the tables of a gallery.
+
+    Raises:
+        InputError: a table is missing.
+    """
+    paths = (Path(folder) / f"{name}.tsv" for name in GalleryTables._fields)
+    return GalleryTables(*(read_rows(path, "a table of a gallery")[1] for path in paths))
+
+
+def write_correlations(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
+    """Write the correlations of all models to a single table."""
+    rows = [row for tables in galleries.values() for row in tables.correlations]
+    with atomic_file(path) as scratch, open(scratch, "w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0], delimiter="\t", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def write_gallery_page(path: str | Path, galleries: Mapping[str, GalleryTables]) -> None:
+    """Write the page.
+
+    Args:
+        path: the HTML page.
+        galleries: model -> its tables.
+    """
+    rows = {
+        name: [row for model, tables in galleries.items() for row in make(model, tables)]
+        for name, make in (
+            ("axes", _axes),
+            ("told", _told),
+            ("edits", _edits),
+            ("samples", _samples),
+        )
+    }
+    write_page(
+        path,
+        "SMPLicit: what codes say about garments",
+        "<p>Properties are measured on the meshes of training garments, as shares of their"
+        " wearers' limbs.</p>",
+        "<h2>Principal axes of z_cut and their correlations with properties</h2>",
+        html_table(rows["axes"]),
+        "<p>Pearson's correlation over training garments. An axis points to where the property"
+        " that it correlates with most increases.</p>",
+        "<h2>What a whole code tells of a property</h2>",
+        html_table(rows["told"]),
+        "<p>The explained share is that of linear regressions, each of which predicts a garment"
+        " that it was not fitted to; below zero it is worse than the mean. Properties of which less"
+        " than half is explained cannot be edited.</p>",
+        "<h2>Edits: what was asked for, and what was measured on the mesh</h2>",
+        html_table(rows["edits"]),
+        "<p>Five garments for each property, from the 5th to the 95th percentile of training"
+        " garments, all from the mean code of one type. Deviations are those of training garments;"
+        " the last column is the mean standard deviation of the other properties over the five,"
+        " which an edit should keep.</p>",
+        "<h2>Samples</h2>",
+        html_table(rows["samples"]),
+        "<p>A sample is like the training garments if it has as many openings as most of its type"
+        " have, and all its properties lie between theirs, or up to a tenth of the span beyond."
+        " Its type is that of the training garment with the nearest code. Ragged edges and torn"
+        " necklines go unnoticed.</p>",
+    )
+
+
+def _axes(model: str, tables: GalleryTables) -> list[dict[str, object]]:
+    rows: dict[str, dict[str, object]] = {}
+    for row in tables.correlations:
+        start = {
+            "Model": model,
+            "Axis": Cell(row["axis"], "number"),
+            "Deviation": Cell(f"{float(row['deviation']):.3f}", "number"),
+        }
+        entry = rows.setdefault(row["axis"], start)
+        entry[row["title"].capitalize()] = _number(row["correlation"], 2)
+    return list(rows.values())
+
+
+def _told(model: str, tables: GalleryTables) -> list[dict[str, object]]:
+    return [
+        {
+            "Model": model,
+            "Property": row["title"],
+            "What is measured": row["about"],
+            "Unit": row["unit"],
+            "Mean": _number(row["mean"], 1),
+            "Deviation": _number(row["deviation"], 1),
+            "Garments": Cell(row["garments"], "number"),
+            "Explained share": _number(row["explained_share"], 2),
+        }
+        for row in tables.regressions
+    ]
+
+
+def _edits(model: str, tables: GalleryTables) -> list[dict[str, object]]:
+    told = {row["property"]: row for row in tables.regressions}
+    edited = [row for row in tables.garments if row["sheet"] == "edits"]
+    out = []
+    for name in dict.fromkeys(row["about"] for row in edited):
+        rows = [row for row in edited if row["about"] == name]
+        off = [abs(_value(row[name]) - _value(row["asked"])) for row in rows]
+        moved = [
+            np.std([_value(row[other]) for row in rows]) / _value(told[other]["deviation"])
+            for other in told
+            if other != name
+        ]
+        out.append(
+            {
+                "Model": model,
+                "Property": told[name]["title"],
+                "Mean error": _mean(off, 1),
+                "Unit": told[name]["unit"],
+                "In deviations": _mean(np.divide(off, _value(told[name]["deviation"])), 2),
+                "Others vary by (deviations)": _mean(moved, 2),
+            }
+        )
+    return out
+
+
+def _samples(model: str, tables: GalleryTables) -> list[dict[str, object]]:
+    samples = [row for row in tables.garments if row["sheet"] == "samples"]
+    return [
+        {
+            "Model": model,
+            "Drawn from": title,
+            "Number": Cell(len(rows), "number"),
+            "Like training garments": Cell(
+                sum(row["like_training"] == "true" for row in rows), "number"
+            ),
+            "Nothing left": Cell(sum(row["vertices"] == "0" for row in rows), "number"),
+            "Inside the body (%)": _mean([100 * _value(row["inside_share"]) for row in rows], 2),
+        }
+        for title in dict.fromkeys(row["row"] for row in samples)
+        if (rows := [row for row in samples if row["row"] == title])
+    ]
+
+
+def _value(text: str) -> float:
+    return float(text) if text else np.nan
+
+
+def _number(text: str, digits: int) -> Cell:
+    return Cell(f"{float(text):.{digits}f}" if text else "-", "number")
+
+
+def _mean(values: Sequence[float] | np.ndarray, digits: int) -> Cell:
+    known = [value for value in values if np.isfinite(value)]
+    return Cell(f"{np.mean(known):.{digits}f}" if known else "-", "number")

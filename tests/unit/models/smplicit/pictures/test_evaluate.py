@@ -6,7 +6,6 @@ import pytest
 from drapeline.bodies.model import posed_vertices
 from drapeline.errors import InputError
 from drapeline.geometry.mesh import Mesh, triangulate
-from drapeline.metrics.table import find_value
 from drapeline.models.smplicit.dressing import FittedGarment
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.pictures.evaluate import (
@@ -20,6 +19,7 @@ from drapeline.models.smplicit.pictures.read import CLASSES
 from drapeline.models.smplicit.settings import FitImage, Meshing
 from drapeline.outfits.worn import DrapedSheet
 from toys.gallery import TubeField, save_toy_model, training_codes
+from toys.metric_rows import find_value
 from toys.tiny_sample import write_tiny_sample
 
 QUICK = FitImage(points=20000, rays=20, starts=3, rounds=1, steps=2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.metrics.table import HIGH, LOW, write_metrics
-from drapeline.report.models.garment4d.curves import (
+from drapeline.report.models.garment4d.figures import (
     curve,
     plot_ablation,
     plot_accuracy_curve,

@@ -7,11 +7,11 @@ import pytest
 from PIL import Image
 
 from drapeline.geometry.mesh import Mesh
-from drapeline.metrics.fitted_pictures import BODY, FittedPicture, PersonShown, label_of
+from drapeline.metrics.predictions import BODY_PIXEL, FittedPicture, PersonShown, label_of
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
 from drapeline.report.colours import garment_colour
-from drapeline.report.models.smplicit.fitted_pictures import (
+from drapeline.report.models.smplicit.figures import (
     label_colours,
     plot_known_pictures,
     plot_own_picture,
@@ -45,7 +45,7 @@ def person(x_m=0.0, garments=None, true=None):
 
 def shown(*people, photo=None):
     labels = np.zeros((HEIGHT, WIDTH), np.uint8)
-    labels[20:140, 15:105] = BODY
+    labels[20:140, 15:105] = BODY_PIXEL
     return FittedPicture("00001_002", labels, photo, people)
 
 
@@ -55,7 +55,7 @@ def cells(path, columns):
 
 
 def test_labels_have_the_colours_of_garments():
-    labels = np.array([[0, label_of("Skirt")], [label_of("Top"), BODY]], np.uint8)
+    labels = np.array([[0, label_of("Skirt")], [label_of("Top"), BODY_PIXEL]], np.uint8)
     colours = label_colours(labels)
     assert (colours[0, 0] == 255).all()
     assert colours[0, 1] == pytest.approx(255 * np.array(garment_colour("Skirt")), abs=0.51)

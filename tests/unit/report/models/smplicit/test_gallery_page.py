@@ -6,7 +6,7 @@ import re
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.report.models.smplicit.gallery_page import (
+from drapeline.report.models.smplicit.tables import (
     GalleryTables,
     read_gallery_tables,
     write_correlations,

@@ -8,7 +8,7 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import GalleryGarment, WornGarment
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.smplicit.garments import animate_clip, plot_clip, plot_gallery
+from drapeline.report.models.smplicit.figures import animate_clip, plot_clip, plot_gallery
 from toys.views import TUBE, coloured
 
 NOTHING = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))

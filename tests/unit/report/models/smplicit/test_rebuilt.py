@@ -3,7 +3,7 @@ from PIL import Image
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import RebuiltGarment
-from drapeline.report.models.smplicit.garments import REBUILT_COLUMNS, _rebuilt_views, plot_rebuilt
+from drapeline.report.models.smplicit.figures import REBUILT_COLUMNS, _rebuilt_views, plot_rebuilt
 from toys.smplicit import tube
 
 BODY = tube(0.15, -0.9, 0.6)

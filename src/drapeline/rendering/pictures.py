@@ -1,4 +1,4 @@
-"""Pictures in rows with titles and captions, colours for errors, and cards without a picture."""
+"""Pictures in rows with titles, colours for errors, cards, and small moving pictures."""
 
 import textwrap
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial import cKDTree
 
 from drapeline.rendering.raytracer import ColouredMesh
 from drapeline.storage import atomic_file
@@ -14,6 +15,16 @@ from drapeline.storage import atomic_file
 _HEAT_LEVELS = 40
 _INK, _QUIET, _PAPER = (34, 34, 34), (107, 111, 118), (255, 255, 255)
 _CARD = (237, 238, 240)
+# PNG is shown by a Snakemake report; WebP, in full colour, is smaller still.
+_FORMATS = {
+    ".png": {"format": "PNG"},
+    ".webp": {"format": "WEBP", "quality": 85, "method": 6},
+}
+_COLOURS = 256
+# Steps between the palest ones, and to white, would be seen where shadows fade out.
+_PALE = np.repeat(np.arange(225, 256, 2, dtype=np.uint8)[:, None], 3, axis=1)
+_LEVELS = 128  # of red, green and blue, between which pixels of a PNG are not told apart
+_SAMPLE = 500_000  # pixels, most of them white, that decide which colours there are
 
 
 def heat_colour(share: np.ndarray | float) -> np.ndarray:
@@ -53,8 +64,6 @@ def save_grid(
     columns: Sequence[str] = (),
     labels: Sequence[str] = (),
     heat_mm: float | None = None,
-    letter: int = 15,
-    gap: int = 6,
 ) -> None:
     """Write a PNG of pictures in rows: titles above, labels to the left, captions at the bottom.
 
@@ -64,9 +73,8 @@ def save_grid(
         columns: titles, which may have several lines.
         labels: of the rows, which may have several lines.
         heat_mm: span of the colour bar of `heat_parts` at the bottom; None for no bar.
-        letter: height of the letters, in pixels.
-        gap: between pictures, in pixels.
     """
+    letter, gap = 15, 6
     font, small = ImageFont.load_default(letter), ImageFont.load_default(letter - 1)
     height, width = next(c.picture for row in rows for c in row if c is not None).shape[:2]
     words = [line for label in labels for line in label.splitlines()]
@@ -103,7 +111,6 @@ def save_contact_sheet(
     pictures: Sequence[tuple[np.ndarray, str]],
     columns: int,
     *,
-    gap: int = 8,
     letter: int = 14,
 ) -> None:
     """Write a PNG of pictures that fill rows one after the other, each above its caption.
@@ -114,9 +121,9 @@ def save_contact_sheet(
         path: the PNG.
         pictures: (H, W, 3) uint8, of any sizes, and their captions.
         columns: pictures in a row.
-        gap: between pictures, in pixels.
         letter: height of the captions, in pixels.
     """
+    gap = 8
     width = max(p.shape[1] for p, _ in pictures)
     height = max(p.shape[0] for p, _ in pictures)
     rows = -(-len(pictures) // columns)
@@ -208,3 +215,59 @@ def _draw_heat_bar(
         draw.line((x, top + thick, x, top + thick + 4), fill=_QUIET)
         start = x if share == 1 else x - font.getlength(text) / 2
         draw.text((max(left, start), top + thick + 6), text, _INK, font=font)
+
+
+def save_animation(path: str | Path, pictures: Sequence[np.ndarray], frame_ms: float) -> None:
+    """Write an endless animation of pictures (H, W, 3) uint8 of one size.
+
+    A PNG has 256 colours, those that its pictures need most, and less than half the size that it
+    would have in full colour. Nothing is dithered.
+
+    Args:
+        path: `.png` or `.webp`.
+        pictures: are shown one after the other.
+        frame_ms: time that each is shown, in milliseconds, rounded to whole ones.
+    """
+    suffix = Path(path).suffix
+    first, *others = (
+        _indexed(np.stack(pictures)) if suffix == ".png" else map(Image.fromarray, pictures)
+    )
+    with atomic_file(path) as scratch:
+        first.save(
+            scratch,
+            save_all=True,
+            append_images=others,
+            duration=round(frame_ms),
+            loop=0,
+            **_FORMATS[suffix],
+        )
+
+
+def _indexed(pictures: np.ndarray) -> list[Image.Image]:
+    """Pictures (F, H, W, 3) in colours of one palette, each pixel in the nearest one."""
+    palette = _palette(pictures.reshape(-1, 3))
+    cells = np.zeros(pictures.shape[:3], dtype=np.int32)
+    for channel in range(3):
+        cells = cells * _LEVELS + pictures[..., channel] // (256 // _LEVELS)
+    used = np.flatnonzero(np.bincount(cells.ravel(), minlength=_LEVELS**3))
+    levels = np.stack(np.unravel_index(used, (_LEVELS,) * 3), axis=1)
+    nearest = np.zeros(_LEVELS**3, dtype=np.uint8)
+    nearest[used] = cKDTree(palette).query(levels * (255 / (_LEVELS - 1)))[1]
+    frames = [Image.fromarray(indices, mode="P") for indices in nearest[cells]]
+    for frame in frames:
+        frame.putpalette(palette.tobytes())
+    return frames
+
+
+def _palette(pixels: np.ndarray) -> np.ndarray:
+    """(at most 256, 3) uint8: pale greys, and colours that stand for the other pixels (N, 3)."""
+    sample = pixels[:: max(1, len(pixels) // _SAMPLE)]
+    pale = (sample >= _PALE.min()).all(axis=1) & (np.ptp(sample, axis=1) <= 2)
+    sample = sample[~pale]
+    if not len(sample):
+        return _PALE
+    reduced = Image.fromarray(sample[None]).quantize(
+        _COLOURS - len(_PALE), method=Image.Quantize.MEDIANCUT, kmeans=3
+    )
+    found = np.array(reduced.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    return np.concatenate([_PALE, found[: _COLOURS - len(_PALE)]])

@@ -1,0 +1,467 @@
+"""Inputs of the networks: windows of clouds, the bodies in them and the garments they wear.
+
+All coordinates are metres relative to the root joint, Z up. S sequences, F frames, P points of a
+cloud, N vertices of the template, K of its springs, M body vertices that networks are given, T
+frames of a window, D components of the garment space.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import torch
+from scipy import sparse
+
+from drapeline.bodies.model import BodyModel, shape_body
+from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.skinning import skin_body
+from drapeline.bodies.weight_transfer import interpolated_weights
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.learning_data.body_relative_points import joint_transforms
+from drapeline.learning_data.sequences import KINDS, SIMULATED, SequenceData
+from drapeline.models.garment4d.settings import SkinningSettings
+from drapeline.models.layers.lbs import linear_blend_skinning
+from drapeline.models.layers.point_search import farthest_points
+from drapeline.models.training.byte_cache import ByteCache, count_bytes
+from drapeline.registration.springs import spring_lengths, springs
+from drapeline.registration.worn_garments import WornGarmentStatistics
+from drapeline.rule_log import LOGGER
+
+_KEPT_BODIES = 512  # of some hundred kilobytes each
+_KEPT_BYTES = 512 << 20  # of bodies in motion, and of skinning weights, each
+_SMALL_M = 1e-9
+
+
+class SurfaceSample:
+    """A fixed subset of a body's vertices, with the exact normals of the whole body there.
+
+    Args:
+        body: in SMPL's format.
+        chosen: (M,) vertex ids, kept as an attribute.
+    """
+
+    def __init__(self, body: BodyModel, chosen: np.ndarray) -> None:
+        faces = body.faces[np.isin(body.faces, chosen).any(axis=1)]
+        self._used, places = np.unique(np.r_[faces.ravel(), chosen], return_inverse=True)
+        self._corners = places[: faces.size].reshape(faces.shape)
+        self._chosen = places[faces.size :]
+        self.chosen = chosen
+        self._body = body
+        # Rows sum the area vectors of the faces about each chosen vertex.
+        row = np.full(len(self._used), -1)
+        row[self._chosen] = np.arange(len(chosen))
+        rows, column = row[self._corners].ravel(), np.repeat(np.arange(len(faces)), 3)
+        about = rows >= 0
+        self._around = sparse.csr_matrix(
+            (np.ones(about.sum(), dtype=np.float32), (rows[about], column[about])),
+            shape=(len(chosen), len(faces)),
+        )
+
+    def pose(self, shape: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (F, M, 3) in metres and unit normals (F, M, 3) for poses (F, 72) in rad."""
+        body, used = self._body, self._used
+        vertices, joints = shape_body(body, shape)
+        directions = body.posedirs[used] if body.has_posedirs else None
+        around, _ = skin_body(
+            vertices[used] - joints[0],
+            joints - joints[0],
+            body.weights[used],
+            np.asarray(poses, dtype=np.float32),
+            directions,
+        )
+        a, b, c = (around[:, self._corners[:, corner]] for corner in range(3))
+        area = np.cross(b - a, c - a)  # (F, K, 3)
+        flat = self._around @ area.transpose(1, 0, 2).reshape(area.shape[1], -1)
+        normals = flat.reshape(len(self._chosen), len(area), 3).transpose(1, 0, 2)
+        length = np.linalg.norm(normals, axis=-1, keepdims=True)
+        return around[:, self._chosen], normals / np.maximum(length, 1e-20)
+
+
+class ShapedBody:
+    """A body of known shape in any poses.
+
+    Args:
+        model: whole, in SMPL's format.
+        surface: its vertices that networks are given.
+        shape: (10,).
+    """
+
+    def __init__(self, model: BodyModel, surface: SurfaceSample, shape: np.ndarray) -> None:
+        self.model, self.surface, self.shape = model, surface, np.asarray(shape)
+
+    @cached_property
+    def rest_surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (M, 3) and normals (M, 3) in the rest pose."""
+        vertices, normals = self.pose_surface(REST_POSE[None])
+        return vertices[0], normals[0]
+
+    def pose_surface(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (F, M, 3) and normals (F, M, 3) float32 in poses (F, 72)."""
+        return self.surface.pose(self.shape, poses)
+
+    def transforms(self, poses: np.ndarray) -> np.ndarray:
+        """(F, 24, 4, 4) float32 motions of the joints' parts from the rest pose to poses."""
+        return joint_transforms(self.model, self.shape, poses)
+
+
+class BodySet:
+    """Bodies of both genders with the vertices of either that networks are given.
+
+    Args:
+        models: by gender; of one topology.
+        count: M, vertices that networks are given: those of the mean female body that lie farthest
+            apart.
+    """
+
+    def __init__(self, models: Mapping[str, BodyModel], count: int) -> None:
+        first = models[GENDERS[0]]
+        points = torch.from_numpy(rest_body(first, np.zeros(10)).astype(np.float32))
+        chosen = farthest_points(points[None], min(count, len(points)))[0].numpy()
+        self.models, self.count = models, count
+        self._surfaces = {gender: SurfaceSample(model, chosen) for gender, model in models.items()}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Every array by name, for a digest of the bodies."""
+        return {
+            f"{gender}/{key}": value
+            for gender, surface in self._surfaces.items()
+            for key, value in {**vars(self.models[gender]), "chosen": surface.chosen}.items()
+            if isinstance(value, np.ndarray)
+        }
+
+    def of(self, gender: str, shape: np.ndarray) -> ShapedBody:
+        """The body of a gender and a shape (10,)."""
+        return ShapedBody(self.models[gender], self._surfaces[gender], shape)
+
+
+class BodySequences:
+    """Sequences of a garment type with the bodies that move in them.
+
+    Args:
+        data: the sequences.
+        bodies: of both genders.
+    """
+
+    def __init__(self, data: SequenceData, bodies: BodySet) -> None:
+        self.data, self.bodies = data, bodies
+        self._body = lru_cache(_KEPT_BODIES)(
+            lambda sequence: bodies.of(GENDERS[data.gender[sequence]], data.shape[sequence])
+        )
+
+    def body(self, sequence: int) -> ShapedBody:
+        """The body of a sequence."""
+        return self._body(int(sequence))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Every array that a training depends on by name, for a digest of them."""
+        bodies = {f"bodies/{key}": value for key, value in self.bodies.arrays().items()}
+        return self.data.arrays() | bodies
+
+    def batch(
+        self, windows: np.ndarray, frames: int, *, body_relative_points: bool = False
+    ) -> dict[str, Any]:
+        """Arrays of windows.
+
+        Args:
+            windows: (B, 2) as from `SequenceData.windows`.
+            frames: T.
+            body_relative_points: whether points also say where on the body they are.
+
+        Returns:
+            `points` (B, T, P, 3 or 7), `labels` (B, T, P) int64, `canonical` (B, N, 3),
+            `coefficients` (B, D), `rest_body` and `rest_normals` (B, M, 3), `names`, and the
+            windows as `sequence` and `start` (B,).
+        """
+        data = self.data
+        parts = [(int(s), slice(int(start), int(start) + frames)) for s, start in windows]
+        chosen = np.array([sequence for sequence, _ in parts])
+        spans = self.spans(windows, frames)
+        rest = [self.body(sequence).rest_surface for sequence in chosen]
+        return {
+            "points": np.stack(
+                [
+                    data.clouds(s, body_relative_points=body_relative_points, frames=part)
+                    for s, part in parts
+                ]
+            ),
+            "labels": np.stack([data.labels[span] for span in spans]).astype(np.int64),
+            "canonical": data.canonical[chosen],
+            "coefficients": data.coefficients[chosen].astype(np.float32),
+            "rest_body": np.stack([vertices for vertices, _ in rest]).astype(np.float32),
+            "rest_normals": np.stack([normals for _, normals in rest]).astype(np.float32),
+            "sequence": chosen,
+            "start": np.array([part.start for _, part in parts]),
+            "names": [
+                f"{data.name[sequence]}/{data.number[span.start]}"
+                for sequence, span in zip(chosen, spans, strict=True)
+            ],
+        }
+
+    def spans(self, windows: np.ndarray, frames: int) -> list[slice]:
+        """Rows of windows (B, 2) of T frames among the frames of all sequences."""
+        starts = [int(self.data.start[sequence]) + int(start) for sequence, start in windows]
+        return [slice(row, row + frames) for row in starts]
+
+
+class Windows:
+    """Windows of the training and validation splits as rows that networks are trained on.
+
+    If the validation split holds no sequence of the wanted sources, its windows are those of any
+    source: a network must be selected by something that it was not trained on.
+
+    Args:
+        sequences: where batches come from.
+        frames: T.
+        stride: from one training window to the next; validation windows do not overlap.
+        sources: of the sequences.
+        most_validated: validation windows of each sequence at most, evenly spread; None for all.
+            Where all windows of a sequence have one true garment, long sequences would otherwise
+            outvote the short ones.
+        body_relative_points: whether points also say where on the body they are.
+    """
+
+    def __init__(
+        self,
+        sequences: BodySequences,
+        *,
+        frames: int,
+        stride: int,
+        sources: Sequence[str] = KINDS,
+        most_validated: int | None = None,
+        body_relative_points: bool = False,
+    ) -> None:
+        self.sequences, self.frames = sequences, frames
+        self.body_relative_points = body_relative_points
+        train = sequences.data.windows("train", frames, stride, sources)
+        val = self._validation_windows(sources, most_validated)
+        if not len(val):
+            val = self._validation_windows(KINDS, most_validated)
+            LOGGER.warning(
+                "no %s %s in the validation split: the network is selected on %d windows of others",
+                " or ".join(sources),
+                sequences.data.garment_type,
+                len(val),
+            )
+        self._windows = np.concatenate([train, val])
+        self._rows = {
+            "train": np.arange(len(train)),
+            "val": np.arange(len(train), len(self._windows)),
+        }
+
+    def __len__(self) -> int:
+        return len(self._windows)
+
+    def _validation_windows(self, sources: Sequence[str], most: int | None) -> np.ndarray:
+        val = self.sequences.data.windows("val", self.frames, self.frames, sources)
+        if most is None or not len(val):
+            return val
+        return np.concatenate([_spread(val[val[:, 0] == s], most) for s in np.unique(val[:, 0])])
+
+    def rows(self, split: str) -> np.ndarray:
+        """Rows of "train" or "val"."""
+        return self._rows[split]
+
+    def batch(self, rows: np.ndarray) -> dict[str, Any]:
+        """See `BodySequences.batch`."""
+        return self.sequences.batch(
+            self._windows[rows], self.frames, body_relative_points=self.body_relative_points
+        )
+
+
+def _spread(windows: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of the windows (W, 2) of a sequence, evenly spread."""
+    count = min(most, len(windows))
+    return windows[np.linspace(0, len(windows) - 1, count).round().astype(int)]
+
+
+class DressedSequences(BodySequences):
+    """Sequences with a canonical garment for each body, skinned to it in one way.
+
+    Args:
+        sequences: with their bodies.
+        canonical: (S, N, 3) garments that are worn.
+        skinning: how they follow the bodies.
+    """
+
+    def __init__(
+        self, sequences: BodySequences, canonical: np.ndarray, skinning: SkinningSettings
+    ) -> None:
+        super().__init__(sequences.data, sequences.bodies)
+        self.canonical, self.skinning = canonical, skinning
+        self._weights: ByteCache[int, np.ndarray] = ByteCache(_KEPT_BYTES)
+        self._motions: ByteCache[int, tuple[np.ndarray, ...]] = ByteCache(_KEPT_BYTES)
+
+    def weights(self, sequence: int) -> np.ndarray:
+        """(N, 24) float32 skinning weights of the garment that is worn in a sequence."""
+        sequence = int(sequence)
+        if sequence in self._weights:
+            return self._weights[sequence]
+        faces = self.data.space.faces
+        weights = skinning_weights(
+            self.body(sequence), self.canonical[sequence], faces, self.skinning
+        )
+        self._weights.add(sequence, weights)
+        return weights
+
+    def batch(
+        self, windows: np.ndarray, frames: int, *, body_relative_points: bool = False
+    ) -> dict[str, Any]:
+        """Arrays of windows; see `BodySequences.batch`.
+
+        Returns:
+            What is given there, and `target` (B, T, N, 3), `poses` (B, T, 72), `body` and
+            `body_normals` (B, T, M, 3), `transforms` (B, T, 24, 4, 4), `worn` (B, N, 3),
+            `weights` (B, N, 24) and `proposal` (B, T, N, 3).
+        """
+        batch = super().batch(windows, frames, body_relative_points=body_relative_points)
+        chosen, spans = batch["sequence"], self.spans(windows, frames)
+        motions = [self._motion(int(s), int(start), frames) for s, start in windows]
+        batch |= {
+            key: np.stack([motion[part] for motion in motions]).astype(np.float32)
+            for part, key in enumerate(("body", "body_normals", "transforms"))
+        }
+        batch |= {
+            "target": np.stack([self.data.garment[span] for span in spans]),
+            "poses": np.stack([self.data.poses[span] for span in spans]),
+            "worn": self.canonical[chosen].astype(np.float32),
+            "weights": np.stack([self.weights(s) for s in chosen]),
+        }
+        batch["proposal"] = proposals(batch["worn"], batch["weights"], batch["transforms"])
+        return batch
+
+    def _motion(self, sequence: int, start: int, frames: int) -> tuple[np.ndarray, ...]:
+        """Body vertices, their normals and joint transforms in some frames of a sequence.
+
+        They are kept for the whole sequence while there is room, and otherwise computed for the
+        frames asked for alone.
+        """
+        span, rows = slice(start, start + frames), self.data.rows(sequence)
+        if sequence not in self._motions:
+            part, count = self._move(sequence, self.data.poses[rows][span]), rows.stop - rows.start
+            if not self._motions.has_room(count_bytes(part) // frames * count):
+                return part
+            whole = part if frames == count else self._move(sequence, self.data.poses[rows])
+            self._motions.add(sequence, whole)
+        return tuple(x[span] for x in self._motions[sequence])
+
+    def _move(self, sequence: int, poses: np.ndarray) -> tuple[np.ndarray, ...]:
+        body = self.body(sequence)
+        return *body.pose_surface(poses), body.transforms(poses)
+
+
+def skinning_weights(
+    body: ShapedBody, canonical: np.ndarray, faces: np.ndarray, settings: SkinningSettings
+) -> np.ndarray:
+    """(N, 24) float32 weights of a canonical garment, interpolated from a body's (equation 2).
+
+    Args:
+        body: that wears it.
+        canonical: (N, 3) garment in the rest pose.
+        faces: (E, 3) of the garment.
+        settings: of the interpolation.
+    """
+    return interpolated_weights(
+        canonical,
+        faces,
+        rest_body(body.model, body.shape),
+        body.model.weights,
+        settings.neighbours,
+        settings.passes,
+        power=settings.power,
+        coincident=settings.coincident,
+    )
+
+
+def proposals(canonical: np.ndarray, weights: np.ndarray, transforms: np.ndarray) -> np.ndarray:
+    """(B, T, N, 3) interpolated linear blend skinning of canonical garments (equation 1).
+
+    Args:
+        canonical: (B, N, 3).
+        weights: (B, N, 24).
+        transforms: (B, T, 24, 4, 4).
+    """
+    with torch.no_grad():
+        tensors = map(torch.from_numpy, (canonical, weights, transforms))
+        return linear_blend_skinning(*tensors).numpy()
+
+
+def propose_garment(
+    body: ShapedBody,
+    poses: np.ndarray,
+    canonical: np.ndarray,
+    faces: np.ndarray,
+    settings: SkinningSettings,
+) -> np.ndarray:
+    """(F, N, 3) proposals of a canonical garment on a body in poses (F, 72)."""
+    weights = skinning_weights(body, canonical, faces, settings)
+    return proposals(canonical[None], weights[None], body.transforms(poses)[None])[0]
+
+
+def training_worn_statistics(
+    sequences: BodySequences, skinning: SkinningSettings
+) -> WornGarmentStatistics | None:
+    """Statistics of the simulated training sequences of a type; None where there are none.
+
+    Static outfits in motion follow their skinning, so they would tell nothing of cloth.
+
+    Args:
+        sequences: of the type.
+        skinning: of the proposals that garments are compared with.
+    """
+    data = sequences.data
+    chosen = data.of_split("train", (SIMULATED,))
+    if not len(chosen):
+        return None
+    return measure_worn_garments(
+        (data.garment[data.rows(sequence)] for sequence in chosen),
+        (
+            propose_garment(
+                sequences.body(sequence),
+                data.poses[data.rows(sequence)],
+                data.canonical[sequence],
+                data.space.faces,
+                skinning,
+            )
+            for sequence in chosen
+        ),
+        (data.canonical[sequence] for sequence in chosen),
+        data.space.faces,
+    )
+
+
+def measure_worn_garments(
+    garments: Iterable[np.ndarray],
+    proposals: Iterable[np.ndarray],
+    canonicals: Iterable[np.ndarray],
+    faces: np.ndarray,
+) -> WornGarmentStatistics:
+    """Means over training sequences and one more that has the mean at all vertices and springs.
+
+    Cloth loses length to wrinkles finer than the template, and some parts of a garment are held by
+    the body while others hang.
+
+    Args:
+        garments: (F, N, 3) worn garments of each sequence, simulated, metres.
+        proposals: (F, N, 3) the same garments by skinning alone.
+        canonicals: (N, 3) of the same sequences.
+        faces: (E, 3).
+    """
+    pairs = springs(faces)[0]
+    share, squared, products, squares = [], [], 0.0, 0.0
+    for garment, proposal, rest in zip(garments, proposals, canonicals, strict=True):
+        worn = spring_lengths(garment, pairs).mean(axis=0)
+        share.append(worn / np.maximum(spring_lengths(rest, pairs), _SMALL_M))
+        squared.append(((garment - proposal) ** 2).sum(-1).mean(axis=0))
+        made, true = np.diff(proposal, 2, axis=0), np.diff(garment, 2, axis=0)
+        products, squares = products + (made * true).sum((0, 2)), squares + (made**2).sum((0, 2))
+    follow = (products + np.mean(products) / len(share)) / np.maximum(
+        squares + np.mean(squares) / len(share), _SMALL_M**2
+    )
+    return WornGarmentStatistics(
+        _with_mean(share), np.sqrt(_with_mean(squared)), np.clip(follow, 0, 1)
+    )
+
+
+def _with_mean(rows: list[np.ndarray]) -> np.ndarray:
+    return (np.sum(rows, axis=0) + np.mean(rows)) / (len(rows) + 1)

@@ -1,0 +1,592 @@
+"""Trainings of both stages and of their baselines, and the folders that they leave.
+
+The canonical stage is trained first, or PN++ in its place; the posed stage, or MGN*, is trained on
+the levels of points and the canonical garments of a finished one.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import torch
+
+from drapeline.bodies.model import load_body, save_body
+from drapeline.dataset.labels import LABELS
+from drapeline.dataset.windows import window_starts
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.learning_data.sequences import SequenceData
+from drapeline.models.garment4d.canonical import (
+    CanonicalNetwork,
+    CanonicalOutput,
+    PointNetRegressor,
+)
+from drapeline.models.garment4d.data import (
+    BodySequences,
+    BodySet,
+    DressedSequences,
+    Windows,
+    training_worn_statistics,
+)
+from drapeline.models.garment4d.losses import (
+    CotangentLaplacian,
+    UniformLaplacian,
+    balance_labels,
+    canonical_loss,
+    posed_loss,
+)
+from drapeline.models.garment4d.posed import MgnNetwork, PosedNetwork
+from drapeline.models.garment4d.settings import (
+    CanonicalStageSettings,
+    MgnStageSettings,
+    PosedStageSettings,
+    SkinningSettings,
+    StageSettings,
+)
+from drapeline.models.layers.pointnet import PointLevel
+from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches, SearchMemory
+from drapeline.models.training.batches import Batch, TrainingBatches, as_tensors
+from drapeline.models.training.byte_cache import ByteCache
+from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
+from drapeline.models.training.digests import arrays_digest, tensors_digest
+from drapeline.models.training.lightning import fit
+from drapeline.models.training.module import BEST, TrainableModule
+from drapeline.npy import check_arrays
+from drapeline.registration.to_template.garment_space import SPACE_ARRAYS, GarmentSpace
+from drapeline.registration.worn_garments import WornGarmentStatistics
+from drapeline.rule_log import LOGGER
+from drapeline.seeding import rng_for
+from drapeline.storage import load_npz, save_npz
+
+_THINNED = (1, 2, 4)  # maps are fitted to every point, every second and every fourth one
+_BATCH = 4  # windows at once where no gradient is wanted
+_KEPT_BYTES = 1 << 30  # of the answers to searches in windows, and of their levels, each
+_SIZES, _BODIES = "reconstruction.npz", "bodies"
+
+
+class Stage(TrainableModule):
+    """A stage of Garment4D in training.
+
+    Args:
+        settings: of the subclass's `SETTINGS`.
+        space: of the garment type.
+        label: the type's index in `LABELS`.
+
+    Attributes:
+        checkpoint_type: name of the class in checkpoints; also seeds the initial weights.
+        SETTINGS: class of its settings.
+        ERROR: name of the error in mm that is logged beside the loss.
+        MOST_VALIDATED: validation windows of each sequence at most, see `Windows`.
+    """
+
+    checkpoint_type: ClassVar[str]
+    SETTINGS: ClassVar[type[StageSettings]]
+    ERROR: ClassVar[str]
+    MOST_VALIDATED: ClassVar[int | None] = None
+
+    def __init__(self, settings: StageSettings, space: GarmentSpace, label: int) -> None:
+        super().__init__()
+        self.settings, self.space, self.label = settings, space, label
+        self.laplacian = CotangentLaplacian(space.mean, space.faces)
+
+    @property
+    def body_relative_points(self) -> bool:
+        """Whether points also say where on the body they are."""
+        return self.settings.network.body_relative_points
+
+    def weight_rng(self) -> torch.Generator:
+        """For the initial weights."""
+        rng = rng_for(self.settings.training.seed, self.checkpoint_type, "weights")
+        return torch.Generator().manual_seed(int(rng.integers(2**62)))
+
+    # ---- what differs between stages
+
+    @abstractmethod
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Named terms with their `total`, and `ERROR`, a scalar."""
+
+    def dependencies(self) -> dict[str, Any]:
+        """JSON values that the result depends on besides settings and data."""
+        return {}
+
+    def training_sequences(self, sequences: BodySequences) -> BodySequences:
+        """Those sequences with all that batches of this stage hold."""
+        return sequences
+
+    def prepare(self, windows: Windows) -> None:
+        """Take from the training windows what is not learned in steps."""
+
+    # ---- training
+
+    def training_step(self, batch: Batch) -> torch.Tensor:
+        """Loss of a batch."""
+        terms, error = self.losses(batch)
+        loss = terms["total"]
+        self.stop_if_unfinite(loss, terms, batch["names"])
+        self.log_means("train", {**terms, self.ERROR: error}, len(batch["names"]))
+        return loss
+
+    def validation_step(self, batch: Batch) -> None:
+        """The same on validation windows; the best weights are those of the least total."""
+        terms, error = self.losses(batch)
+        self.log_means("val", {**terms, self.ERROR: error}, len(batch["names"]))
+
+    def checkpoint_metadata(self) -> dict[str, Any]:
+        """All that is needed to build the module again, as plain values and tensors."""
+        return {
+            "checkpoint_type": self.checkpoint_type,
+            "settings": self.settings.plain(),
+            "space": {key: torch.from_numpy(value) for key, value in vars(self.space).items()},
+            "label": self.label,
+        }
+
+
+def window_keys(batch: Batch) -> list[tuple[int, int]]:
+    """Sequence and first frame of each window of a batch."""
+    return list(zip(batch["sequence"].tolist(), batch["start"].tolist(), strict=True))
+
+
+def sequence_names(batch: Batch) -> list[str]:
+    """Name of the sequence that each window of a batch is from."""
+    return [name.rpartition("/")[0] for name in batch["names"]]
+
+
+def distance_mm(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Mean distance in mm of vertices (..., 3) in metres."""
+    return 1000 * (predicted.detach() - true).norm(dim=-1).mean()
+
+
+class CanonicalStage(Stage):
+    """Canonical garment estimation, with the loss of equation 4."""
+
+    checkpoint_type = "garment4d_canonical"
+    SETTINGS, ERROR = CanonicalStageSettings, "canonical_error_mm"
+    MOST_VALIDATED = 3
+
+    def __init__(self, settings: CanonicalStageSettings, space: GarmentSpace, label: int) -> None:
+        super().__init__(settings, space, label)
+        self.network = self.build()
+        self.register_buffer("label_weights", torch.ones(len(LABELS)))
+        self.out_of_fold_alpha: dict[str, torch.Tensor] = {}
+        self._memory = SearchMemory(_KEPT_BYTES)
+
+    def build(self) -> torch.nn.Module:
+        """The network that is trained."""
+        network, rng = self.settings.network, self.weight_rng()
+        return CanonicalNetwork(network, self.space, self.label, rng)
+
+    def prepare(self, windows: Windows) -> None:
+        """Balance labels by their share of the training points, and fit the regression of alpha.
+
+        `out_of_fold_alpha` then holds, for each training sequence, the estimate of a regression
+        that was fitted without it. Training starts from those: they are as wrong as the estimates
+        for new garments will be.
+        """
+        share = windows.sequences.data.label_share("train")
+        self.label_weights.copy_(balance_labels(share, self.settings.loss.balance))
+        network = self.network
+        if network.regression is None:
+            return
+        names, maps, coefficients, complete = [], [], [], []
+        rows = windows.rows("train")
+        for part in np.array_split(rows, -(-len(rows) // _BATCH)):
+            batch = as_tensors(windows.batch(part))
+            points, chosen = batch["points"], network.choose(batch["labels"])
+            for step in _THINNED:
+                names += sequence_names(batch)
+                complete += [step == 1] * len(part)
+                maps.append(network.maps(points[:, :, ::step], chosen[:, :, ::step]))
+                coefficients.append(batch["coefficients"])
+        if len(set(names)) < 2:
+            LOGGER.warning(
+                "only one training sequence: alpha starts from 0, not from a regression on maps of"
+                " the body"
+            )
+            return
+        components = self.space.components.reshape(len(self.space.components), -1)
+        predictions, error = network.regression.fit(
+            torch.cat(maps).numpy(),
+            torch.cat(coefficients).numpy(),
+            names,
+            components @ components.T / len(self.space.mean),
+        )
+        LOGGER.info("maps of the body: off by %.1f mm for sequences left out", 1000 * error)
+        of_sequence = np.where(complete, names, "")
+        self.out_of_fold_alpha = {
+            name: torch.from_numpy(predictions[of_sequence == name].mean(axis=0))
+            for name in dict.fromkeys(names)
+        }
+
+    def initial_alpha(self, names: Sequence[str]) -> torch.Tensor | None:
+        """(B, D) alpha that training sequences start from; None if no regression was fitted."""
+        if not self.out_of_fold_alpha:
+            return None
+        return torch.stack([self.out_of_fold_alpha[name] for name in names]).to(self.device)
+
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Equation 4, and the mean distance of canonical vertices."""
+        output = self.estimate(batch)
+        terms = canonical_loss(
+            output,
+            batch["labels"],
+            batch["coefficients"],
+            batch["canonical"],
+            batch["rest_body"],
+            batch["rest_normals"],
+            self.laplacian,
+            self.settings.loss,
+            self.label_weights,
+        )
+        return terms, distance_mm(output.vertices, batch["canonical"])
+
+    def estimate(self, batch: Batch) -> CanonicalOutput:
+        """Garments of a batch.
+
+        In training the points that truly are the garment's are used: with those of a segmentation
+        that has learned nothing yet, alpha would learn nothing either.
+        """
+        if not self.training:
+            return self.network(batch["points"])
+        initial_alpha = self.initial_alpha(sequence_names(batch))
+        return self.network(batch["points"], batch["labels"], initial_alpha, self.searches(batch))
+
+    def searches(self, batch: Batch) -> Searches:
+        """Remembered in training: points and their true labels are the same in every epoch."""
+        return self._memory.of(window_keys(batch)) if self.training else SEARCH_ANEW
+
+    def checkpoint_metadata(self) -> dict[str, Any]:
+        """With `out_of_fold_alpha`, which the posed stage is trained on."""
+        return {**super().checkpoint_metadata(), "out_of_fold_alpha": self.out_of_fold_alpha}
+
+
+class PointNetStage(CanonicalStage):
+    """The PN++ baseline of table 2: coefficients from all points, without segmentation."""
+
+    checkpoint_type = "garment4d_pointnet"
+
+    def build(self) -> torch.nn.Module:
+        """The network that is trained."""
+        return PointNetRegressor(self.settings.network, self.space, self.weight_rng())
+
+    def estimate(self, batch: Batch) -> CanonicalOutput:
+        """Garments of a batch."""
+        initial_alpha = self.initial_alpha(sequence_names(batch)) if self.training else None
+        return self.network(batch["points"], initial_alpha, self.searches(batch))
+
+
+class PosedStage(Stage):
+    """Posed garment reconstruction from proposals, with the loss of equation 7.
+
+    Args:
+        settings: of the stage.
+        canonical: trained, of the same garment type; it is frozen and gives levels of points.
+    """
+
+    checkpoint_type = "garment4d_posed"
+    SETTINGS, ERROR = PosedStageSettings, "vertex_error_mm"
+
+    def __init__(
+        self, settings: PosedStageSettings | MgnStageSettings, canonical: CanonicalStage
+    ) -> None:
+        super().__init__(settings, canonical.space, canonical.label)
+        if settings.loss.laplacian_form == "released":
+            self.laplacian = UniformLaplacian(self.space.faces, len(self.space.mean))
+        self.canonical = canonical.requires_grad_(False)
+        self.network = self.build(canonical.network)
+        self._levels: ByteCache[tuple[int, int], list[PointLevel]] = ByteCache(_KEPT_BYTES)
+
+    @property
+    def body_relative_points(self) -> bool:
+        """As in the canonical stage."""
+        return self.canonical.body_relative_points
+
+    @property
+    def smooth_passes(self) -> int:
+        """Over the frames of a whole sequence, see `PosedSettings`."""
+        return self.settings.network.smooth_passes
+
+    def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
+        """The network that is trained."""
+        return PosedNetwork(
+            self.settings.network,
+            self.space.faces,
+            len(self.space.mean),
+            canonical.level_channels,
+            self.weight_rng(),
+        )
+
+    def untrained(self) -> "PosedStage":
+        """The same stage with the weights that its training began with."""
+        stage = deepcopy(self)
+        stage.network = self.build(self.canonical.network).to(self.device)
+        return stage.eval()
+
+    def estimate_canonical(
+        self, points: torch.Tensor, initial_alpha: torch.Tensor | None = None
+    ) -> CanonicalOutput:
+        """Output of the canonical network for windows (B, T, P, 3 or 7), without gradient."""
+        with torch.no_grad():
+            return self.canonical.network(points, None, initial_alpha)
+
+    def point_levels(self, batch: Batch) -> list[PointLevel]:
+        """Levels of points of a batch from the canonical network, or from memory.
+
+        The network is frozen, so that a window's levels are the same whenever it comes.
+        """
+        keys = window_keys(batch)
+        new = [row for row, key in enumerate(keys) if key not in self._levels]
+        levels = {key: self._levels[key] for key in keys if key in self._levels}
+        if new:
+            output = self.estimate_canonical(batch["points"][new])
+            levels |= self._keep([keys[row] for row in new], output.levels)
+        by_level = zip(*(levels[key] for key in keys), strict=True)
+        # Some were computed before the network was moved to where it is trained.
+        device = batch["points"].device
+        return [
+            PointLevel(*(torch.cat([x.to(device) for x in xs]) for xs in zip(*level, strict=True)))
+            for level in by_level
+        ]
+
+    def _keep(
+        self, keys: Sequence[tuple[int, int]], levels: Sequence[PointLevel]
+    ) -> dict[tuple[int, int], list[PointLevel]]:
+        """Levels of windows by sequence and first frame, which are kept while there is room."""
+        frames = len(levels[0].points) // len(keys)
+        parts = [slice(row * frames, (row + 1) * frames) for row in range(len(keys))]
+        of_window = {
+            key: [PointLevel(*(x[clouds] for x in level)) for level in levels]
+            for key, clouds in zip(keys, parts, strict=True)
+        }
+        for key, part in of_window.items():
+            self._levels.add(key, part)
+        return of_window
+
+    def training_sequences(self, sequences: BodySequences) -> DressedSequences:
+        """Sequences in the canonical garments that the canonical network predicts for them.
+
+        Bodies of the test split wear the mean garment.
+        """
+        canonical = self.predict_canonicals(sequences.data, ("train", "val"))
+        return DressedSequences(sequences, canonical, self.settings.skinning)
+
+    def predict_canonicals(self, data: SequenceData, splits: Sequence[str]) -> np.ndarray:
+        """T(alpha') of the sequences of some splits, (S, N, 3) float32; others get the mean.
+
+        Alpha' is the mean over a sequence's windows; for a training sequence the network starts
+        from its `out_of_fold_alpha`. Levels of points are kept for training, whose windows are the
+        same unless they overlap.
+        """
+        frames = self.settings.training.frames
+        alpha = np.zeros_like(data.coefficients, dtype=np.float32)
+        for sequence in np.flatnonzero(np.isin(data.split, splits)).tolist():
+            points = data.clouds(sequence, body_relative_points=self.body_relative_points)
+            name = str(data.name[sequence])
+            starts = window_starts(len(points), frames, frames, name)
+            coefficients = []
+            for part in np.array_split(starts, -(-len(starts) // _BATCH)):
+                windows = np.stack([points[start : start + frames] for start in part])
+                initial_alpha = None
+                if name in self.canonical.out_of_fold_alpha:
+                    initial_alpha = self.canonical.initial_alpha([name] * len(part))
+                clouds = torch.from_numpy(windows).to(self.canonical.device)
+                output = self.estimate_canonical(clouds, initial_alpha)
+                self._keep([(sequence, start) for start in part.tolist()], output.levels)
+                coefficients.append(output.coefficients)
+            alpha[sequence] = torch.cat(coefficients).mean(0).cpu().numpy()
+        return data.space.vertices(alpha)
+
+    def predict(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
+        """Posed garments (B, T, N, 3) in metres after each iteration, the last one the best."""
+        return self.network(batch["proposal"], levels, batch["body"], batch["body_normals"])
+
+    def losses(self, batch: Batch) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Equation 7, and the mean distance of posed vertices."""
+        predictions = self.predict(batch, self.point_levels(batch))
+        terms = posed_loss(
+            predictions,
+            batch["target"],
+            batch["body"],
+            batch["body_normals"],
+            self.laplacian,
+            self.settings.loss,
+        )
+        return terms, distance_mm(predictions[-1], batch["target"])
+
+    def dependencies(self) -> dict[str, Any]:
+        """The canonical network."""
+        return {
+            "canonical": self.canonical.settings.plain(),
+            "canonical_weights": tensors_digest(self.canonical.state_dict()),
+        }
+
+    def checkpoint_metadata(self) -> dict[str, Any]:
+        """With what the canonical network is built from."""
+        return {**super().checkpoint_metadata(), "canonical": self.canonical.checkpoint_metadata()}
+
+
+class MgnStage(PosedStage):
+    """The MGN* baseline of table 3: displacements of the canonical garment, then K = 1 skinning."""
+
+    checkpoint_type = "garment4d_mgn"
+    SETTINGS = MgnStageSettings
+    smooth_passes = 0
+
+    def build(self, canonical: CanonicalNetwork) -> torch.nn.Module:
+        """The network that is trained."""
+        return MgnNetwork(
+            self.settings.network, len(self.space.mean), canonical.level_channels, self.weight_rng()
+        )
+
+    def predict(self, batch: Batch, levels: list[PointLevel]) -> list[torch.Tensor]:
+        """Posed garments (B, T, N, 3) in metres."""
+        return [self.network(batch["worn"], levels, batch["weights"], batch["transforms"])]
+
+
+def train_stage(
+    folder: str | Path,
+    stage: Stage,
+    sequences: BodySequences,
+    *,
+    code: str,
+    progress: str | Path,
+    trainer: Mapping[str, Any],
+    threads: int,
+    complete: Callable[[Path], None] | None = None,
+) -> None:
+    """Train a stage on windows of sequences and leave a folder as `fit` does.
+
+    Args:
+        folder, progress, trainer, threads, complete: see `fit`.
+        stage: with its initial weights.
+        sequences: of its garment type.
+        code: digest of the code; a training that was stopped goes on with the same code alone.
+    """
+    torch.set_num_threads(threads)
+    stage.train()  # a frozen stage within it too: Lightning warns of modules in evaluation mode
+    training, sequences = stage.settings.training, stage.training_sequences(sequences)
+    windows = Windows(
+        sequences,
+        frames=training.frames,
+        stride=training.stride,
+        sources=training.sources,
+        most_validated=stage.MOST_VALIDATED,
+        body_relative_points=stage.body_relative_points,
+    )
+    garments = TrainingBatches(windows, batch=training.batch, seed=training.seed)
+    stage.prepare(windows)
+    fit(
+        stage,
+        garments,
+        folder,
+        progress=progress,
+        epochs=training.epochs,
+        monitor="val_total",
+        settings={
+            **stage.settings.plain(),
+            "sequences": sequences.data.name.tolist(),
+            "data": arrays_digest(sequences.arrays()),
+            **stage.dependencies(),
+            "code": code,
+        },
+        trainer=trainer,
+        threads=threads,
+        complete=complete,
+    )
+
+
+_STAGES: dict[str, type[Stage]] = {
+    cls.checkpoint_type: cls for cls in (CanonicalStage, PointNetStage, PosedStage, MgnStage)
+}
+
+
+def load_stage(folder: str | Path, *expected: type[Stage]) -> Any:
+    """A trained stage from the folder that its training left, ready to predict.
+
+    Args:
+        folder: of the training.
+        expected: the stages that it may hold.
+
+    Raises:
+        InputError: the checkpoint is missing, damaged, or of another stage.
+    """
+    path = Path(folder) / BEST
+    checkpoint = read_checkpoint(path)
+    found = checkpoint.metadata["checkpoint_type"]
+    types = [cls.checkpoint_type for cls in expected]
+    if found not in types:
+        raise InputError(f"{path}: holds a '{found}' network, expected {' or '.join(types)}")
+    with building(path):
+        stage = _build(checkpoint.metadata)
+    load_state(stage, checkpoint, path)
+    return stage.eval()
+
+
+def _build(metadata: Mapping[str, Any]) -> Stage:
+    cls = _STAGES[metadata["checkpoint_type"]]
+    settings = cls.SETTINGS(**metadata["settings"])
+    if "canonical" in metadata:
+        return cls(settings, _build(metadata["canonical"]))
+    arrays = {key: value.numpy() for key, value in metadata["space"].items()}
+    check_arrays(arrays, SPACE_ARRAYS)
+    stage = cls(settings, GarmentSpace(**arrays), metadata["label"])
+    stage.out_of_fold_alpha = metadata.get("out_of_fold_alpha", {})
+    return stage
+
+
+class PosedFiles(NamedTuple):
+    """Bodies, sizes and statistics that reconstruction needs besides the networks.
+
+    Attributes:
+        bodies: of both genders.
+        points: P, number per cloud that the networks were trained on.
+        worn_statistics: of the simulated training sequences; None where there were none.
+    """
+
+    bodies: BodySet
+    points: int
+    worn_statistics: WornGarmentStatistics | None
+
+
+def save_posed_files(folder: Path, sequences: BodySequences, skinning: SkinningSettings) -> None:
+    """Complete the folder of a training.
+
+    Args:
+        folder: of the training.
+        sequences: that the stage was trained on.
+        skinning: of its proposals.
+    """
+    bodies = sequences.bodies
+    for gender, body in bodies.models.items():
+        save_body(folder / _BODIES / f"{gender}.npz", body)
+    worn = training_worn_statistics(sequences, skinning)
+    save_npz(
+        folder / _SIZES,
+        body_points=bodies.count,
+        points=sequences.data.points.shape[1],
+        **({} if worn is None else worn._asdict()),
+    )
+
+
+def load_posed_files(folder: str | Path) -> PosedFiles:
+    """Read what `save_posed_files` wrote.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    folder = Path(folder)
+    names = WornGarmentStatistics._fields
+    found = load_npz(
+        folder / _SIZES,
+        {"body_points": "int", "points": "int", **{f"{name}?": "float *" for name in names}},
+    )
+    for name in ("body_points", "points"):
+        if found[name] < 1:
+            raise InputError(
+                f"{folder / _SIZES}: '{name}' is {int(found[name])}, expected at least 1"
+            )
+    bodies = {gender: load_body(folder / _BODIES / f"{gender}.npz") for gender in GENDERS}
+    worn = WornGarmentStatistics(*(found[name] for name in names)) if names[0] in found else None
+    return PosedFiles(BodySet(bodies, int(found["body_points"])), int(found["points"]), worn)
