@@ -12,7 +12,7 @@ import torch
 from torch import nn
 
 from drapeline.errors import InputError
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.linear import full_precision
 
 # The extent of a map, seen from the front; the left and right halves are laid on one another.
 _REACH_M, _BOTTOM_M, _TOP_M = 0.95, -1.1, 0.5

@@ -17,7 +17,7 @@ from drapeline.models.garment4d.canonical import (
 from drapeline.models.garment4d.settings import CanonicalStageSettings
 from drapeline.models.garment4d.stage import Stage, distance_mm, sequence_names, window_keys
 from drapeline.models.garment4d.windows import Windows
-from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches, SearchMemory
+from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory
 from drapeline.models.training.batches import Batch, as_tensors
 from drapeline.registration.to_template.garment_space import GarmentSpace
 from drapeline.rule_log import LOGGER

@@ -14,8 +14,8 @@ from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.models.garment4d.body_input import PosedBody
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.garment4d.windows import BodySequences
-from drapeline.models.layers.lbs import linear_blend_skinning
-from drapeline.models.training.byte_cache import ByteCache, count_bytes
+from drapeline.models.layers.linear import linear_blend_skinning
+from drapeline.models.training.batches import ByteCache, count_bytes
 
 _KEPT_BYTES = 512 << 20  # of bodies in motion, and of skinning weights, each
 

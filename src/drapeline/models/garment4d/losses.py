@@ -7,8 +7,8 @@ from scipy import sparse
 from torch import nn
 
 from drapeline.geometry.smoothing import averaging_matrix
+from drapeline.models.layers.graphs import SparseMatrix
 from drapeline.models.layers.point_search import nearest_neighbours
-from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
 def interpenetration(

@@ -18,9 +18,8 @@ from drapeline.models.garment4d.settings import MgnStageSettings, PosedStageSett
 from drapeline.models.garment4d.stage import Stage, distance_mm, window_keys
 from drapeline.models.garment4d.windows import BodySequences
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.training.batches import Batch
-from drapeline.models.training.byte_cache import ByteCache
-from drapeline.models.training.digests import tensors_digest
+from drapeline.models.training.batches import Batch, ByteCache
+from drapeline.models.training.checkpoints import tensors_digest
 
 _BATCH = 4  # windows at once where no gradient is wanted
 _KEPT_BYTES = 1 << 30  # of levels of points of windows

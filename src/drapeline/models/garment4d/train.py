@@ -9,7 +9,7 @@ import torch
 from drapeline.models.garment4d.stage import Stage
 from drapeline.models.garment4d.windows import BodySequences, Windows
 from drapeline.models.training.batches import TrainingBatches
-from drapeline.models.training.digests import arrays_digest
+from drapeline.models.training.checkpoints import arrays_digest
 from drapeline.models.training.lightning import fit
 
 

@@ -10,7 +10,7 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import SHAPES
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.geometry.mesh import Mesh
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.linear import full_precision
 from drapeline.npy import HeaderError, check_arrays
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 

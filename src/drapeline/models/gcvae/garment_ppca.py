@@ -20,8 +20,7 @@ from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, condition
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.gcvae.ppca import Ppca, blur_mask, fit_ppca
 from drapeline.models.gcvae.settings import PpcaSettings
-from drapeline.models.layers.mesh_graph import scaled_laplacian
-from drapeline.models.layers.sparse_matrix import SparseMatrix
+from drapeline.models.layers.graphs import SparseMatrix, scaled_laplacian
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
 from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST, SETTINGS

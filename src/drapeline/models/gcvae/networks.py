@@ -15,10 +15,8 @@ from torch import nn
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.models.gcvae.body_template import BodyTemplate
 from drapeline.models.gcvae.settings import GcvaeNetwork
-from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv
-from drapeline.models.layers.linear import linear
-from drapeline.models.layers.mesh_graph import MeshGraph
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.graphs import ChebConv, MeshGraph, UnpoolConv
+from drapeline.models.layers.linear import full_precision, linear
 from drapeline.registration.to_body.topology import TOPOLOGIES
 
 # Clamped, so that garments unlike any in training give no infinite variance.

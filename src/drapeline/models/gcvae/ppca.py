@@ -14,7 +14,7 @@ from typing import NamedTuple
 import torch
 from torch import nn
 
-from drapeline.models.layers.sparse_matrix import SparseMatrix
+from drapeline.models.layers.graphs import SparseMatrix
 
 _GRAM_ROWS = 256  # of a symmetric product at once, of which half is left out
 

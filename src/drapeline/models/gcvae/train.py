@@ -8,8 +8,7 @@ from drapeline.models.gcvae.codec import Garments
 from drapeline.models.gcvae.conditioning import load_conditioning
 from drapeline.models.gcvae.vae import GarmentVae
 from drapeline.models.training.batches import TrainingBatches
-from drapeline.models.training.checkpoints import read_checkpoint
-from drapeline.models.training.digests import tensors_digest
+from drapeline.models.training.checkpoints import read_checkpoint, tensors_digest
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import BEST
 

@@ -19,7 +19,7 @@ from drapeline.models.gcvae.loss import (
 )
 from drapeline.models.gcvae.networks import Code, Gcvae
 from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
-from drapeline.models.layers.mesh_normals import FaceNormals
+from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
 from drapeline.models.training.module import TrainableModule
 from drapeline.registration.to_body.topology import TOPOLOGIES

@@ -17,7 +17,7 @@ from drapeline.bodies.rest_body import SHAPES, rest_basis
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.linear import full_precision
 from drapeline.models.smplicit.decoder import FieldDecoder
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.garments import FIELD_MODELS

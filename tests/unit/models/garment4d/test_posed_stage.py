@@ -10,8 +10,7 @@ from drapeline.models.garment4d.dressed import DressedSequences
 from drapeline.models.garment4d.load import load_stage
 from drapeline.models.garment4d.posed_stage import PosedStage
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.byte_cache import ByteCache
+from drapeline.models.training.batches import ByteCache, as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 from toys.garment4d import POSED

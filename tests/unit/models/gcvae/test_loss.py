@@ -17,7 +17,7 @@ from drapeline.models.gcvae.loss import (
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
 from drapeline.models.gcvae.vae import StaticVae, conditions_of
-from drapeline.models.layers.mesh_normals import FaceNormals
+from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position
 from toys.gcvae import ToyGarments, toy_template

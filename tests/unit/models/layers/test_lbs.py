@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from drapeline.models.layers.lbs import linear_blend_skinning
+from drapeline.models.layers.linear import linear_blend_skinning
 
 
 def motions(*size, seed=0):

@@ -2,7 +2,7 @@
 
 import torch
 
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.linear import full_precision
 
 
 @full_precision

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from drapeline.models.training.byte_cache import ByteCache, count_bytes
+from drapeline.models.training.batches import ByteCache, count_bytes
 
 
 class Pair(NamedTuple):

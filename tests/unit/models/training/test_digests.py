@@ -1,7 +1,7 @@
 import numpy as np
 
-from drapeline.models.training import digests
-from drapeline.models.training.digests import arrays_digest
+from drapeline.models.training import checkpoints
+from drapeline.models.training.checkpoints import arrays_digest
 
 
 def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
@@ -19,7 +19,7 @@ def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
     strided = np.stack([array, array])[:, ::2]
     assert arrays_digest({"a": strided}) == arrays_digest({"a": strided.copy()})
     # A large array: every second row.
-    monkeypatch.setattr(digests, "_DIGESTED_BYTES", array.nbytes // 2)
+    monkeypatch.setattr(checkpoints, "_DIGESTED_BYTES", array.nbytes // 2)
     for row, same in ((1, True), (2, False)):
         changed = array.copy()
         changed[row] += 1

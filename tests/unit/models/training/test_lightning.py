@@ -13,11 +13,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.manifest import damages
 from drapeline.models.training import lightning
-from drapeline.models.training.checkpoints import (
-    read_checkpoint,
-    read_torch_file,
-    write_torch_file,
-)
+from drapeline.models.training.checkpoints import read_checkpoint, read_torch_file, write_torch_file
 from drapeline.models.training.lightning import begin, fit, learning_rate
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.models.training.settings import Training
