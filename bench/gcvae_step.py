@@ -14,7 +14,7 @@ from torch import nn
 from torch_geometric.nn import ChebConv
 from torch_geometric.utils import scatter
 
-from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.networks import Gcvae, Residual
 from drapeline.models.gcvae.settings import GcvaeNetwork
 from drapeline.registration.to_body.hierarchy import load_hierarchy

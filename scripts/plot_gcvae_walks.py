@@ -8,11 +8,10 @@ import numpy as np
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.body_template import wearer_mesh
-from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.interpolate import interpolate_as_figure_9
+from drapeline.models.gcvae.codec import load_codes
+from drapeline.models.gcvae.figures import interpolate_as_figure_9
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.types import load_types
+from drapeline.models.gcvae.sample import load_types, wearer_mesh
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share

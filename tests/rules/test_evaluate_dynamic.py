@@ -10,9 +10,9 @@ from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import find_value, read_metrics
-from drapeline.models.gcvae.body_template import STATIC_CVAR
-from drapeline.models.gcvae.codes import Codes, save_codes
-from drapeline.models.gcvae.garment_ppca import DynamicPpca
+from drapeline.models.gcvae.codec import Codes, save_codes
+from drapeline.models.gcvae.data import STATIC_CVAR
+from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS

@@ -1,4 +1,4 @@
-"""Encoder Psi and decoder Phi of the graph-convolutional conditional VAE (CLOTH3D 4.2).
+"""Encoder Psi, decoder Phi and conditioning autoencoder Gamma of the conditional VAE (CLOTH3D 4.2).
 
 A batch may hold both topologies. It comes as one tensor per topology; weights are shared, graphs
 and pooling tables are not, and between encoder and decoder, where nodes no longer matter, all
@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.settings import GcvaeNetwork
 from drapeline.models.layers.graphs import ChebConv, MeshGraph, UnpoolConv
 from drapeline.models.layers.linear import full_precision, linear
@@ -37,6 +37,7 @@ class Code(NamedTuple):
 
 
 _SECOND_SCALE = 0.3  # of initial weights; else features double in size from level to level
+
 _STD_FLOOR_SHARE = 0.1
 
 
@@ -256,3 +257,51 @@ class Gcvae(nn.Module):
     ) -> dict[str, torch.Tensor]:
         """Topology -> (V, B_t, 3 or 4): normalised offsets, and the mask's logit if it has one."""
         return self.decoder(self.graphs, torch.cat([z, condition], 1), counts)
+
+
+class ConditioningAutoencoder(nn.Module):
+    """{cvar, cvar^z} = Gamma(cvar), an autoencoder with one skip connection (CLOTH3D 4.2).
+
+    The skip runs from the input to the middle layer. If it bypassed the middle layer, the
+    reconstruction could do without cvar^z, which is all that the other networks see.
+
+    Args:
+        inputs: size of cvar.
+        hidden, middle: widths of the hidden layers and of cvar^z.
+        mean, std: (inputs,) of cvar over the training set.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self,
+        inputs: int,
+        hidden: int,
+        middle: int,
+        *,
+        mean: torch.Tensor,
+        std: torch.Tensor,
+        rng: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.into = nn.Sequential(
+            linear(inputs, hidden, rng), nn.ReLU(), linear(hidden, middle, rng)
+        )
+        self.skip = linear(inputs, middle, rng)
+        self.out = nn.Sequential(
+            linear(middle, hidden, rng), nn.ReLU(), linear(hidden, inputs, rng)
+        )
+        self.register_buffer("mean", mean.clone())
+        self.register_buffer("std", std.clone())
+
+    def normalise(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> (B, C) with zero mean and unit deviation over the training set."""
+        return (cvar - self.mean) / self.std
+
+    def forward(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> cvar^z (B, middle)."""
+        x = self.normalise(cvar)
+        return self.into(x) + self.skip(x)
+
+    def loss(self, cvar: torch.Tensor) -> torch.Tensor:
+        """L1 between normalised cvar and its reconstruction."""
+        return (self.out(self(cvar)) - self.normalise(cvar)).abs().mean()

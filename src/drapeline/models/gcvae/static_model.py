@@ -17,20 +17,18 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh, largest_piece
-from drapeline.models.gcvae.codec import GarmentCodec
-from drapeline.models.gcvae.codes import Codes
-from drapeline.models.gcvae.garment_ppca import StaticPpca
-from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.draw import (
+from drapeline.models.gcvae.codec import Codes, GarmentCodec
+from drapeline.models.gcvae.load import TOPOLOGY, load_codec
+from drapeline.models.gcvae.ppca import StaticPpca
+from drapeline.models.gcvae.sample import (
     PRIOR,
     Request,
     decode_by_type,
     draw_requests,
+    load_types,
     push_out,
     sample_garments,
 )
-from drapeline.models.gcvae.sampling.types import load_types
-from drapeline.models.gcvae.static_files import TOPOLOGY
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS

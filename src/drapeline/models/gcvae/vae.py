@@ -6,18 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
-from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of, planes
-from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
-from drapeline.models.gcvae.loss import (
-    distance_sums,
-    kl_nat,
-    mask_sums,
-    normal_sums,
-    offset_sums,
-)
-from drapeline.models.gcvae.networks import Code, Gcvae
+from drapeline.models.gcvae.codec import GarmentCodec, Part, conditions_of, kl_nat, planes
+from drapeline.models.gcvae.data import BodyTemplate, Garments, rest_bodies
+from drapeline.models.gcvae.networks import Code, ConditioningAutoencoder, Gcvae
 from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
 from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
@@ -25,9 +18,49 @@ from drapeline.models.training.module import TrainableModule
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
+_SMALL_M = 1e-5
+
+
+def offset_sums(
+    predicted: torch.Tensor, true: torch.Tensor, mask: torch.Tensor | None
+) -> torch.Tensor:
+    """Sum of |predicted - true| over (V, 3, B), within a mask (V, B), and of how many numbers."""
+    error = (predicted - true).abs().sum(1)
+    if mask is None:
+        return torch.stack([error.sum(), error.new_tensor(3.0 * error.numel())])
+    return torch.stack([(error * mask).sum(), 3 * mask.sum().to(error.dtype)])
+
+
+def distance_sums(
+    predicted: torch.Tensor, true: torch.Tensor, mask: torch.Tensor | None
+) -> torch.Tensor:
+    """Sum of the distances in centimetres between (V, 3, B) metres in a mask (V, B), and count."""
+    distance = ((predicted - true).square().sum(1) + _SMALL_M**2).sqrt() * 100
+    if mask is None:
+        return torch.stack([distance.sum(), distance.new_tensor(float(distance.numel()))])
+    return torch.stack([(distance * mask).sum(), mask.sum().to(distance.dtype)])
+
+
+def normal_sums(predicted: torch.Tensor, true: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
+    """Sum of the L1 norm between normals (F, 3, B) over the faces of a mask (F, B), and number."""
+    error = (predicted - true).abs().sum(1)
+    return torch.stack([(error * faces).sum(), faces.sum().to(error.dtype)])
+
+
+def mask_sums(logit: torch.Tensor, mask: torch.Tensor, form: str) -> torch.Tensor:
+    """Sum over (V, B) of the mask's error in the form asked for, and the number of vertices."""
+    true = mask.to(logit.dtype)
+    if form == "bce":
+        error = F.binary_cross_entropy_with_logits(logit, true, reduction="sum")
+    else:
+        error = (torch.sigmoid(logit) - true).abs().sum()
+    return torch.stack([error, error.new_tensor(float(logit.numel()))])
+
+
 # The encoder's input is clamped to so many deviations from the mean: outside its mask a garment
 # has no offset, which is dozens of deviations away at vertices where all others have a large one.
 _CLAMP_DEVIATIONS = 5.0
+
 _FIRST_BATCH = 64
 
 

@@ -5,13 +5,8 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.garment_ppca import (
-    DynamicPpca,
-    StaticPpca,
-    mirror_batch,
-    save_fit,
-)
 from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.ppca import DynamicPpca, StaticPpca, mirror_batch, save_fit
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import BEST

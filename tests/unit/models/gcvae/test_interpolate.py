@@ -1,8 +1,8 @@
 import numpy as np
 
 from drapeline.geometry.mesh import faces_within
-from drapeline.models.gcvae.codes import encode_garments
-from drapeline.models.gcvae.interpolate import interpolate, interpolate_as_figure_9
+from drapeline.models.gcvae.codec import encode_garments
+from drapeline.models.gcvae.figures import interpolate, interpolate_as_figure_9
 from drapeline.outfits.garment_types import GARMENTS
 from toys.gcvae import DRESS, TROUSERS, half
 

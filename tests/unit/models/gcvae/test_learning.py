@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.gcvae.data import cvar_statistics
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import ConditioningTraining
+from drapeline.models.gcvae.train import ConditioningTraining
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from drapeline.errors import DamagedFile, InputError
-from drapeline.models.gcvae.garment_ppca import DynamicPpca, StaticPpca
 from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.ppca import DynamicPpca, StaticPpca
 from drapeline.models.gcvae.settings import DvaeSettings, PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint

@@ -7,16 +7,17 @@ import pytest
 import torch
 
 from drapeline.geometry.mesh import face_normals, faces_within
-from drapeline.models.gcvae.loss import (
+from drapeline.models.gcvae.codec import kl_nat
+from drapeline.models.gcvae.networks import Code
+from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.vae import (
+    StaticVae,
+    conditions_of,
     distance_sums,
-    kl_nat,
     mask_sums,
     normal_sums,
     offset_sums,
 )
-from drapeline.models.gcvae.networks import Code
-from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
-from drapeline.models.gcvae.vae import StaticVae, conditions_of
 from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.module import Position

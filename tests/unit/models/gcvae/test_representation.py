@@ -4,7 +4,7 @@ import pytest
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh
 from drapeline.models.contract import HeldOutGarment
-from drapeline.models.gcvae.codes import decode_codes, encode_garments
+from drapeline.models.gcvae.codec import decode_codes, encode_garments
 from drapeline.models.gcvae.representation import OffsetPca, RegisteredOffsets, VaeCode
 from drapeline.outfits.garment_types import GARMENTS
 from toys.gcvae import toy_template

@@ -8,7 +8,7 @@ from drapeline.bodies.moved_body import BodyState
 from drapeline.dataset.labels import LABELS
 from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.frames import REST_POSE
-from drapeline.models.gcvae.scan_fitter import (
+from drapeline.models.gcvae.representation import (
     CodeScanFitter,
     FitCode,
     RegisteredPoints,

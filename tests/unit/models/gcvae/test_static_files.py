@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.codes import encode_garments
-from drapeline.models.gcvae.static_files import (
+from drapeline.models.gcvae.codec import encode_garments
+from drapeline.models.gcvae.load import (
     TOPOLOGY,
     TRAINING_CODES,
     load_training_codes,

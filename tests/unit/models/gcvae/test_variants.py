@@ -1,6 +1,6 @@
 """The models of the ablation tables."""
 
-from drapeline.models.gcvae.variants import (
+from drapeline.models.gcvae.settings import (
     DVAE_VARIANTS,
     DYNAMIC_PPCA,
     SVAE_VARIANTS,

@@ -219,9 +219,9 @@ import sys
 from pathlib import Path
 
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import ConditioningTraining, ConditionRows
+from drapeline.models.gcvae.train import ConditioningTraining, ConditionRows
 from drapeline.models.training.lightning import fit
-from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.gcvae.data import cvar_statistics
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.rule_log import rule_log
 from toys.gcvae import ToyGarments

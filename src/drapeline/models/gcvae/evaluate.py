@@ -1,22 +1,58 @@
-"""Metrics of garments in motion, encoded and decoded."""
+"""Metrics of garments at rest and in motion, encoded and decoded."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 
 from drapeline.bodies.model import BodyModel
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.metrics.dynamic import measure_motion, measured_in_motion
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.static import add_kl
+from drapeline.metrics.static import add_kl, measure_predictions, measured_at_rest
 from drapeline.metrics.table import join, summarise
-from drapeline.models.gcvae.codec import GarmentCodec
-from drapeline.models.gcvae.codes import encode_garments
-from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.posed_points import decode_points, resolve_points
+from drapeline.models.gcvae.codec import Codes, GarmentCodec, decode_codes, encode_garments
+from drapeline.models.gcvae.data import DynamicGarments, StaticGarments
+from drapeline.models.gcvae.decode import (
+    decode_points,
+    resolve_points,
+    static_truth,
+)
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
 RESOLVED_SUFFIX = "_settled"  # of a variant whose garments were pushed out of the body
+
+
+def measure_static(
+    model: GarmentCodec, garments: StaticGarments, rows: np.ndarray, codes: Codes
+) -> list[dict[str, float]]:
+    """Every metric of each row's reconstruction from the mean of its code (n, Z)."""
+    decoded = decode_codes(model, codes.mean, garments.cvar(rows), garments.topology(rows))
+    measures = measure_predictions(
+        static_truth(model.body_template, garments), zip(rows.tolist(), decoded, strict=True)
+    )
+    return add_kl(measures, codes.kl_nat())
+
+
+def evaluate_static(
+    model: GarmentCodec, garments: StaticGarments, codes: Codes, variant: str, splits: Sequence[str]
+) -> Table:
+    """Rows of the table of metrics for a static model.
+
+    Args:
+        codes: (N, Z) of all rows of the dataset.
+        variant: name of the model in the table.
+        splits: to measure on.
+    """
+    found = []
+    for split in splits:
+        rows = garments.rows(split)
+        measures = measure_static(model, garments, rows, codes.of(rows))
+        measured = measured_at_rest(garments, rows, measures)
+        how = {"model": model.model, "variant": variant, "split": split, "seed": model.seed}
+        found.append(summarise(measured, **how, stream=(variant, split), by_source=False))
+    return join(found)
 
 
 def evaluate_dynamic(

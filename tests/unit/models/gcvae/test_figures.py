@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from drapeline.models.gcvae import figure_cases as cases
-from drapeline.models.gcvae.codes import Codes
+from drapeline.models.gcvae import figures
+from drapeline.models.gcvae.codec import Codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 
@@ -31,15 +31,15 @@ def test_wrinkle_codes_are_spread_like_those_of_training_frames_of_the_type(monk
         seen.extend(rows)
         return Codes(known[rows], np.zeros((len(rows), 8)))
 
-    monkeypatch.setattr(cases, "encode_garments", encoded)
+    monkeypatch.setattr(figures, "encode_garments", encoded)
     for name, expected in (("Skirt", range(100)), ("Tshirt", range(100, 150))):
         seen.clear()
-        drawn = cases._wrinkle_codes(rng, None, Frames(), name, 400)
+        drawn = figures._wrinkle_codes(rng, None, Frames(), name, 400)
         assert drawn.shape == (400, 8)
         assert set(seen) <= set(expected)
         own = known[list(expected)]
         np.testing.assert_allclose(drawn.mean(axis=0), own.mean(axis=0), atol=0.2)
         np.testing.assert_allclose(drawn.std(axis=0), own.std(axis=0), rtol=0.2)
     seen.clear()
-    cases._wrinkle_codes(rng, None, Frames(), "Dress", 2)  # no training frame wears one
+    figures._wrinkle_codes(rng, None, Frames(), "Dress", 2)  # no training frame wears one
     assert set(seen) <= set(range(150))
