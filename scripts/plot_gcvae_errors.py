@@ -13,7 +13,7 @@ from drapeline.models.gcvae.load import load_codec, load_dynamic_garments
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import ERROR_COLUMNS, error_views
+from drapeline.report.models.gcvae.figures import ERROR_COLUMNS, error_views
 from drapeline.report.models.scene import plot_views
 from drapeline.rule_log import rule_log
 

@@ -15,7 +15,7 @@ from drapeline.models.gcvae.sample import load_types, wearer_mesh
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import animate_views, walk_view
+from drapeline.report.models.gcvae.figures import animate_views, walk_view
 from drapeline.report.models.scene import plot_views
 from drapeline.rule_log import rule_log
 

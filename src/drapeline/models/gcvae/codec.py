@@ -20,7 +20,7 @@ from drapeline.storage import load_npz, save_npz
 
 
 @dataclass(frozen=True)
-class Part:
+class TopologyBatch:
     """The samples of a batch that share a topology, in coordinate planes.
 
     Attributes:
@@ -36,7 +36,7 @@ class Part:
     mask: torch.Tensor
 
     @classmethod
-    def of(cls, batch: Batch, rows: torch.Tensor) -> "Part":
+    def of(cls, batch: Batch, rows: torch.Tensor) -> "TopologyBatch":
         """Some samples of a batch."""
         return cls(
             rows=rows,
@@ -93,12 +93,12 @@ class GarmentCodec(torch.nn.Module, ABC):
     def seed(self) -> int:
         """Of whatever is drawn."""
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> Part:
+    def part(self, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
         """The samples of a batch in rows of one topology."""
-        return Part.of(batch, rows)
+        return TopologyBatch.of(batch, rows)
 
     @abstractmethod
-    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+    def encode_parts(self, parts: Mapping[str, TopologyBatch]) -> Code:
         """Codes in the order of the parts."""
 
     @abstractmethod
@@ -109,7 +109,7 @@ class GarmentCodec(torch.nn.Module, ABC):
 
     # ---- the same for all
 
-    def parts(self, batch: Batch) -> dict[str, Part]:
+    def parts(self, batch: Batch) -> dict[str, TopologyBatch]:
         """The batch by topology; a topology without samples is left out."""
         rows = rows_by_topology(batch["topology"])
         return {name: self.part(batch, some) for name, some in rows.items()}
@@ -172,7 +172,7 @@ def rows_by_topology(topology: torch.Tensor) -> dict[str, torch.Tensor]:
     return {name: some for name, some in rows.items() if len(some)}
 
 
-def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:
+def conditions_of(parts: Mapping[str, TopologyBatch]) -> tuple[torch.Tensor, dict[str, int]]:
     """Conditions (B, C) in the order of the parts, and how many samples each part has."""
     cvar = torch.cat([part.cvar for part in parts.values()])
     return cvar, {name: len(part.rows) for name, part in parts.items()}

@@ -12,11 +12,7 @@ from drapeline.metrics.static import add_kl, measure_predictions, measured_at_re
 from drapeline.metrics.table import join, summarise
 from drapeline.models.gcvae.codec import Codes, GarmentCodec, decode_codes, encode_garments
 from drapeline.models.gcvae.data import DynamicGarments, StaticGarments
-from drapeline.models.gcvae.decode import (
-    decode_points,
-    resolve_points,
-    static_truth,
-)
+from drapeline.models.gcvae.decode import decode_points, resolve_points, static_truth
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
 from drapeline.schema import Table
@@ -45,14 +41,13 @@ def evaluate_static(
         variant: name of the model in the table.
         splits: to measure on.
     """
-    found = []
+    tables = []
     for split in splits:
         rows = garments.rows(split)
         measures = measure_static(model, garments, rows, codes.of(rows))
         measured = measured_at_rest(garments, rows, measures)
-        how = {"model": model.model, "variant": variant, "split": split, "seed": model.seed}
-        found.append(summarise(measured, **how, stream=(variant, split), by_source=False))
-    return join(found)
+        tables.append(_summarise(model, measured, variant, split, by_source=False))
+    return join(tables)
 
 
 def evaluate_dynamic(
@@ -74,7 +69,7 @@ def evaluate_dynamic(
         topology: of the super-resolved bodies.
         variant: name of the model in the table.
     """
-    found = []
+    tables = []
     for split, movings in held_out.items():
         measured: dict[str, list[Measured]] = {}
         for moving in progress(movings, label=split):
@@ -90,9 +85,26 @@ def evaluate_dynamic(
                 decoded[variant + RESOLVED_SUFFIX] = resolved
             for name, cloth in decoded.items():
                 measures = measure_motion(moving, frames, cloth, body, topology)
-                own = measured_in_motion(moving, add_kl(measures, codes.kl_nat()))
-                measured.setdefault(name, []).extend(own)
-        for name, own in measured.items():
-            how = {"model": model.model, "variant": name, "split": split, "seed": model.seed}
-            found.append(summarise(own, **how, stream=(name, split)))
-    return join(found)
+                measures = measured_in_motion(moving, add_kl(measures, codes.kl_nat()))
+                measured.setdefault(name, []).extend(measures)
+        tables += [_summarise(model, frames, name, split) for name, frames in measured.items()]
+    return join(tables)
+
+
+def _summarise(
+    model: GarmentCodec,
+    measured: Sequence[Measured],
+    variant: str,
+    split: str,
+    *,
+    by_source: bool = True,
+) -> Table:
+    return summarise(
+        measured,
+        model=model.model,
+        variant=variant,
+        split=split,
+        seed=model.seed,
+        stream=(variant, split),
+        by_source=by_source,
+    )

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.frames import GENDERS, REST_POSE
+from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.dynamic import HISTORY_FRAMES
-from drapeline.learning_data.moving import MovingFiles, MovingGarment
+from drapeline.learning_data.moving import MovingFiles
 from drapeline.metrics.garment import garment_mesh, surface_error_mm
 from drapeline.metrics.predictions import GarmentCase, WornGarment
 from drapeline.models.gcvae.codec import Codes, GarmentCodec, decode_codes, encode_garments
@@ -63,7 +63,6 @@ def static_cases(
         original = next(g for g in outfit.garments if g.name == garment)
         body, true_mask = truth.body(row), np.asarray(truth.mask[row])
         true, predicted = body + truth.offsets[row], body + offsets
-        wearer = bodies[GENDERS[int(garments.cvar(np.array([row]))[0, 10])]]
         cases.append(
             GarmentCase(
                 label=f"{garment}\n{surface_error_mm(predicted, true, true_mask):.1f} mm",
@@ -73,9 +72,7 @@ def static_cases(
                 predicted=predicted,
                 predicted_mask=true_mask if mask is None else mask,
                 faces=truth.faces(row),
-                wearer=Mesh(
-                    posed_vertices(wearer, outfit.shape, REST_POSE[None])[0][0], wearer.faces
-                ),
+                wearer=_wearer(bodies[outfit.gender], outfit.shape, REST_POSE),
                 root_rotation=REST_POSE[:3],
             )
         )
@@ -97,8 +94,8 @@ def moving_cases(
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
-    for one in first_of_each((one.name, one) for one in files):
-        moving = one.load()
+    for first in first_of_each((file.name, file) for file in files):
+        moving = first.load()
         rows = garments.data.rows_of(moving.sample, moving.name)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
@@ -119,7 +116,7 @@ def moving_cases(
                 predicted=predicted,
                 predicted_mask=mask,
                 faces=topology.faces_of(moving.name),
-                wearer=_wearer(bodies, moving, pose),
+                wearer=_wearer(bodies[moving.gender], moving.shape, pose),
                 root_rotation=pose[:3],
             )
         )
@@ -160,7 +157,7 @@ def wrinkle_rows(
     first = first_of_each((one.name, k) for k, one in enumerate(files))
     shown = {k: files[k].load() for k in {chosen, *first}}
 
-    def dress(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
+    def decode_worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
         other = shown[which]
         own = np.repeat(rows_by[which][:1], len(codes))
         body = super_bodies[other.gender]
@@ -172,7 +169,7 @@ def wrinkle_rows(
             WornGarment(
                 other.name,
                 garment_mesh(other.on_vertices(p), faces, mask),
-                _wearer(bodies, other, pose),
+                _wearer(bodies[other.gender], other.shape, pose),
                 pose[:3],
             )
             for p, pose in zip(points, poses[:, 0], strict=True)
@@ -182,10 +179,12 @@ def wrinkle_rows(
     random_codes = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
     return {
-        "pose": dress(chosen, np.repeat(z, columns, 0), data.poses[spread]),
-        "garment": [w for k in first for w in dress(k, z, data.poses[lively])],
-        "codes,\nat rest": dress(chosen, random_codes, rest),
-        "codes,\nin motion": dress(chosen, random_codes, np.repeat(data.poses[lively], columns, 0)),
+        "pose": decode_worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
+        "garment": [w for k in first for w in decode_worn(k, z, data.poses[lively])],
+        "codes,\nat rest": decode_worn(chosen, random_codes, rest),
+        "codes,\nin motion": decode_worn(
+            chosen, random_codes, np.repeat(data.poses[lively], columns, 0)
+        ),
     }
 
 
@@ -208,9 +207,8 @@ def _wrinkle_codes(
     return smooth_bootstrap(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
 
 
-def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:
-    body = bodies[moving.gender]
-    return Mesh(posed_vertices(body, moving.shape, pose[None])[0][0], body.faces)
+def _wearer(body: BodyModel, shape: np.ndarray, pose: np.ndarray) -> Mesh:
+    return Mesh(posed_vertices(body, shape, pose[None])[0][0], body.faces)
 
 
 _SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5

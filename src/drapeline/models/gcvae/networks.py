@@ -41,7 +41,7 @@ _SECOND_SCALE = 0.3  # of initial weights; else features double in size from lev
 _STD_FLOOR_SHARE = 0.1
 
 
-class Residual(nn.Module):
+class ResidualLevel(nn.Module):
     """A convolution followed by a residual one.
 
     Filters are isotropic and shared by all nodes, so by themselves they cannot tell where on the
@@ -102,7 +102,7 @@ class Encoder(nn.Module):
         super().__init__()
         widths = size.level_widths
         self.levels = nn.ModuleList(
-            Residual(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
+            ResidualLevel(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
         self.register_buffer("mean", torch.zeros(nodes * widths[-1]))
@@ -177,7 +177,7 @@ class Decoder(nn.Module):
         self.spread = linear(size.features, nodes * widths[-1], rng)
         self.coarsest = ChebConv(widths[-1], widths[-1], size.order, rng)
         self.levels = nn.ModuleList(
-            Residual(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
+            ResidualLevel(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         # Both branches are linear in the last features, so one layer computes both.

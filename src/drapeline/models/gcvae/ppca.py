@@ -21,7 +21,7 @@ import torch
 from torch import nn
 
 from drapeline.manifest import write_manifest
-from drapeline.models.gcvae.codec import GarmentCodec, Part, conditions_of
+from drapeline.models.gcvae.codec import GarmentCodec, TopologyBatch, conditions_of
 from drapeline.models.gcvae.data import BodyTemplate, Garments
 from drapeline.models.gcvae.networks import Code
 from drapeline.models.gcvae.settings import PpcaSettings
@@ -341,7 +341,7 @@ class GarmentPpca(GarmentCodec):
         flat = (x.flatten(0, 1).T.contiguous() for x in (fields, known))
         return *flat, self._normalise_conditions(conditions_of(parts)[0])
 
-    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+    def encode_parts(self, parts: Mapping[str, TopologyBatch]) -> Code:
         """The exact posterior."""
         pairs = [
             self.ppca.posterior(
@@ -363,10 +363,10 @@ class GarmentPpca(GarmentCodec):
         return dict(zip(counts, made.split(list(counts.values()), 2), strict=True))
 
     @abstractmethod
-    def fields(self, name: str, part: Part) -> torch.Tensor:
+    def fields(self, name: str, part: TopologyBatch) -> torch.Tensor:
         """(V, channels, B_t) of garments of topology `name`."""
 
-    def offsets_in_units(self, part: Part) -> torch.Tensor:
+    def offsets_in_units(self, part: TopologyBatch) -> torch.Tensor:
         """(V, 3, B_t) offsets from their mean, in `unit_m`."""
         return (part.offsets - self.offset_mean[..., None]) / self.constants.unit_m
 
@@ -381,7 +381,7 @@ class StaticPpca(GarmentPpca):
     constants = PpcaConstants()
     channels = 4
 
-    def fields(self, name: str, part: Part) -> torch.Tensor:
+    def fields(self, name: str, part: TopologyBatch) -> torch.Tensor:
         """(V, 4, B_t): offsets from their mean in `unit_m`, and the ramp of the mask."""
         ramp = blur_mask(part.mask, self.laplacians[name], self.constants.blur_passes)
         return torch.cat(
@@ -402,7 +402,7 @@ class DynamicPpca(GarmentPpca):
     constants = PpcaConstants(ridge=2000.0, noise=3.0)
     channels = 3
 
-    def fields(self, name: str, part: Part) -> torch.Tensor:
+    def fields(self, name: str, part: TopologyBatch) -> torch.Tensor:
         """(V, 3, B_t): offsets from their mean in `unit_m`."""
         return self.offsets_in_units(part)
 

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from drapeline.models.gcvae.codec import GarmentCodec, Part, conditions_of, kl_nat, planes
+from drapeline.models.gcvae.codec import GarmentCodec, TopologyBatch, conditions_of, kl_nat, planes
 from drapeline.models.gcvae.data import BodyTemplate, Garments, rest_bodies
 from drapeline.models.gcvae.networks import Code, ConditioningAutoencoder, Gcvae
 from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
@@ -65,8 +65,8 @@ _FIRST_BATCH = 64
 
 
 @dataclass(frozen=True)
-class VaePart(Part):
-    """A part as the networks see it.
+class VaeBatch(TopologyBatch):
+    """The samples of a topology as the networks see them.
 
     Attributes:
         base: (V, 3, B_t) metres, what the offsets are added to.
@@ -156,15 +156,15 @@ class GarmentVae(GarmentCodec, TrainableModule):
 
     # ---- from batches to parts and back
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> VaePart:
+    def part(self, batch: Batch, rows: torch.Tensor) -> VaeBatch:
         """With what the networks see of it."""
-        part = Part.of(batch, rows)
+        part = TopologyBatch.of(batch, rows)
         base, inputs = self.base_and_inputs(batch, rows)
         target = self.normalise(part.offsets, "offset")
         inputs = torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
-        return VaePart(**vars(part), base=base, inputs=inputs, target=target)
+        return VaeBatch(**vars(part), base=base, inputs=inputs, target=target)
 
-    def encode_parts(self, parts: Mapping[str, VaePart]) -> Code:
+    def encode_parts(self, parts: Mapping[str, VaeBatch]) -> Code:
         """Codes in the order of the parts."""
         return self.network.encode(network_inputs(parts))
 
@@ -184,11 +184,11 @@ class GarmentVae(GarmentCodec, TrainableModule):
         code = self.encode_parts(parts)
         z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
         out = self.decode_parts(z, cvar, counts)
-        terms = self.garment_terms(parts, out, self.at.step % len(self.normals["body"].edges))
+        terms = self.garment_terms(parts, out, self.progress.step % len(self.normals["body"].edges))
         terms |= self.code_terms(code, cvar)
         scale = {
             "offsets": 1.0,
-            "kl": self.settings.loss.kl_weight(self.at.epoch / self.settings.training.epochs),
+            "kl": self.settings.loss.kl_weight(self.progress.epoch / self.settings.training.epochs),
         }
         loss = sum(
             (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
@@ -206,7 +206,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
         }
 
     def garment_terms(
-        self, parts: Mapping[str, VaePart], out: Mapping[str, torch.Tensor], faces: int
+        self, parts: Mapping[str, VaeBatch], out: Mapping[str, torch.Tensor], faces: int
     ) -> dict[str, torch.Tensor]:
         """Offsets, normals and mask terms of equation 4, over all topologies together."""
         weights = self.settings.loss
@@ -249,7 +249,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
         self.log_means("val", values, len(cvar))
 
     def _metrics(
-        self, parts: Mapping[str, VaePart], out: Mapping[str, torch.Tensor]
+        self, parts: Mapping[str, VaeBatch], out: Mapping[str, torch.Tensor]
     ) -> dict[str, torch.Tensor]:
         """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
         errors, overlaps = [], []
@@ -269,11 +269,11 @@ class GarmentVae(GarmentCodec, TrainableModule):
 
         A training that is resumed thus draws the same ones.
         """
-        rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
+        rng = rng_for(self.settings.training.seed, "noise", self.progress.step, self.progress.rank)
         return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
 
 
-def network_inputs(parts: Mapping[str, VaePart]) -> dict[str, torch.Tensor]:
+def network_inputs(parts: Mapping[str, VaeBatch]) -> dict[str, torch.Tensor]:
     """Topology -> (V, B_t, C), as the graph network takes it."""
     return {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
 
