@@ -11,7 +11,6 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import find_value, read_metrics
 from drapeline.models.gcvae.codec import Codes, save_codes
-from drapeline.models.gcvae.data import STATIC_CVAR
 from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
@@ -30,6 +29,8 @@ from toys.gcvae_files import (
 )
 from toys.outfits_at_rest import save_static
 from toys.tiny_sample import write_tiny_sample
+
+STATIC_CVAR = 13
 
 FRAMES = 4
 

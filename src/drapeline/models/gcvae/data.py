@@ -20,9 +20,6 @@ from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.hierarchy import Hierarchy
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, topology_codes
 
-# cvar_s: shape, gender (0 female, 1 male), signed tightness.
-STATIC_CVAR = SHAPES + 1 + 2
-
 
 @dataclass(frozen=True)
 class BodyTemplate:
@@ -52,9 +49,9 @@ class BodyTemplate:
     cvar_mean: np.ndarray
     cvar_std: np.ndarray
 
-    def faces_of(self, garment_index: int) -> np.ndarray:
-        """(F, 3) faces of the topology of a garment type, an index into `GARMENTS`."""
-        (code,) = topology_codes(np.array([garment_index]))
+    def faces_of(self, garment: str) -> np.ndarray:
+        """(F, 3) faces of the topology of a garment type, one of `GARMENTS`."""
+        (code,) = topology_codes(np.array([GARMENTS.index(garment)]))
         return self.faces[TOPOLOGIES[int(code)]]
 
     def rest_body(self, cvar: np.ndarray) -> np.ndarray:
@@ -195,21 +192,23 @@ class DynamicGarments:
         """(n,) codes of `TOPOLOGIES`."""
         return self.data.topology(rows)
 
-    def cvar(self, rows: np.ndarray) -> np.ndarray:
-        """(n, 13 + 72 f + Z) float32: static conditions, poses, static code."""
-        return self._cvar(rows, self.data.poses[rows, : self.frames])
+    def cvar(self, rows: np.ndarray, poses: np.ndarray | None = None) -> np.ndarray:
+        """(n, 13 + 72 f + Z) float32: static conditions, poses, static code.
+
+        Args:
+            poses: (n, f or more, 72) rad float32, newest first, in place of those of the rows.
+        """
+        poses = (self.data.poses[rows] if poses is None else poses)[:, : self.frames]
+        garments = self.data.garment_index[rows]
+        flat = poses.reshape(len(rows), -1)
+        return np.concatenate([self.data.cvar(garments), flat, self.codes[garments]], 1)
 
     def mirrored_cvar(self, rows: np.ndarray) -> np.ndarray:
         """(n, 13 + 72 f + Z) float32: conditions of the rows' mirror images.
 
         Their static codes are those of the rows: garments are symmetric in rest pose.
         """
-        return self._cvar(rows, mirror_poses(self.data.poses[rows, : self.frames]))
-
-    def _cvar(self, rows: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        garments = self.data.garment_index[rows]
-        flat = poses.reshape(len(rows), -1)
-        return np.concatenate([self.data.cvar(garments), flat, self.codes[garments]], 1)
+        return self.cvar(rows, mirror_poses(self.data.poses[rows]))
 
     def names(self, rows: np.ndarray) -> list[str]:
         """Sample, garment and frame of rows, for messages."""

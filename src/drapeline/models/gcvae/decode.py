@@ -8,7 +8,7 @@ from drapeline.geometry.mesh import faces_within
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.metrics.static import Truth
 from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
-from drapeline.models.gcvae.data import STATIC_CVAR, BodyTemplate, DynamicGarments, StaticGarments
+from drapeline.models.gcvae.data import BodyTemplate, DynamicGarments, StaticGarments
 from drapeline.registration.to_body.dynamic_offsets import points_from_offsets
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology
 
@@ -43,11 +43,7 @@ def decode_points(
     """
     if poses is None:
         poses = garments.data.poses[rows]
-    cvar = garments.cvar(rows)
-    cvar[:, STATIC_CVAR : STATIC_CVAR + 72 * garments.frames] = poses[:, : garments.frames].reshape(
-        len(rows), -1
-    )
-    decoded = decode_codes(model, z, cvar, garments.topology(rows))
+    decoded = decode_codes(model, z, garments.cvar(rows, poses), garments.topology(rows))
     return points_from_offsets(
         moving.registered,
         np.stack([offsets for offsets, _ in decoded]),

@@ -218,14 +218,14 @@ class Step(NamedTuple):
     """A garment on the way.
 
     Attributes:
-        garment: as decoded, in rest pose.
+        garment: its likeliest type, one of `GARMENTS`.
+        mesh: as decoded, in rest pose.
         cvar: (13,) conditions that it was decoded with.
-        garment_index: its likeliest type, an index into `GARMENTS`.
     """
 
-    garment: Mesh
+    garment: str
+    mesh: Mesh
     cvar: np.ndarray
-    garment_index: int
 
 
 def interpolate(
@@ -244,10 +244,10 @@ def interpolate(
     out = []
     template = model.body_template
     decoded = decode_by_type(model, types, z, cvar, [None] * steps)
-    for (garment_index, offsets, mask), condition in zip(decoded, cvar, strict=True):
+    for (garment, offsets, mask), condition in zip(decoded, cvar, strict=True):
         vertices = template.rest_body(condition) + offsets
-        mesh = garment_mesh(vertices, template.faces_of(garment_index), mask)
-        out.append(Step(mesh, condition, garment_index))
+        mesh = garment_mesh(vertices, template.faces_of(garment), mask)
+        out.append(Step(garment, mesh, condition))
     return out
 
 

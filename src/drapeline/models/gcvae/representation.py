@@ -172,11 +172,10 @@ class CodeScanFitter:
     def _decode(
         self, model: GarmentCodec, request: Request, rest: np.ndarray, registered: RegisteredPoints
     ) -> Mesh:
-        index = GARMENTS.index(request.garment)
-        topology = topology_codes(np.array([index]))
+        topology = topology_codes(np.array([GARMENTS.index(request.garment)]))
         z = fit_code(model, request.cvar[None], topology, registered, self._settings)
         ((offsets, mask),) = decode_codes(model, z, request.cvar[None], topology)
-        return garment_mesh(rest + offsets, model.body_template.faces_of(index), mask)
+        return garment_mesh(rest + offsets, model.body_template.faces_of(request.garment), mask)
 
 
 def register_points(

@@ -137,12 +137,12 @@ class DecodedGarment(NamedTuple):
     """A decoded code.
 
     Attributes:
-        garment_index: its type, an index into `GARMENTS`.
+        garment: its type, one of `GARMENTS`.
         offsets: (V, 3) metres.
         mask: (V,) bool.
     """
 
-    garment_index: int
+    garment: str
     offsets: np.ndarray
     mask: np.ndarray
 
@@ -152,12 +152,12 @@ def decode_by_type(
     types: GarmentTypes,
     z: np.ndarray,
     cvar: np.ndarray,
-    garment_indices: Sequence[int | None],
+    garments: Sequence[str | None],
 ) -> list[DecodedGarment]:
     """Decode codes (n, Z) under conditions (n, C) on the topology of their type.
 
     Args:
-        garment_indices: (n,) indices into `GARMENTS`, or None for the likeliest type.
+        garments: (n,) their types, or None for the likeliest one.
 
     Raises:
         InputError: the model predicts no mask.
@@ -167,15 +167,16 @@ def decode_by_type(
         list(decode_codes(model, z, cvar, np.full(len(z), code))) for code in range(len(TOPOLOGIES))
     ]
     out = []
-    for row, garment_index in enumerate(garment_indices):
-        by_topology = [garments[row] for garments in decoded]
+    for row, garment in enumerate(garments):
+        by_topology = [topology[row] for topology in decoded]
         if any(mask is None for _, mask in by_topology):
             raise InputError("a model without a mask branch cannot be sampled, expected another")
-        if garment_index is None:
+        if garment is None:
             masks = np.stack([by_topology[code][1] for code in topology_of])
             likelihood = types.log_likelihood(z[row : row + 1], masks[None])[0]
-            garment_index = int(likelihood.argmax())
-        out.append(DecodedGarment(garment_index, *by_topology[topology_of[garment_index]]))
+            garment = GARMENTS[int(likelihood.argmax())]
+        code = topology_of[GARMENTS.index(garment)]
+        out.append(DecodedGarment(garment, *by_topology[code]))
     return out
 
 
@@ -336,27 +337,23 @@ def _draw_once(
 ) -> list[SampledGarment]:
     """Draw one more code for each of the requests and decode it."""
     codes: list[np.ndarray] = []
-    garment_indices: list[int | None] = []
+    garments: list[str | None] = []
     for name, request in requests.items():
         prior, rng = request.garment == PRIOR, rngs[name]
         codes.append(
             rng.standard_normal(types.mean.shape[1]) if prior else types.draw(rng, request.garment)
         )
-        garment_indices.append(None if prior else GARMENTS.index(request.garment))
+        garments.append(None if prior else request.garment)
     cvar = np.stack([request.cvar for request in requests.values()])
-    decoded = decode_by_type(model, types, np.stack(codes), cvar, garment_indices)
+    decoded = decode_by_type(model, types, np.stack(codes), cvar, garments)
     sampled = []
-    for (name, request), z, (garment_index, offsets, mask) in zip(
+    for (name, request), z, (garment, offsets, mask) in zip(
         requests.items(), codes, decoded, strict=True
     ):
         body = model.body_template.rest_body(request.cvar)
-        mesh = garment_mesh(body + offsets, model.body_template.faces_of(garment_index), mask)
+        mesh = garment_mesh(body + offsets, model.body_template.faces_of(garment), mask)
         piece = largest_piece(mesh)
-        sampled.append(
-            SampledGarment(
-                name, request, GARMENTS[garment_index], z, mesh, piece, piece, body, draws
-            )
-        )
+        sampled.append(SampledGarment(name, request, garment, z, mesh, piece, piece, body, draws))
     return sampled
 
 

@@ -209,7 +209,7 @@ class StaticModel:
         if z.ndim != 2 or z.shape[1] != self.latent:
             raise InputError(f"codes of shape {z.shape}, expected (n, {self.latent})")
         requests = _conditions(len(z), garments, gender, shape, tightness)
-        types = [None if r.garment == PRIOR else GARMENTS.index(r.garment) for r in requests]
+        types = [None if r.garment == PRIOR else r.garment for r in requests]
         cvar = np.stack([request.cvar for request in requests])
         template = self._codec.body_template
         made = []
@@ -217,11 +217,11 @@ class StaticModel:
             requests, z, decode_by_type(self._codec, self._types, z, cvar, types), strict=True
         ):
             body = template.rest_body(request.cvar)
-            faces = template.faces_of(decoded.garment_index)
+            faces = template.faces_of(decoded.garment)
             mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
             if settle:
                 mesh = push_out(self._codec, largest_piece(mesh), body)
-            made.append(self._garment(request, GARMENTS[decoded.garment_index], mesh, code))
+            made.append(self._garment(request, decoded.garment, mesh, code))
         return made
 
     @cached_property

@@ -22,12 +22,10 @@ def test_a_walk_across_types_changes_topology_where_the_mask_does(model, types, 
     start, end = types.mean[TROUSERS], types.mean[DRESS]
     cvar = np.zeros(13)
     steps = interpolate(model, types, (start, cvar), (end, cvar), 8)
-    assert [step.garment_index for step in steps] == [TROUSERS] * 4 + [DRESS] * 4
+    assert [step.garment for step in steps] == ["Trousers"] * 4 + ["Dress"] * 4
     for step in steps:
-        faces = model.body_template.faces["skirt" if step.garment_index == DRESS else "body"]
-        assert len(step.garment.faces) == len(
-            faces_within(faces, half(step.garment_index == DRESS))
-        )
+        faces = model.body_template.faces["skirt" if step.garment == "Dress" else "body"]
+        assert len(step.mesh.faces) == len(faces_within(faces, half(step.garment == "Dress")))
 
 
 def test_paper_walks_change_what_they_say(model, types, garments):

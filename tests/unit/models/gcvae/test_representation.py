@@ -13,7 +13,7 @@ from toys.gcvae import toy_template
 def as_registered(garments, row):
     template = toy_template()
     body = template.rest_body(garments.cvar([row])[0])
-    faces = template.faces_of(garments.garment[row])
+    faces = template.faces_of(GARMENTS[garments.garment[row]])
     return garment_mesh(body + garments.offsets[row], faces, garments.mask[row])
 
 
@@ -61,5 +61,5 @@ def test_a_vae_gives_back_what_it_decodes_from_the_mean_of_the_posterior(model, 
     template = model.body_template
     for one, mesh, (offsets, mask) in zip(held_out, code.rebuild(held_out), decoded, strict=True):
         body = template.rest_body(garments.cvar([one.row])[0])
-        faces = template.faces_of(garments.garment[one.row])
+        faces = template.faces_of(GARMENTS[garments.garment[one.row]])
         assert_same(mesh, garment_mesh(body + offsets, faces, mask))
