@@ -1,4 +1,4 @@
-"""What a model brings so that the rest of the project can use it.
+"""The contract of a model: what it brings so that the rest of the project can use it.
 
 A model has a folder of its own, `models/<name>/`, and imports no other model. The folder has
 
@@ -63,7 +63,7 @@ class Representation(Protocol):
         """
 
     def code_numbers(self, garment: str) -> int | None:
-        """How many numbers the code of a garment of this type has; None if there is no code."""
+        """Size of the code of a garment of this type; None if there is no code."""
 
 
 class ScanFitter(Protocol):

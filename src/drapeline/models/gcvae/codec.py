@@ -78,7 +78,7 @@ class GarmentCodec(torch.nn.Module, ABC):
 
     @property
     def device(self) -> torch.device:
-        """Where its weights are."""
+        """Device of its weights."""
         return self.offset_mean.device
 
     # ---- what models do differently
@@ -91,7 +91,7 @@ class GarmentCodec(torch.nn.Module, ABC):
     @property
     @abstractmethod
     def seed(self) -> int:
-        """Of whatever is drawn."""
+        """Seed of whatever is drawn."""
 
     def part(self, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
         """The samples of a batch in rows of one topology."""

@@ -120,9 +120,9 @@ def load_training_codes(folder: str | Path) -> TrainingCodes:
     Raises:
         InputError: the file is missing or lacks an array.
     """
-    found = load_npz(Path(folder) / TRAINING_CODES, _CODES)
-    codes = Codes(found["mean"], found["log_variance"])
-    return TrainingCodes(codes, found["garment"], found["mask_rate"])
+    arrays = load_npz(Path(folder) / TRAINING_CODES, _CODES)
+    codes = Codes(arrays["mean"], arrays["log_variance"])
+    return TrainingCodes(codes, arrays["garment"], arrays["mask_rate"])
 
 
 def load_dynamic_garments(folder: str | Path, static: str | Path, frames: int) -> DynamicGarments:

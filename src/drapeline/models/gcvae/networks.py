@@ -24,7 +24,7 @@ _LOG_VARIANCE_RANGE = (-12.0, 8.0)
 
 
 class Code(NamedTuple):
-    """What the encoder returns for (B,) samples.
+    """Output of the encoder for (B,) samples.
 
     Attributes:
         mean, log_variance: (B, latent) of q(z | X, cvar).

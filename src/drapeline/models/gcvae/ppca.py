@@ -254,7 +254,7 @@ class PpcaConstants:
 
 
 class GarmentPpca(GarmentCodec):
-    """What the fits of garments at rest and in motion share.
+    """Base class of the fits of garments at rest and in motion.
 
     Attributes:
         constants: of the fit.
@@ -295,7 +295,7 @@ class GarmentPpca(GarmentCodec):
 
     @property
     def seed(self) -> int:
-        """Of the rows and the vertices that are chosen."""
+        """Seed of the rows and the vertices that are chosen."""
         return self.settings.seed
 
     @torch.no_grad()

@@ -1,4 +1,4 @@
-"""What all models are compared by: representations of garments, and codes fitted to scans."""
+"""Representations of garments and codes fitted to scans, by which all models are compared."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -105,7 +105,7 @@ class VaeCode(RegisteredOffsets):
 
 @dataclass(frozen=True)
 class FitCode:
-    """How codes are fitted to a registration.
+    """Settings of a fit of codes to a registration.
 
     Attributes:
         steps: of Adam.
@@ -157,7 +157,7 @@ class CodeScanFitter:
         """All garments of the scan, by each model, also moved to the points."""
         posed = pose_body(self._bodies[scan.gender], body.shape, body.pose, body.trans)
         rest_points = move_to_rest(scan.points, posed, 1).places
-        found = {}
+        fits = {}
         for variant, model in self._models.items():
             garments = {}
             for name in scan.garments:
@@ -165,9 +165,9 @@ class CodeScanFitter:
                 rest = model.body_template.rest_body(request.cvar)
                 registered = register_points(rest, rest_points, scan, name)
                 garments[name] = self._decode(model, request, rest, registered)
-            worn = found[variant] = pose_in_layers(garments, posed, self._settings.skinning)
-            found[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed)
-        return found
+            worn = fits[variant] = pose_in_layers(garments, posed, self._settings.skinning)
+            fits[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed)
+        return fits
 
     def _decode(
         self, model: GarmentCodec, request: Request, rest: np.ndarray, registered: RegisteredPoints

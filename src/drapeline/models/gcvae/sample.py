@@ -9,7 +9,6 @@ Gaussian as wide as the type has most of its mass where hems of several lengths 
 is like that.
 """
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +32,7 @@ from drapeline.models.gcvae.load import TrainingCodes, load_training_codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
 from drapeline.seeding import rng_for
-from drapeline.storage import atomic_folder, load_npz, save_npz
+from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
 
 _SHRINKAGE = 0.05  # of the covariance towards a multiple of the identity
 
@@ -304,19 +303,19 @@ def sample_garments(
             `resolve_penetration`; otherwise no vertex is moved.
     """
     rngs = {name: rng_for(seed, "sampled garment", name, "code") for name in requests}
-    found: dict[str, SampledGarment] = {}
+    latest: dict[str, SampledGarment] = {}
     waiting = dict(requests)
     for draws in range(1, _DRAWS_MAX + 1):
         for sample in _draw_once(model, types, waiting, rngs, draws):
-            found[sample.name] = sample
+            latest[sample.name] = sample
             if sample.is_sound(model.body_template.faces[TOPOLOGIES[0]]):
                 del waiting[sample.name]
         if not waiting:
             break
-    sampled = [found[name] for name in requests]
+    sampled = [latest[name] for name in requests]
     if not settle:
         return sampled
-    return [replace(one, mesh=push_out(model, one.piece, one.body)) for one in sampled]
+    return [replace(s, mesh=push_out(model, s.piece, s.body)) for s in sampled]
 
 
 def push_out(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
@@ -421,13 +420,10 @@ def save_samples(
             z=np.stack([s.z for s in sampled]).astype(np.float32),
             cvar=np.stack([s.request.cvar for s in sampled]),
         )
-        with open(scratch / "samples.tsv", "w", newline="") as stream:
-            writer = csv.DictWriter(stream, rows[0], delimiter="\t", lineterminator="\n")
-            writer.writeheader()
-            for row in rows:
-                writer.writerow(
-                    {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
-                )
+        texts = [
+            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
+        ]
+        write_rows(scratch / "samples.tsv", texts)
     return rows
 
 

@@ -38,7 +38,7 @@ def dynamic_conditions(variant: str) -> tuple[str, int]:
 
 
 def pooling_of(variant: str) -> str:
-    """Which mesh hierarchy a variant uses."""
+    """Name of the mesh hierarchy that a variant uses."""
     return "uniform" if variant == "svae_uniform_pooling" else "segments"
 
 
@@ -209,7 +209,7 @@ class ConditioningSettings(Settings):
 
 
 class PpcaSettings(Settings):
-    """What a fit of the PCA depends on besides its data."""
+    """Settings of a fit of the PCA."""
 
     latent: int = Field(128, ge=1, le=1024, description="Numbers of a code.")
     seed: int = Field(0, description="Seed of the rows and the vertices that are chosen.")

@@ -1,6 +1,6 @@
 """A trained static model as users of the library take it: meshes in, meshes out.
 
-Everything comes from the folder that the training left, see `static_files`. Meshes are in metres,
+Everything comes from the folder that the training left, see `load`. Meshes are in metres,
 in the rest pose, with the root joint at the origin, Z up, facing -Y. n garments, Z numbers of a
 code, V vertices of the body that garments are offsets from (no head, hands or feet).
 """

@@ -80,7 +80,7 @@ class VaeBatch(TopologyBatch):
 
 
 class GarmentVae(GarmentCodec, TrainableModule):
-    """What SVAE and DVAE share: network, loss, schedules and metrics.
+    """Base class of SVAE and DVAE: network, loss, schedules and metrics.
 
     Args:
         settings: sizes, loss and training.
@@ -116,7 +116,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
 
     @property
     def seed(self) -> int:
-        """Of weights, order and noise."""
+        """Seed of weights, order and noise."""
         return self.settings.training.seed
 
     def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
@@ -152,7 +152,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
     ) -> tuple[torch.Tensor, list[torch.Tensor]]:
-        """What offsets are added to, and what the encoder sees besides them: (V, 3, B_t) each."""
+        """Base of the offsets, and further inputs of the encoder: (V, 3, B_t) each."""
 
     # ---- from batches to parts and back
 

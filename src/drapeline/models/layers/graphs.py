@@ -149,7 +149,7 @@ class UnpoolConv(nn.Module):
         """(n, B, inputs) -> (N * B, outputs), no view of anything: safe to change in place.
 
         Args:
-            unpool: (N, (order + 1) * n) matrices T_k(L) U side by side, `graph.unpool_matrix`.
+            unpool: (N, (order + 1) * n) matrices T_k(L) U side by side, see `unpool_matrix`.
         """
         wide = torch.matmul(x.flatten(0, 1), self.weight)  # (order + 1, n * B, outputs)
         return unpool(wide.view(-1, x.shape[1], wide.shape[-1])).flatten(0, 1) + self.bias

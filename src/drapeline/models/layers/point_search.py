@@ -523,7 +523,7 @@ Answer = torch.Tensor | tuple[torch.Tensor, ...]
 
 
 class Searches:
-    """How layers search during a forward pass; this class makes every search it is asked for.
+    """Searches of layers during a forward pass; this class makes all that it is asked for.
 
     Layers name their searches and pass themselves on to their parts, so that each search of a pass
     has a path of its own, the same one in every pass.

@@ -96,7 +96,7 @@ def _put_tensors(value: Any, tensors: dict[str, torch.Tensor]) -> Any:
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:
-    """What `write_checkpoint` wrote.
+    """A network that `write_checkpoint` wrote.
 
     Raises:
         InputError: the file is missing, is no checkpoint, lacks a tensor, holds numbers that are

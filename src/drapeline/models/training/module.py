@@ -1,4 +1,4 @@
-"""What all trained networks share: optimiser, logs, a stop at NaN.
+"""Base class of all trained networks: optimiser, logs, a stop at NaN.
 
 They are trained by Lightning, see `lightning`, but know nothing of it: it takes seconds to import,
 which a job that only uses a trained network is spared.
@@ -58,7 +58,7 @@ class TrainableModule(torch.nn.Module, ABC):
 
     @property
     def device(self) -> torch.device:
-        """Where its weights are."""
+        """Device of its weights."""
         return next(self.parameters()).device
 
     @abstractmethod
