@@ -76,11 +76,6 @@ class GarmentCodec(torch.nn.Module, ABC):
         table = torch.from_numpy(np.asarray(getattr(self.body_template, name), dtype=np.float32))
         self.register_buffer(name, table, persistent=False)
 
-    @property
-    def device(self) -> torch.device:
-        """Device of its weights."""
-        return self.offset_mean.device
-
     # ---- what models do differently
 
     @property
