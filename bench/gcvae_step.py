@@ -14,8 +14,8 @@ from torch import nn
 from torch_geometric.nn import ChebConv
 from torch_geometric.utils import scatter
 
-from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.networks import Gcvae, Residual
+from drapeline.models.gcvae.data import BodyTemplate
+from drapeline.models.gcvae.networks import Gcvae, ResidualLevel
 from drapeline.models.gcvae.settings import GcvaeNetwork
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
@@ -48,7 +48,7 @@ class GeometricConv(nn.Module):
 class GeometricBlock(nn.Module):
     """Our residual block on a union of copies."""
 
-    def __init__(self, ours: Residual, places: torch.Tensor, *graph) -> None:
+    def __init__(self, ours: ResidualLevel, places: torch.Tensor, *graph) -> None:
         super().__init__()
         self.first, self.second = (GeometricConv(c, *graph) for c in (ours.first, ours.second))
         self.places, self.table = ours.places, places

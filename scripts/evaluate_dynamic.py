@@ -7,9 +7,8 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.moving import load_moving
 from drapeline.metrics.table import write_metrics
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.evaluate_dynamic import evaluate_dynamic
-from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.evaluate import evaluate_dynamic
+from drapeline.models.gcvae.load import load_codec, load_dynamic_garments
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log

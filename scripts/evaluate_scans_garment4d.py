@@ -9,7 +9,7 @@ from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
 from drapeline.metrics.predictions import save_fitted_scans
 from drapeline.metrics.table import write_metrics
-from drapeline.models.compare_scans import compare_scan_fits, known_scans
+from drapeline.models.compare import compare_scan_fits, known_scans
 from drapeline.models.garment4d.reconstruct import ReconstructionModel
 from drapeline.models.garment4d.scans import FitTemplate, Garment4dScanFitter
 from drapeline.rule_log import rule_log

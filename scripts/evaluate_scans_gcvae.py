@@ -10,9 +10,9 @@ from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
 from drapeline.metrics.predictions import save_fitted_scans
 from drapeline.metrics.table import write_metrics
-from drapeline.models.compare_scans import compare_scan_fits, known_scans
+from drapeline.models.compare import compare_scan_fits, known_scans
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.scan_fitter import CodeScanFitter, FitCode
+from drapeline.models.gcvae.representation import CodeScanFitter, FitCode
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 

@@ -10,13 +10,7 @@ from drapeline.dataset.shards import samples_of
 from drapeline.generation.moving_sheets import make_draper
 from drapeline.metrics.predictions import BODY, save_fitted_scans
 from drapeline.metrics.table import join, write_metrics
-from drapeline.models.compare_scans import (
-    body_rows,
-    compare_scan_fits,
-    known_scans,
-    skin_of,
-    truth_shown,
-)
+from drapeline.models.compare import body_rows, compare_scan_fits, known_scans, skin_of, truth_shown
 from drapeline.models.smplicit.model import SmplicitModel
 from drapeline.models.smplicit.scans.garments import ON_JOINT_BODY, SmplicitScanFitter
 from drapeline.models.smplicit.settings import FitScan, Meshing

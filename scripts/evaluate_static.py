@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING
 
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.table import write_metrics
-from drapeline.models.gcvae.codes import encode_held_out, save_codes
-from drapeline.models.gcvae.evaluate_static import evaluate_static
-from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.static_files import load_training_codes
+from drapeline.models.gcvae.codec import encode_held_out, save_codes
+from drapeline.models.gcvae.evaluate import evaluate_static
+from drapeline.models.gcvae.load import load_codec, load_training_codes
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 

@@ -6,9 +6,9 @@ import torch
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.dynamic_template import dynamic_body_template
-from drapeline.models.gcvae.garment_ppca import DynamicPpca, save_fit
+from drapeline.models.gcvae.data import dynamic_body_template
+from drapeline.models.gcvae.load import load_dynamic_garments
+from drapeline.models.gcvae.ppca import DynamicPpca, save_fit
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology

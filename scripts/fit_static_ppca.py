@@ -7,10 +7,10 @@ import torch
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.garment_ppca import StaticPpca, save_fit
+from drapeline.models.gcvae.data import static_body_template
+from drapeline.models.gcvae.load import save_static_files
+from drapeline.models.gcvae.ppca import StaticPpca, save_fit
 from drapeline.models.gcvae.settings import PpcaSettings
-from drapeline.models.gcvae.static_files import save_static_files
-from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.registration.to_body.hierarchy import load_hierarchy
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import rule_log

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.codec import load_codes
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.models.gcvae.codes import plot_codes
+from drapeline.report.models.gcvae.figures import plot_codes
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

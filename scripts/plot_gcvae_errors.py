@@ -7,14 +7,13 @@ from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.moving import moving_files_test_first
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.figure_cases import moving_cases, static_cases
-from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.codec import load_codes
+from drapeline.models.gcvae.figures import moving_cases, static_cases
+from drapeline.models.gcvae.load import load_codec, load_dynamic_garments
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import ERROR_COLUMNS, error_views
+from drapeline.report.models.gcvae.figures import ERROR_COLUMNS, error_views
 from drapeline.report.models.scene import plot_views
 from drapeline.rule_log import rule_log
 

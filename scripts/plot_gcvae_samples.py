@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.gcvae.body_template import wearer_mesh
-from drapeline.models.gcvae.sampling.files import load_samples
+from drapeline.models.gcvae.sample import load_samples, wearer_mesh
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import plot_samples, walk_view
+from drapeline.report.models.gcvae.figures import plot_samples, walk_view
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

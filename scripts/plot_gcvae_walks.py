@@ -8,15 +8,13 @@ import numpy as np
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
-from drapeline.models.gcvae.body_template import wearer_mesh
-from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.interpolate import interpolate_as_figure_9
+from drapeline.models.gcvae.codec import load_codes
+from drapeline.models.gcvae.figures import interpolate_as_figure_9
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.types import load_types
+from drapeline.models.gcvae.sample import load_types, wearer_mesh
 from drapeline.models.training.module import BEST
-from drapeline.outfits.garment_types import GARMENTS
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import animate_views, walk_view
+from drapeline.report.models.gcvae.figures import animate_views, walk_view
 from drapeline.report.models.scene import plot_views
 from drapeline.rule_log import rule_log
 
@@ -34,8 +32,7 @@ with rule_log(snakemake.log[0]), ray_share(snakemake.params.rays):
 
     def views(steps):
         return [
-            walk_view(step.garment, wearer_mesh(bodies, step.cvar), GARMENTS[step.garment_index])
-            for step in steps
+            walk_view(step.mesh, wearer_mesh(bodies, step.cvar), step.garment) for step in steps
         ]
 
     ways = interpolate_as_figure_9(model, types, data, rows, codes.of(rows), snakemake.params.steps)

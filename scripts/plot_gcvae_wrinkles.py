@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.moving import moving_files_test_first
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.figure_cases import wrinkle_rows
-from drapeline.models.gcvae.load import load_codec
+from drapeline.models.gcvae.figures import wrinkle_rows
+from drapeline.models.gcvae.load import load_codec, load_dynamic_garments
 from drapeline.models.training.module import BEST
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rendering.raytracer import ray_share
-from drapeline.report.models.gcvae.views import worn_view
+from drapeline.report.models.gcvae.figures import worn_view
 from drapeline.report.models.scene import plot_views
 from drapeline.rule_log import rule_log
 from drapeline.seeding import rng_for

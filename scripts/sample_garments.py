@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.draw import draw_requests, sample_garments
-from drapeline.models.gcvae.sampling.files import save_samples
-from drapeline.models.gcvae.sampling.types import load_types
+from drapeline.models.gcvae.sample import draw_requests, load_types, sample_garments, save_samples
 from drapeline.models.training.module import BEST
 from drapeline.rule_log import rule_log
 

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.dynamic_template import dynamic_body_template
+from drapeline.models.gcvae.data import dynamic_body_template
+from drapeline.models.gcvae.load import load_dynamic_garments
 from drapeline.models.gcvae.settings import DvaeSettings
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import DynamicVae

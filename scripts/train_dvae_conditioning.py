@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
+from drapeline.models.gcvae.load import load_dynamic_garments
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import train_conditioning
+from drapeline.models.gcvae.train import train_conditioning
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

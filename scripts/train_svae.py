@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import StaticData
+from drapeline.models.gcvae.data import static_body_template
+from drapeline.models.gcvae.load import save_static_files
 from drapeline.models.gcvae.settings import VaeSettings
-from drapeline.models.gcvae.static_files import save_static_files
-from drapeline.models.gcvae.static_template import static_body_template
 from drapeline.models.gcvae.train import train_vae
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.registration.to_body.hierarchy import load_hierarchy

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.learning_data.static import StaticData
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import train_conditioning
+from drapeline.models.gcvae.train import train_conditioning
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

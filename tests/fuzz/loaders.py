@@ -64,13 +64,12 @@ from drapeline.models.garment4d.stages import (
     load_stage,
     save_posed_files,
 )
-from drapeline.models.gcvae.codes import load_codes
-from drapeline.models.gcvae.conditioning import load_conditioning
-from drapeline.models.gcvae.garment_ppca import StaticPpca
-from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.files import load_samples
+from drapeline.models.gcvae.codec import load_codes
+from drapeline.models.gcvae.load import load_codec, load_training_codes
+from drapeline.models.gcvae.ppca import StaticPpca
+from drapeline.models.gcvae.sample import load_samples
 from drapeline.models.gcvae.settings import PpcaSettings
-from drapeline.models.gcvae.static_files import load_training_codes
+from drapeline.models.gcvae.train import load_conditioning
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.load import load
 from drapeline.models.smplicit.decoder import load_released

@@ -10,9 +10,8 @@ from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import collect_dynamic
 from drapeline.metrics.table import read_metrics
-from drapeline.models.gcvae.body_template import STATIC_CVAR
-from drapeline.models.gcvae.codes import Codes, save_codes
-from drapeline.models.gcvae.garment_ppca import DynamicPpca
+from drapeline.models.gcvae.codec import Codes, save_codes
+from drapeline.models.gcvae.ppca import DynamicPpca
 from drapeline.models.gcvae.settings import PpcaSettings
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.outfits.garment_types import GARMENTS
@@ -31,6 +30,8 @@ from toys.gcvae_files import (
 from toys.metric_rows import find_value
 from toys.outfits_at_rest import save_static
 from toys.tiny_sample import write_tiny_sample
+
+STATIC_CVAR = 13
 
 FRAMES = 4
 

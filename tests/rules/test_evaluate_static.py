@@ -10,7 +10,7 @@ from PIL import Image
 from drapeline.bodies.model import save_body
 from drapeline.frames import GENDERS
 from drapeline.metrics.table import read_metrics
-from drapeline.models.gcvae.codes import load_codes
+from drapeline.models.gcvae.codec import load_codes
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import save_topology
 from toys.gcvae import VERTICES, tube, tube_faces

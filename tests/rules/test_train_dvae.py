@@ -9,9 +9,8 @@ from drapeline.bodies.model import load_body
 from drapeline.dataset.reader import Sample
 from drapeline.frames import GENDERS
 from drapeline.learning_data.dynamic import DynamicData
-from drapeline.models.gcvae.dynamic_garments import load_dynamic_garments
-from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.variants import DVAE_VARIANTS
+from drapeline.models.gcvae.load import load_codec, load_dynamic_garments
+from drapeline.models.gcvae.settings import DVAE_VARIANTS
 from drapeline.models.training.batches import as_tensors
 from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.dynamic_offsets import load_sample_garment, points_from_offsets

@@ -12,7 +12,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.errors import InputError
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.garment import garment_mesh, surface_distances_mm
-from drapeline.models.gcvae.codes import encode_garments
+from drapeline.models.gcvae.codec import encode_garments
 from drapeline.models.gcvae.load import load_codec
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.load import load

@@ -6,8 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from drapeline.geometry.mesh import edges
-from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.gcvae.data import BodyTemplate, cvar_statistics
 from drapeline.outfits.garment_types import GARMENTS
 
 RINGS, AROUND = 16, 12

@@ -9,10 +9,10 @@ from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_basis, rest_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import edges
-from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.sampling.draw import draw_requests
+from drapeline.models.gcvae.data import BodyTemplate
+from drapeline.models.gcvae.load import save_static_files
+from drapeline.models.gcvae.sample import draw_requests
 from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
-from drapeline.models.gcvae.static_files import save_static_files
 from drapeline.models.gcvae.vae import GarmentVae, StaticVae
 from drapeline.models.training.checkpoints import write_checkpoint
 from drapeline.models.training.module import BEST

@@ -9,7 +9,7 @@ from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.learning_data.static import collect_static
-from drapeline.models.gcvae.variants import SVAE_VARIANTS
+from drapeline.models.gcvae.settings import SVAE_VARIANTS
 from drapeline.models.training.settings import override_settings
 from drapeline.registration.to_body.hierarchy import build_hierarchy, level_counts, save_hierarchy
 from drapeline.registration.to_body.super_body import build_super_body

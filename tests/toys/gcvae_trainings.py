@@ -5,7 +5,7 @@ from pathlib import Path
 import torch
 
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import train_conditioning
+from drapeline.models.gcvae.train import train_conditioning
 from drapeline.models.training.checkpoints import read_checkpoint
 from drapeline.models.training.module import BEST
 from toys.threads import THREADS

@@ -88,7 +88,7 @@ def test_imports_go_one_way(part):
             assert names[0] != "snakemake", f"{path.name} knows Snakemake"
 
 
-TABLES = {"outfits.fabrics", "outfits.garment_types", "gcvae.variants", "smplicit.garments"}
+TABLES = {"outfits.fabrics", "outfits.garment_types", "smplicit.garments"}
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-from drapeline.models.gcvae.variants import (
+from drapeline.models.gcvae.settings import (
     DVAE_VARIANTS,
     DYNAMIC_PPCA,
     STATIC_PPCA,

@@ -1,21 +1,37 @@
-"""All models compared: the same held-out garments through each representation."""
+"""All models compared, on the same held-out garments and on the same segmented scans.
 
-from collections.abc import Iterable, Sequence
+The scans are compared as in SMPLicit 4.2 and table 2.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import solver_name
+from drapeline.dataset.segmented_scans import SegmentedScan, load_scans
+from drapeline.errors import DamagedFile
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.garment import area_distances_mm
 from drapeline.metrics.metric import Measured
-from drapeline.metrics.table import join, summarise
-from drapeline.models.contract import HeldOutGarment, Representation
-from drapeline.outfits.garment_types import GARMENTS
+from drapeline.metrics.predictions import BODY, TRUE, Fits
+from drapeline.metrics.properties import COMMON, measure_properties, scan_class
+from drapeline.metrics.table import ALL, join, summarise
+from drapeline.models.contract import HeldOutGarment, Representation, ScanFitter
+from drapeline.outfits.garment_types import GARMENT_TYPES, GARMENTS, TEMPLATE_TYPES
 from drapeline.outfits.static import StaticOutfit
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 
-MODEL = "representation"
+# Of the rows in the table of metrics.
+REPRESENTATION, SCAN = "representation", "scan"
 
 
 def held_out_garments(
@@ -31,15 +47,17 @@ def held_out_garments(
     """
     rows = data.rows(split)
     rows = rows[np.isin(data.garment[rows], [GARMENTS.index(name) for name in types])]
-    found = {int(row): (str(data.outfit[row]), GARMENTS[data.garment[row]]) for row in rows}
-    wanted = {names: row for row, names in found.items()}
+    names = [(str(data.outfit[row]), GARMENTS[data.garment[row]]) for row in rows]
+    wanted = set(names)
     meshes = {
-        wanted[name, garment.name]: Mesh(garment.vertices, triangulate(garment.faces))
+        (name, garment.name): Mesh(garment.vertices, triangulate(garment.faces))
         for name, _, outfit in outfits
         for garment in outfit.garments
         if (name, garment.name) in wanted
     }
-    return [HeldOutGarment(row, *names, meshes[row]) for row, names in found.items()]
+    return [
+        HeldOutGarment(int(row), *pair, meshes[pair]) for row, pair in zip(rows, names, strict=True)
+    ]
 
 
 def compare_representations(
@@ -59,10 +77,10 @@ def compare_representations(
         split: named in the rows.
         seed: of the intervals.
     """
-    found = []
+    tables = []
     for representation in representations:
         variant = representation.variant
-        every = []
+        rows = []
         rebuilt = progress(representation.rebuild(garments), total=len(garments), label=variant)
         for garment, mesh in zip(garments, rebuilt, strict=True):
             to_true, to_rebuilt = area_distances_mm(mesh, garment.mesh)
@@ -70,7 +88,170 @@ def compare_representations(
             numbers = representation.code_numbers(garment.garment)
             if numbers is not None:
                 measured["code_numbers"] = numbers
-            every.append(Measured(garment.outfit, garment.garment, measured))
-        how = {"model": MODEL, "variant": variant, "split": split, "seed": seed}
-        found.append(summarise(every, **how, by_source=False))
-    return join(found)
+            rows.append(Measured(garment.outfit, garment.garment, measured))
+        tables.append(
+            summarise(
+                rows,
+                model=REPRESENTATION,
+                variant=variant,
+                split=split,
+                seed=seed,
+                by_source=False,
+            )
+        )
+    return join(tables)
+
+
+class KnownScan(NamedTuple):
+    """A scan of a simulated sample.
+
+    Attributes:
+        scan: with what is known of it.
+        body: fitted to it.
+        sample: name of the sample.
+        source: cloth solver that moved the garments.
+        true: garment -> simulated triangles, in the scan's world.
+        classes: garment -> one of `CLASSES`.
+        true_body: (V, 3) vertices of the simulated body.
+    """
+
+    scan: SegmentedScan
+    body: BodyState
+    sample: str
+    source: str
+    true: dict[str, Mesh]
+    classes: dict[str, str]
+    true_body: np.ndarray
+
+
+def known_scans(
+    scans: Sequence[str | Path], samples: Sequence[str | Path], bodies: Mapping[str, BodyModel]
+) -> list[KnownScan]:
+    """Scans of samples, with the truth.
+
+    Args:
+        scans: files of scans with fitted bodies, as `save_scans` wrote them.
+        samples: folders of all samples that they were taken of, named by their ids.
+        bodies: by gender.
+
+    Raises:
+        InputError: a file is missing, lacks an array, or has a scan of another sample.
+    """
+    known, folders = [], {Path(folder).name: folder for folder in samples}
+    for path in scans:
+        for name, taken in groupby(load_scans(path), lambda pair: pair[0].name.rpartition("_")[0]):
+            if name not in folders:
+                raise DamagedFile(path, f"has a scan of '{name}', expected one of {len(folders)}")
+            with Sample(folders[name]) as sample:
+                known += _known(list(taken), sample, bodies[sample.gender])
+    return known
+
+
+def _known(
+    taken: Sequence[tuple[SegmentedScan, BodyState]], sample: Sample, body: BodyModel
+) -> list[KnownScan]:
+    shape, rest, classes = sample.info.shape, {}, {}
+    for name in sample.garments:
+        mesh, region = sample.mesh(name), GARMENT_TYPES[name].region
+        rest[name] = Mesh(mesh.vertices, triangulate(mesh.faces))
+        properties = measure_properties(region, rest[name], body, shape)
+        classes[name] = scan_class(region, properties)
+    known, source = [], solver_name(sample.meta or {})
+    for scan, fitted in taken:
+        frame = scan.frame
+        true = {
+            name: Mesh(sample.vertices(name, frame, frame + 1, "root")[0], mesh.faces)
+            for name, mesh in rest.items()
+        }
+        pose = sample.info.poses[frame].astype(np.float64)
+        vertices, _ = posed_vertices(body, shape, pose[None])
+        known.append(KnownScan(scan, fitted, sample.id, source, true, classes, vertices[0]))
+    return known
+
+
+def compare_scan_fits(
+    scans: Sequence[KnownScan], fitter: ScanFitter, *, split: str, seed: int
+) -> tuple[Table, dict[str, Fits]]:
+    """Distances between simulated and fitted garments, by variant and class, over their area.
+
+    Models do not know the same garments: the rows of the class `COMMON` are means over those that
+    all of them know.
+
+    Args:
+        scans: to fit.
+        fitter: of a model.
+        split: of the samples, named in the rows.
+        seed: of the intervals, which are over samples.
+
+    Returns:
+        Rows, and scan's name -> fits.
+    """
+    measured: dict[str, list[Measured]] = {}
+    common: dict[str, list[Measured]] = {}
+    shown: dict[str, Fits] = {}
+    for known in progress(scans, total=len(scans), label="scans"):
+        fits = shown[known.scan.name] = fitter.fit(known.scan, known.body)
+        for variant, garments in fits.items():
+            for name, mesh in garments.items():
+                to_true, to_surface = area_distances_mm(mesh, known.true[name])
+                row = {"surface_to_true_mm": to_true, "true_to_surface_mm": to_surface}
+                fit = Measured(known.sample, known.classes[name], row, known.source)
+                measured.setdefault(variant, []).append(fit)
+                if name in TEMPLATE_TYPES:
+                    common.setdefault(variant, []).append(fit._replace(garment=COMMON))
+    summary = partial(summarise, model=SCAN, split=split, seed=seed)
+    tables = []
+    for variant, fits in measured.items():
+        tables.append(summary(fits, variant=variant))
+        of_common = summary(common.get(variant, []), variant=variant)
+        tables.append(of_common[of_common["garment"] == COMMON])
+    return join(tables), shown
+
+
+def truth_shown(known: KnownScan, bodies: Mapping[str, BodyModel]) -> Fits:
+    """Simulated garments and body of a scan, and the body that was fitted to it, for figures."""
+    body = bodies[known.scan.gender]
+    return {
+        TRUE: {**known.true, BODY: Mesh(known.true_body, body.faces)},
+        BODY: {BODY: skin_of(known.body, body)},
+    }
+
+
+def skin_of(state: BodyState, body: BodyModel) -> Mesh:
+    """The triangles of a body in a state."""
+    vertices, _ = posed_vertices(body, state.shape, state.pose[None], state.trans[None])
+    return Mesh(vertices[0], body.faces)
+
+
+def body_rows(
+    scans: Sequence[KnownScan],
+    states: Mapping[str, Sequence[BodyState]],
+    bodies: Mapping[str, BodyModel],
+    *,
+    split: str,
+    seed: int,
+) -> Table:
+    """Mean distances of bodies' vertices from the simulated ones.
+
+    Args:
+        scans: that bodies were fitted to.
+        states: variant -> the body of each scan.
+        bodies: by gender.
+        split: of the samples, named in the rows.
+        seed: of the intervals, which are over samples.
+    """
+    rows = []
+    for variant, every in states.items():
+        measured = []
+        for known, state in zip(scans, every, strict=True):
+            error = body_error_mm(known, state, bodies[known.scan.gender])
+            measured.append(Measured(known.sample, BODY, {"vertex_error_mm": error}, known.source))
+        made = summarise(measured, model=SCAN, variant=variant, split=split, seed=seed)
+        rows.append(made[made["garment"] == ALL])
+    return join(rows)
+
+
+def body_error_mm(known: KnownScan, state: BodyState, body: BodyModel) -> float:
+    """Mean distance between the vertices of the simulated body and of one in a state."""
+    vertices = skin_of(state, body).vertices
+    return float(1000 * np.linalg.norm(vertices - known.true_body, axis=1).mean())

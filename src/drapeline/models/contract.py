@@ -1,9 +1,9 @@
-"""What a model brings so that the rest of the project can use it.
+"""The contract of a model: what it brings so that the rest of the project can use it.
 
 A model has a folder of its own, `models/<name>/`, and imports no other model. The folder has
 
 - `settings.py`: the model's block of the config, as a `drapeline.settings.Settings`;
-- `train.py`: from data and settings to the folder of a training, for networks by
+- trainings: from data and settings to the folder of a training, for networks by
   `training.lightning.fit`, which resumes trainings and writes checkpoints;
 - a function that loads what that folder holds, without executing anything;
 - evaluation: a `metrics.table.METRICS` table for held-out garments, from codes, from
@@ -19,13 +19,11 @@ docs/how-to/extending.md lists what it has outside its folder.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
-
-if TYPE_CHECKING:  # comparisons of codes have nothing to do with scans
-    from drapeline.bodies.moved_body import BodyState
-    from drapeline.dataset.segmented_scans import SegmentedScan
 
 
 class HeldOutGarment(NamedTuple):
@@ -65,13 +63,13 @@ class Representation(Protocol):
         """
 
     def code_numbers(self, garment: str) -> int | None:
-        """How many numbers the code of a garment of this type has; None if there is no code."""
+        """Size of the code of a garment of this type; None if there is no code."""
 
 
 class ScanFitter(Protocol):
     """Finds the garments in segmented scans, whose bodies are known by then."""
 
-    def fit(self, scan: "SegmentedScan", body: "BodyState") -> Mapping[str, Mapping[str, Mesh]]:
+    def fit(self, scan: SegmentedScan, body: BodyState) -> Mapping[str, Mapping[str, Mesh]]:
         """The garments in a scan, in each of the ways that the model has.
 
         Args:

@@ -15,7 +15,7 @@ from pathlib import Path
 from drapeline.errors import InputError
 from drapeline.models.garment4d.reconstruct import ReconstructionModel, stage_folder
 from drapeline.models.garment4d.stages import PosedStage
-from drapeline.models.gcvae.garment_ppca import StaticPpca
+from drapeline.models.gcvae.ppca import StaticPpca
 from drapeline.models.gcvae.static_model import StaticModel
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.smplicit.model import SmplicitModel

@@ -9,7 +9,11 @@ import pytest
 
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.table import ALL
-from drapeline.models.compare import MODEL, compare_representations, held_out_garments
+from drapeline.models.compare import (
+    REPRESENTATION,
+    compare_representations,
+    held_out_garments,
+)
 from drapeline.models.contract import HeldOutGarment
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import Garment, Outfit
@@ -49,7 +53,9 @@ def compare(representations, count=4):
 
 def test_distances_are_those_of_the_rebuilt_garments_both_ways():
     rows = compare([Raised("exact", 0.0), Raised("raised", 0.02, numbers=7)])
-    assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {(MODEL, "test", 3)}
+    assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {
+        (REPRESENTATION, "test", 3)
+    }
     for metric in ("surface_to_true_mm", "true_to_surface_mm"):
         for variant, distance in (("exact", 0), ("raised", 20)):
             for garment, n in ((ALL, 4), ("Skirt", 2), ("Tshirt", 2)):

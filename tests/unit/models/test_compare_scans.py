@@ -12,8 +12,8 @@ from drapeline.errors import DamagedFile
 from drapeline.metrics.predictions import BODY, TRUE
 from drapeline.metrics.properties import COMMON
 from drapeline.metrics.table import ALL, METRICS
-from drapeline.models.compare_scans import (
-    MODEL,
+from drapeline.models.compare import (
+    SCAN,
     body_rows,
     compare_scan_fits,
     known_scans,
@@ -42,7 +42,7 @@ def scanned(folder, body, names):
     scans = []
     for path in folders:
         with Sample(path) as sample:
-            scans += scan_sample(sample, body, ScanSettings(points=500), 1)
+            scans += scan_sample(sample, body, ScanSettings(points=500, frames=2), 1)
     save_scans(folder / "scans.npz", scans, [scan.estimate for scan in scans])
     save_scans(folder / "none.npz", [], [])
     return [folder / "none.npz", folder / "scans.npz"], [folder / "rejected", *folders]
@@ -87,7 +87,7 @@ def test_the_truth_is_that_of_the_frame(known):
 
 def test_distances_are_those_of_the_fits_by_class(known):
     rows, found = compare_scan_fits(known, Raised(known, [0.0, 0.02]), split="test", seed=3)
-    assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {(MODEL, "test", 3)}
+    assert {(row.model, row.split, row.seed) for row in rows.itertuples()} == {(SCAN, "test", 3)}
     classes = {name for one in known for name in one.classes.values()}
     assert set(rows["garment"]) == {ALL, COMMON, *classes}
     exact = find_value(rows, "raised_0.0", "test", ALL, "surface_to_true_mm")

@@ -20,7 +20,7 @@ MODELS = sorted(
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("module", ["settings", "train", "representation"])
+@pytest.mark.parametrize("module", ["settings", "representation"])
 def test_a_model_has_the_modules_of_the_contract(model, module):
     assert (MODELS_FOLDER / model / f"{module}.py").is_file()
 

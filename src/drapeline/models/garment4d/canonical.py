@@ -21,8 +21,8 @@ from torch import nn
 from drapeline.dataset.labels import LABELS
 from drapeline.errors import InputError
 from drapeline.models.garment4d.settings import CanonicalLayers, CanonicalSettings
-from drapeline.models.layers.linear import linear
-from drapeline.models.layers.point_search import farthest_points, gather_rows
+from drapeline.models.layers.linear import full_precision, linear
+from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, farthest_points, gather_rows
 from drapeline.models.layers.pointnet import (
     FeaturePropagation,
     PointLevel,
@@ -31,8 +31,6 @@ from drapeline.models.layers.pointnet import (
     max_pool,
     perceptron,
 )
-from drapeline.models.layers.precision import full_precision
-from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches
 from drapeline.registration.to_template.garment_space import GarmentSpace
 
 # Cell sizes of the maps of the body that labels and coefficients are predicted from.

@@ -21,9 +21,9 @@ from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.body_relative_points import joint_transforms
 from drapeline.learning_data.sequences import KINDS, SIMULATED, SequenceData
 from drapeline.models.garment4d.settings import SkinningSettings
-from drapeline.models.layers.lbs import linear_blend_skinning
+from drapeline.models.layers.linear import linear_blend_skinning
 from drapeline.models.layers.point_search import farthest_points
-from drapeline.models.training.byte_cache import ByteCache, count_bytes
+from drapeline.models.training.batches import ByteCache, count_bytes
 from drapeline.registration.springs import spring_lengths, springs
 from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.rule_log import LOGGER

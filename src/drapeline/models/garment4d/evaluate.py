@@ -37,8 +37,8 @@ from drapeline.models.garment4d.reconstruct import (
 )
 from drapeline.models.garment4d.settings import EvaluationSettings, SkinningSettings
 from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
-from drapeline.models.training.byte_cache import ByteCache
-from drapeline.models.training.digests import tensors_digest
+from drapeline.models.training.batches import ByteCache
+from drapeline.models.training.checkpoints import tensors_digest
 from drapeline.registration.settings import RefineSettings
 from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.rule_log import progress

@@ -12,8 +12,8 @@ from torch import nn
 from drapeline.geometry.smoothing import averaging_matrix
 from drapeline.models.garment4d.canonical import CanonicalOutput
 from drapeline.models.garment4d.settings import CanonicalWeights, PosedWeights
+from drapeline.models.layers.graphs import SparseMatrix
 from drapeline.models.layers.point_search import nearest_neighbours
-from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 
 def interpenetration(

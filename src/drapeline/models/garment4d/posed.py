@@ -15,12 +15,10 @@ from torch import nn
 
 from drapeline.geometry.mesh import edge_graph, edges
 from drapeline.models.garment4d.settings import MgnSettings, PosedSettings
-from drapeline.models.layers.lbs import linear_blend_skinning
-from drapeline.models.layers.linear import linear
+from drapeline.models.layers.graphs import SparseMatrix
+from drapeline.models.layers.linear import full_precision, linear, linear_blend_skinning
 from drapeline.models.layers.point_search import gather_rows, nearest_neighbours
 from drapeline.models.layers.pointnet import Neighbourhoods, PointLevel, max_pool
-from drapeline.models.layers.precision import full_precision
-from drapeline.models.layers.sparse_matrix import SparseMatrix
 
 _PULL_PASSES = 3
 _SHARE = 0.3  # of the way to the points that an untrained iteration covers

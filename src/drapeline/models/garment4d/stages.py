@@ -46,12 +46,16 @@ from drapeline.models.garment4d.settings import (
     SkinningSettings,
     StageSettings,
 )
+from drapeline.models.layers.point_search import SEARCH_ANEW, Searches, SearchMemory
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches, SearchMemory
-from drapeline.models.training.batches import Batch, TrainingBatches, as_tensors
-from drapeline.models.training.byte_cache import ByteCache
-from drapeline.models.training.checkpoints import building, load_state, read_checkpoint
-from drapeline.models.training.digests import arrays_digest, tensors_digest
+from drapeline.models.training.batches import Batch, ByteCache, TrainingBatches, as_tensors
+from drapeline.models.training.checkpoints import (
+    arrays_digest,
+    building,
+    load_state,
+    read_checkpoint,
+    tensors_digest,
+)
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays

@@ -1,41 +1,26 @@
-"""What encodes and decodes registered garments: the interface of all models of this room."""
+"""Registered garments to codes and back: the interface of all models of this room, and its use."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
 
-from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.dataset.splits import SPLITS
+from drapeline.models.gcvae.data import BodyTemplate, Garments, StaticGarments
 from drapeline.models.gcvae.networks import Code
-from drapeline.models.training.batches import Batch
+from drapeline.models.training.batches import Batch, as_tensors
+from drapeline.outfits.garment_types import GARMENTS
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.settings import Settings
-
-
-class Garments(Protocol):
-    """Registered garments with conditions, as models are trained on them and encode them."""
-
-    def rows(self, split: str) -> np.ndarray:
-        """Indices of the rows of a split."""
-
-    def topology(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) codes of `TOPOLOGIES`."""
-
-    def cvar(self, rows: np.ndarray) -> np.ndarray:
-        """(n, C) conditions."""
-
-    def batch(self, rows: np.ndarray) -> Batch:
-        """`offsets` (B, V, 3), `mask` (B, V), `cvar` (B, C), `topology` (B,) and `names`.
-
-        Garments in motion also have `base` (B, V, 3), what their offsets are added to.
-        """
+from drapeline.storage import load_npz, save_npz
 
 
 @dataclass(frozen=True)
-class Part:
+class TopologyBatch:
     """The samples of a batch that share a topology, in coordinate planes.
 
     Attributes:
@@ -51,7 +36,7 @@ class Part:
     mask: torch.Tensor
 
     @classmethod
-    def of(cls, batch: Batch, rows: torch.Tensor) -> "Part":
+    def of(cls, batch: Batch, rows: torch.Tensor) -> "TopologyBatch":
         """Some samples of a batch."""
         return cls(
             rows=rows,
@@ -91,11 +76,6 @@ class GarmentCodec(torch.nn.Module, ABC):
         table = torch.from_numpy(np.asarray(getattr(self.body_template, name), dtype=np.float32))
         self.register_buffer(name, table, persistent=False)
 
-    @property
-    def device(self) -> torch.device:
-        """Where its weights are."""
-        return self.offset_mean.device
-
     # ---- what models do differently
 
     @property
@@ -106,14 +86,14 @@ class GarmentCodec(torch.nn.Module, ABC):
     @property
     @abstractmethod
     def seed(self) -> int:
-        """Of whatever is drawn."""
+        """Seed of whatever is drawn."""
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> Part:
+    def part(self, batch: Batch, rows: torch.Tensor) -> TopologyBatch:
         """The samples of a batch in rows of one topology."""
-        return Part.of(batch, rows)
+        return TopologyBatch.of(batch, rows)
 
     @abstractmethod
-    def encode_parts(self, parts: Mapping[str, Part]) -> Code:
+    def encode_parts(self, parts: Mapping[str, TopologyBatch]) -> Code:
         """Codes in the order of the parts."""
 
     @abstractmethod
@@ -124,7 +104,7 @@ class GarmentCodec(torch.nn.Module, ABC):
 
     # ---- the same for all
 
-    def parts(self, batch: Batch) -> dict[str, Part]:
+    def parts(self, batch: Batch) -> dict[str, TopologyBatch]:
         """The batch by topology; a topology without samples is left out."""
         rows = rows_by_topology(batch["topology"])
         return {name: self.part(batch, some) for name, some in rows.items()}
@@ -187,7 +167,7 @@ def rows_by_topology(topology: torch.Tensor) -> dict[str, torch.Tensor]:
     return {name: some for name, some in rows.items() if len(some)}
 
 
-def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, int]]:
+def conditions_of(parts: Mapping[str, TopologyBatch]) -> tuple[torch.Tensor, dict[str, int]]:
     """Conditions (B, C) in the order of the parts, and how many samples each part has."""
     cvar = torch.cat([part.cvar for part in parts.values()])
     return cvar, {name: len(part.rows) for name, part in parts.items()}
@@ -196,3 +176,111 @@ def conditions_of(parts: Mapping[str, Part]) -> tuple[torch.Tensor, dict[str, in
 def planes(x: torch.Tensor) -> torch.Tensor:
     """(B, V, C) -> (V, C, B), contiguous."""
     return x.flatten(1).T.contiguous().unflatten(0, (x.shape[1], -1))
+
+
+def kl_nat(mean: torch.Tensor, log_variance: torch.Tensor) -> torch.Tensor:
+    """(B, Z) each -> (B,): KL of the normal posterior from the standard normal, summed over z."""
+    return 0.5 * (mean**2 + log_variance.exp() - 1 - log_variance).sum(1)
+
+
+_BATCH = 16
+
+
+class Codes(NamedTuple):
+    """Posteriors of (n,) garments.
+
+    Attributes:
+        mean, log_variance: (n, Z) float32.
+    """
+
+    mean: np.ndarray
+    log_variance: np.ndarray
+
+    def kl_nat(self) -> np.ndarray:
+        """(n,) divergence of each from the standard normal, in nats."""
+        return kl_nat(*map(torch.from_numpy, self)).numpy()
+
+    def of(self, rows: np.ndarray) -> "Codes":
+        """Codes of some rows."""
+        return Codes(self.mean[rows], self.log_variance[rows])
+
+
+def encode_rows(
+    model: GarmentCodec, read: Callable[[np.ndarray], Batch], rows: Sequence[int]
+) -> Codes:
+    """Codes of rows that are read a batch at a time, in their order."""
+    means, log_variances = [], []
+    for start in range(0, len(rows), _BATCH):
+        code = model.encode(as_tensors(read(np.asarray(rows[start : start + _BATCH]))))
+        means.append(code.mean.numpy())
+        log_variances.append(code.log_variance.numpy())
+    return Codes(np.concatenate(means), np.concatenate(log_variances))
+
+
+def encode_garments(model: GarmentCodec, garments: Garments, rows: Sequence[int]) -> Codes:
+    """Codes of rows of a dataset, in their order."""
+    return encode_rows(model, garments.batch, rows)
+
+
+def encode_held_out(model: GarmentCodec, garments: Garments, training: Codes) -> Codes:
+    """Codes of all rows of a dataset, given those of its training rows in their order."""
+    trained, *others = (garments.rows(split) for split in SPLITS)
+    held_out = np.concatenate(others)
+    parts = (training, encode_garments(model, garments, held_out))
+    order = np.argsort(np.concatenate([trained, held_out]))
+    return Codes(*(np.concatenate(half)[order] for half in zip(*parts, strict=True)))
+
+
+def decode_codes(
+    model: GarmentCodec, z: np.ndarray, cvar: np.ndarray, topology: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+    """Garments of codes, one by one: offsets (V, 3) in metres, and mask (V,) or None.
+
+    Args:
+        z: (n, Z).
+        cvar: (n, C) conditions.
+        topology: (n,) codes of `TOPOLOGIES`.
+    """
+    for start in range(0, len(z), _BATCH):
+        part = slice(start, start + _BATCH)
+        with torch.inference_mode():
+            offsets, mask = model.decode(
+                *(
+                    torch.from_numpy(np.ascontiguousarray(x[part], dtype=dtype))
+                    for x, dtype in ((z, np.float32), (cvar, np.float32), (topology, np.int64))
+                )
+            )
+        inside = [None] * len(offsets) if mask is None else (mask > 0.5).numpy()
+        yield from zip(offsets.numpy(), inside, strict=True)
+
+
+def save_codes(path: str | Path, codes: Codes, garments: StaticGarments) -> None:
+    """Write the codes of all rows with their `garment`, `outfit` and `split`."""
+    split = np.full(len(garments.garment), "", dtype="U5")
+    for name in SPLITS:
+        split[garments.rows(name)] = name
+    save_npz(
+        path,
+        mean=codes.mean,
+        log_variance=codes.log_variance,
+        garment=np.asarray(garments.garment),
+        outfit=np.asarray(garments.outfit),
+        split=split,
+    )
+
+
+_ARRAYS = {
+    **dict.fromkeys(("mean", "log_variance"), "float n z"),
+    "garment": f"int<{len(GARMENTS)} n",
+    **dict.fromkeys(("outfit", "split"), "str n"),
+}
+
+
+def load_codes(path: str | Path) -> tuple[Codes, dict[str, np.ndarray]]:
+    """Codes (N, Z), and `garment`, `outfit` and `split` (N,) of the same rows.
+
+    Raises:
+        InputError: the file is missing or lacks an array.
+    """
+    about = load_npz(path, _ARRAYS)
+    return Codes(about.pop("mean"), about.pop("log_variance")), about

@@ -1,4 +1,4 @@
-"""Encoder Psi and decoder Phi of the graph-convolutional conditional VAE (CLOTH3D 4.2).
+"""Encoder Psi, decoder Phi and conditioning autoencoder Gamma of the conditional VAE (CLOTH3D 4.2).
 
 A batch may hold both topologies. It comes as one tensor per topology; weights are shared, graphs
 and pooling tables are not, and between encoder and decoder, where nodes no longer matter, all
@@ -13,12 +13,10 @@ import torch
 from torch import nn
 
 from drapeline.geometry.mesh import vertex_normals
-from drapeline.models.gcvae.body_template import BodyTemplate
+from drapeline.models.gcvae.data import BodyTemplate
 from drapeline.models.gcvae.settings import GcvaeNetwork
-from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv
-from drapeline.models.layers.linear import linear
-from drapeline.models.layers.mesh_graph import MeshGraph
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.graphs import ChebConv, MeshGraph, UnpoolConv
+from drapeline.models.layers.linear import full_precision, linear
 from drapeline.registration.to_body.topology import TOPOLOGIES
 
 # Clamped, so that garments unlike any in training give no infinite variance.
@@ -26,7 +24,7 @@ _LOG_VARIANCE_RANGE = (-12.0, 8.0)
 
 
 class Code(NamedTuple):
-    """What the encoder returns for (B,) samples.
+    """Output of the encoder for (B,) samples.
 
     Attributes:
         mean, log_variance: (B, latent) of q(z | X, cvar).
@@ -39,10 +37,11 @@ class Code(NamedTuple):
 
 
 _SECOND_SCALE = 0.3  # of initial weights; else features double in size from level to level
+
 _STD_FLOOR_SHARE = 0.1
 
 
-class Residual(nn.Module):
+class ResidualLevel(nn.Module):
     """A convolution followed by a residual one.
 
     Filters are isotropic and shared by all nodes, so by themselves they cannot tell where on the
@@ -103,7 +102,7 @@ class Encoder(nn.Module):
         super().__init__()
         widths = size.level_widths
         self.levels = nn.ModuleList(
-            Residual(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
+            ResidualLevel(ChebConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip([inputs, *widths], widths, strict=False)
         )
         self.register_buffer("mean", torch.zeros(nodes * widths[-1]))
@@ -178,7 +177,7 @@ class Decoder(nn.Module):
         self.spread = linear(size.features, nodes * widths[-1], rng)
         self.coarsest = ChebConv(widths[-1], widths[-1], size.order, rng)
         self.levels = nn.ModuleList(
-            Residual(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
+            ResidualLevel(UnpoolConv(a, b, size.order, rng), places, b, size.order, rng)
             for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         # Both branches are linear in the last features, so one layer computes both.
@@ -258,3 +257,51 @@ class Gcvae(nn.Module):
     ) -> dict[str, torch.Tensor]:
         """Topology -> (V, B_t, 3 or 4): normalised offsets, and the mask's logit if it has one."""
         return self.decoder(self.graphs, torch.cat([z, condition], 1), counts)
+
+
+class ConditioningAutoencoder(nn.Module):
+    """{cvar, cvar^z} = Gamma(cvar), an autoencoder with one skip connection (CLOTH3D 4.2).
+
+    The skip runs from the input to the middle layer. If it bypassed the middle layer, the
+    reconstruction could do without cvar^z, which is all that the other networks see.
+
+    Args:
+        inputs: size of cvar.
+        hidden, middle: widths of the hidden layers and of cvar^z.
+        mean, std: (inputs,) of cvar over the training set.
+        rng: source of the initial weights.
+    """
+
+    def __init__(
+        self,
+        inputs: int,
+        hidden: int,
+        middle: int,
+        *,
+        mean: torch.Tensor,
+        std: torch.Tensor,
+        rng: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.into = nn.Sequential(
+            linear(inputs, hidden, rng), nn.ReLU(), linear(hidden, middle, rng)
+        )
+        self.skip = linear(inputs, middle, rng)
+        self.out = nn.Sequential(
+            linear(middle, hidden, rng), nn.ReLU(), linear(hidden, inputs, rng)
+        )
+        self.register_buffer("mean", mean.clone())
+        self.register_buffer("std", std.clone())
+
+    def normalise(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> (B, C) with zero mean and unit deviation over the training set."""
+        return (cvar - self.mean) / self.std
+
+    def forward(self, cvar: torch.Tensor) -> torch.Tensor:
+        """(B, C) -> cvar^z (B, middle)."""
+        x = self.normalise(cvar)
+        return self.into(x) + self.skip(x)
+
+    def loss(self, cvar: torch.Tensor) -> torch.Tensor:
+        """L1 between normalised cvar and its reconstruction."""
+        return (self.out(self(cvar)) - self.normalise(cvar)).abs().mean()

@@ -1,19 +1,34 @@
-"""Garments as offsets from the body, without a code and through the codes of VAEs and PCA."""
+"""Representations of garments and codes fitted to scans, by which all models are compared."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+import torch
+from scipy.spatial import KDTree
+from torch.nn import functional
 
+from drapeline.bodies.follow import move_to_rest, pose_body
+from drapeline.bodies.model import BodyModel
+from drapeline.bodies.moved_body import BodyState
+from drapeline.dataset.labels import LABELS
+from drapeline.dataset.segmented_scans import SegmentedScan
 from drapeline.geometry.mesh import Mesh
 from drapeline.learning_data.static import StaticData
 from drapeline.metrics.baselines import fit_pca
 from drapeline.metrics.garment import garment_mesh
 from drapeline.metrics.registered import Prediction
 from drapeline.models.contract import HeldOutGarment
-from drapeline.models.gcvae.body_template import BodyTemplate
-from drapeline.models.gcvae.codec import GarmentCodec
-from drapeline.models.gcvae.codes import decode_codes, encode_garments
-from drapeline.models.gcvae.truth import static_truth
+from drapeline.models.gcvae.codec import GarmentCodec, decode_codes, encode_garments
+from drapeline.models.gcvae.data import BodyTemplate
+from drapeline.models.gcvae.decode import static_truth
+from drapeline.models.gcvae.sample import Request
+from drapeline.models.training.optimise import CosineAdam
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.outfits.worn import SkinningOptions, pose_in_layers
+from drapeline.registration.to_body.topology import topology_codes
+from drapeline.registration.to_scan import move_to_scan
 
 
 class RegisteredOffsets:
@@ -86,3 +101,136 @@ class VaeCode(RegisteredOffsets):
         """Offsets and mask of rows, encoded and decoded."""
         z = encode_garments(self._model, self.data, rows).mean
         return decode_codes(self._model, z, self.data.cvar(rows), self.data.topology(rows))
+
+
+@dataclass(frozen=True)
+class FitCode:
+    """Settings of a fit of codes to a registration.
+
+    Attributes:
+        steps: of Adam.
+        rate: its first learning rate, which falls to zero.
+        mask: weight of the mask's cross entropy beside offsets in units of their deviation.
+        prior: weight of the mean square of the code.
+        skinning: how garments follow the body.
+    """
+
+    steps: int = 40
+    rate: float = 0.1
+    mask: float = 0.5
+    prior: float = 0.01
+    skinning: SkinningOptions = field(default_factory=SkinningOptions)
+
+
+class RegisteredPoints(NamedTuple):
+    """The points of a garment as a registration to the body.
+
+    Attributes:
+        offsets: (V, 3) metres, to the garment's nearest point.
+        mask: (V,) whether the garment covers the vertex.
+        known: (V,) whether the scan tells.
+    """
+
+    offsets: np.ndarray
+    mask: np.ndarray
+    known: np.ndarray
+
+
+class CodeScanFitter:
+    """Fulfils `ScanFitter`.
+
+    Args:
+        models: variant -> trained static model with a mask.
+        bodies: by gender.
+        settings: of the fit.
+    """
+
+    def __init__(
+        self,
+        models: Mapping[str, GarmentCodec],
+        bodies: Mapping[str, BodyModel],
+        settings: FitCode,
+    ) -> None:
+        self._models, self._bodies, self._settings = models, bodies, settings
+
+    def fit(self, scan: SegmentedScan, body: BodyState) -> dict[str, dict[str, Mesh]]:
+        """All garments of the scan, by each model, also moved to the points."""
+        posed = pose_body(self._bodies[scan.gender], body.shape, body.pose, body.trans)
+        rest_points = move_to_rest(scan.points, posed, 1).places
+        fits = {}
+        for variant, model in self._models.items():
+            garments = {}
+            for name in scan.garments:
+                request = Request(name, scan.gender, body.shape, np.zeros(2))
+                rest = model.body_template.rest_body(request.cvar)
+                registered = register_points(rest, rest_points, scan, name)
+                garments[name] = self._decode(model, request, rest, registered)
+            worn = fits[variant] = pose_in_layers(garments, posed, self._settings.skinning)
+            fits[f"{variant}_moved"] = move_to_scan(worn, garments, scan, posed)
+        return fits
+
+    def _decode(
+        self, model: GarmentCodec, request: Request, rest: np.ndarray, registered: RegisteredPoints
+    ) -> Mesh:
+        topology = topology_codes(np.array([GARMENTS.index(request.garment)]))
+        z = fit_code(model, request.cvar[None], topology, registered, self._settings)
+        ((offsets, mask),) = decode_codes(model, z, request.cvar[None], topology)
+        return garment_mesh(rest + offsets, model.body_template.faces_of(request.garment), mask)
+
+
+def register_points(
+    body: np.ndarray, points: np.ndarray, scan: SegmentedScan, garment: str
+) -> RegisteredPoints:
+    """The registration of a garment's points.
+
+    Args:
+        body: (V, 3) at rest.
+        points: (P, 3) of the scan, moved back to rest.
+        scan: with their labels.
+        garment: its type.
+    """
+    own = points[scan.labels == LABELS.index(garment)]
+    over = scan.garments[scan.garments.index(garment) + 1 :]
+    _, nearest = KDTree(points).query(body)
+    labels = scan.labels[nearest]
+    _, place = KDTree(own).query(body)
+    return RegisteredPoints(
+        (own[place] - body).astype(np.float32),
+        labels == LABELS.index(garment),
+        ~np.isin(labels, [LABELS.index(name) for name in over]),
+    )
+
+
+def fit_code(
+    model: GarmentCodec,
+    cvar: np.ndarray,
+    topology: np.ndarray,
+    registered: RegisteredPoints,
+    settings: FitCode,
+) -> np.ndarray:
+    """(1, Z) float32 code of a registration, from the code that it is encoded to.
+
+    Args:
+        model: with a mask.
+        cvar: (1, C) conditions.
+        topology: (1,) code of `TOPOLOGIES`.
+        registered: the garment.
+        settings: of the fit.
+    """
+    offsets, mask, known = (torch.from_numpy(part) for part in registered)
+    given = torch.from_numpy(cvar), torch.from_numpy(topology)
+    batch = {"offsets": offsets[None], "mask": mask[None], "cvar": given[0], "topology": given[1]}
+    covered, scale = mask & known, model.offset_std
+
+    def loss(z: torch.Tensor) -> torch.Tensor:
+        decoded, probability = model.decode(z, *given)
+        away = ((decoded[0] - offsets) / scale)[covered].abs().mean()
+        crossing = functional.binary_cross_entropy(
+            probability[0][known].clamp(1e-4, 1 - 1e-4), mask[known].float()
+        )
+        return away + settings.mask * crossing + settings.prior * z.square().mean()
+
+    adam = CosineAdam(model.encode(batch).mean, rate=settings.rate, steps=settings.steps)
+    for _ in range(settings.steps):
+        adam.step(loss)
+    return adam.x.detach().numpy()

@@ -1,18 +1,55 @@
-"""Settings of the garment VAEs, of their conditioning and of the PCA beside them."""
+"""Settings and variants of the garment VAEs, of their conditioning and of the PCA beside them."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from drapeline.models.gcvae.variants import STATIC_PPCA, SVAE_VARIANTS
 from drapeline.models.training.settings import Trainer, Training
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.settings import ConfigDict, Field, OneOf, Settings, SkipJsonSchema
+
+# Variant -> group -> setting -> value, which replace the experiment's settings of the full model.
+SVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "svae": {},
+    "svae_no_normals": {"loss": {"normals": 0.0}},
+    # Without a mask the network must learn every vertex, garment or not.
+    "svae_no_mask": {"loss": {"offsets_within": "all"}, "training": {"mask": False}},
+    "svae_no_cvar": {"loss": {"condition": 0.0}},
+    "svae_uniform_pooling": {},
+}
+
+DVAE_VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    f"dvae_{version}_{frames}": {
+        "training": {"version": version, "mask": False},
+        "network": {"scale": 2},
+    }
+    for version in ("posed", "unposed")
+    for frames in (1, 4)
+}
+
+# Masked probabilistic PCA, which the networks are compared with.
+STATIC_PPCA, DYNAMIC_PPCA = "static_ppca", "dynamic_ppca"
+
+
+def dynamic_conditions(variant: str) -> tuple[str, int]:
+    """A dynamic variant's version of the offsets, and the number of poses it is conditioned on."""
+    if variant == DYNAMIC_PPCA:
+        return "unposed", 4
+    _, version, frames = variant.split("_")
+    return version, int(frames)
+
+
+def pooling_of(variant: str) -> str:
+    """Name of the mesh hierarchy that a variant uses."""
+    return "uniform" if variant == "svae_uniform_pooling" else "segments"
+
 
 # Samples and figures need a mask.
 _WITH_MASK = (
     *(name for name, changes in SVAE_VARIANTS.items() if "training" not in changes),
     STATIC_PPCA,
 )
+
 _Deviations = Annotated[float, Field(ge=-5, le=5)]
+
 _Weight = Annotated[float, Field(ge=0, le=10_000)]
 
 
@@ -172,7 +209,7 @@ class ConditioningSettings(Settings):
 
 
 class PpcaSettings(Settings):
-    """What a fit of the PCA depends on besides its data."""
+    """Settings of a fit of the PCA."""
 
     latent: int = Field(128, ge=1, le=1024, description="Numbers of a code.")
     seed: int = Field(0, description="Seed of the rows and the vertices that are chosen.")

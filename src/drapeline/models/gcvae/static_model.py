@@ -1,6 +1,6 @@
 """A trained static model as users of the library take it: meshes in, meshes out.
 
-Everything comes from the folder that the training left, see `static_files`. Meshes are in metres,
+Everything comes from the folder that the training left, see `load`. Meshes are in metres,
 in the rest pose, with the root joint at the origin, Z up, facing -Y. n garments, Z numbers of a
 code, V vertices of the body that garments are offsets from (no head, hands or feet).
 """
@@ -17,20 +17,18 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.garment import garment_mesh, largest_piece
-from drapeline.models.gcvae.codec import GarmentCodec
-from drapeline.models.gcvae.codes import Codes
-from drapeline.models.gcvae.garment_ppca import StaticPpca
-from drapeline.models.gcvae.load import load_codec
-from drapeline.models.gcvae.sampling.draw import (
+from drapeline.models.gcvae.codec import Codes, GarmentCodec
+from drapeline.models.gcvae.load import TOPOLOGY, load_codec
+from drapeline.models.gcvae.ppca import StaticPpca
+from drapeline.models.gcvae.sample import (
     PRIOR,
     Request,
     decode_by_type,
     draw_requests,
+    load_types,
     push_out,
     sample_garments,
 )
-from drapeline.models.gcvae.sampling.types import load_types
-from drapeline.models.gcvae.static_files import TOPOLOGY
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.module import BEST
 from drapeline.outfits.garment_types import GARMENTS
@@ -211,7 +209,7 @@ class StaticModel:
         if z.ndim != 2 or z.shape[1] != self.latent:
             raise InputError(f"codes of shape {z.shape}, expected (n, {self.latent})")
         requests = _conditions(len(z), garments, gender, shape, tightness)
-        types = [None if r.garment == PRIOR else GARMENTS.index(r.garment) for r in requests]
+        types = [None if r.garment == PRIOR else r.garment for r in requests]
         cvar = np.stack([request.cvar for request in requests])
         template = self._codec.body_template
         made = []
@@ -219,11 +217,11 @@ class StaticModel:
             requests, z, decode_by_type(self._codec, self._types, z, cvar, types), strict=True
         ):
             body = template.rest_body(request.cvar)
-            faces = template.faces_of(decoded.garment_index)
+            faces = template.faces_of(decoded.garment)
             mesh = garment_mesh(body + decoded.offsets, faces, decoded.mask)
             if settle:
                 mesh = push_out(self._codec, largest_piece(mesh), body)
-            made.append(self._garment(request, GARMENTS[decoded.garment_index], mesh, code))
+            made.append(self._garment(request, decoded.garment, mesh, code))
         return made
 
     @cached_property

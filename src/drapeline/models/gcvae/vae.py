@@ -6,34 +6,67 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies
-from drapeline.models.gcvae.codec import GarmentCodec, Garments, Part, conditions_of, planes
-from drapeline.models.gcvae.conditioning import ConditioningAutoencoder
-from drapeline.models.gcvae.loss import (
-    distance_sums,
-    kl_nat,
-    mask_sums,
-    normal_sums,
-    offset_sums,
-)
-from drapeline.models.gcvae.networks import Code, Gcvae
+from drapeline.models.gcvae.codec import GarmentCodec, TopologyBatch, conditions_of, kl_nat, planes
+from drapeline.models.gcvae.data import BodyTemplate, Garments, rest_bodies
+from drapeline.models.gcvae.networks import Code, ConditioningAutoencoder, Gcvae
 from drapeline.models.gcvae.settings import DvaeSettings, VaeSettings
-from drapeline.models.layers.mesh_normals import FaceNormals
+from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import Batch, as_tensors, refuse_unfinite
 from drapeline.models.training.module import TrainableModule
 from drapeline.registration.to_body.topology import TOPOLOGIES
 from drapeline.seeding import rng_for
 
+_SMALL_M = 1e-5
+
+
+def offset_sums(
+    predicted: torch.Tensor, true: torch.Tensor, mask: torch.Tensor | None
+) -> torch.Tensor:
+    """Sum of |predicted - true| over (V, 3, B), within a mask (V, B), and of how many numbers."""
+    error = (predicted - true).abs().sum(1)
+    if mask is None:
+        return torch.stack([error.sum(), error.new_tensor(3.0 * error.numel())])
+    return torch.stack([(error * mask).sum(), 3 * mask.sum().to(error.dtype)])
+
+
+def distance_sums(
+    predicted: torch.Tensor, true: torch.Tensor, mask: torch.Tensor | None
+) -> torch.Tensor:
+    """Sum of the distances in centimetres between (V, 3, B) metres in a mask (V, B), and count."""
+    distance = ((predicted - true).square().sum(1) + _SMALL_M**2).sqrt() * 100
+    if mask is None:
+        return torch.stack([distance.sum(), distance.new_tensor(float(distance.numel()))])
+    return torch.stack([(distance * mask).sum(), mask.sum().to(distance.dtype)])
+
+
+def normal_sums(predicted: torch.Tensor, true: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
+    """Sum of the L1 norm between normals (F, 3, B) over the faces of a mask (F, B), and number."""
+    error = (predicted - true).abs().sum(1)
+    return torch.stack([(error * faces).sum(), faces.sum().to(error.dtype)])
+
+
+def mask_sums(logit: torch.Tensor, mask: torch.Tensor, form: str) -> torch.Tensor:
+    """Sum over (V, B) of the mask's error in the form asked for, and the number of vertices."""
+    true = mask.to(logit.dtype)
+    if form == "bce":
+        error = F.binary_cross_entropy_with_logits(logit, true, reduction="sum")
+    else:
+        error = (torch.sigmoid(logit) - true).abs().sum()
+    return torch.stack([error, error.new_tensor(float(logit.numel()))])
+
+
 # The encoder's input is clamped to so many deviations from the mean: outside its mask a garment
 # has no offset, which is dozens of deviations away at vertices where all others have a large one.
 _CLAMP_DEVIATIONS = 5.0
+
 _FIRST_BATCH = 64
 
 
 @dataclass(frozen=True)
-class VaePart(Part):
-    """A part as the networks see it.
+class VaeBatch(TopologyBatch):
+    """The samples of a topology as the networks see them.
 
     Attributes:
         base: (V, 3, B_t) metres, what the offsets are added to.
@@ -47,7 +80,7 @@ class VaePart(Part):
 
 
 class GarmentVae(GarmentCodec, TrainableModule):
-    """What SVAE and DVAE share: network, loss, schedules and metrics.
+    """Base class of SVAE and DVAE: network, loss, schedules and metrics.
 
     Args:
         settings: sizes, loss and training.
@@ -83,7 +116,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
 
     @property
     def seed(self) -> int:
-        """Of weights, order and noise."""
+        """Seed of weights, order and noise."""
         return self.settings.training.seed
 
     def build(self, body_template: BodyTemplate, inputs: int, rng: torch.Generator) -> None:
@@ -119,19 +152,19 @@ class GarmentVae(GarmentCodec, TrainableModule):
     def base_and_inputs(
         self, batch: Batch, rows: torch.Tensor
     ) -> tuple[torch.Tensor, list[torch.Tensor]]:
-        """What offsets are added to, and what the encoder sees besides them: (V, 3, B_t) each."""
+        """Base of the offsets, and further inputs of the encoder: (V, 3, B_t) each."""
 
     # ---- from batches to parts and back
 
-    def part(self, batch: Batch, rows: torch.Tensor) -> VaePart:
+    def part(self, batch: Batch, rows: torch.Tensor) -> VaeBatch:
         """With what the networks see of it."""
-        part = Part.of(batch, rows)
+        part = TopologyBatch.of(batch, rows)
         base, inputs = self.base_and_inputs(batch, rows)
         target = self.normalise(part.offsets, "offset")
         inputs = torch.cat([target, *inputs], 1).clamp(-_CLAMP_DEVIATIONS, _CLAMP_DEVIATIONS)
-        return VaePart(**vars(part), base=base, inputs=inputs, target=target)
+        return VaeBatch(**vars(part), base=base, inputs=inputs, target=target)
 
-    def encode_parts(self, parts: Mapping[str, VaePart]) -> Code:
+    def encode_parts(self, parts: Mapping[str, VaeBatch]) -> Code:
         """Codes in the order of the parts."""
         return self.network.encode(network_inputs(parts))
 
@@ -151,11 +184,11 @@ class GarmentVae(GarmentCodec, TrainableModule):
         code = self.encode_parts(parts)
         z = code.mean + self._noise(code.mean) * (0.5 * code.log_variance).exp()
         out = self.decode_parts(z, cvar, counts)
-        terms = self.garment_terms(parts, out, self.at.step % len(self.normals["body"].edges))
+        terms = self.garment_terms(parts, out, self.progress.step % len(self.normals["body"].edges))
         terms |= self.code_terms(code, cvar)
         scale = {
             "offsets": 1.0,
-            "kl": self.settings.loss.kl_weight(self.at.epoch / self.settings.training.epochs),
+            "kl": self.settings.loss.kl_weight(self.progress.epoch / self.settings.training.epochs),
         }
         loss = sum(
             (scale[key] if key in scale else getattr(self.settings.loss, key)) * term
@@ -173,7 +206,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
         }
 
     def garment_terms(
-        self, parts: Mapping[str, VaePart], out: Mapping[str, torch.Tensor], faces: int
+        self, parts: Mapping[str, VaeBatch], out: Mapping[str, torch.Tensor], faces: int
     ) -> dict[str, torch.Tensor]:
         """Offsets, normals and mask terms of equation 4, over all topologies together."""
         weights = self.settings.loss
@@ -216,7 +249,7 @@ class GarmentVae(GarmentCodec, TrainableModule):
         self.log_means("val", values, len(cvar))
 
     def _metrics(
-        self, parts: Mapping[str, VaePart], out: Mapping[str, torch.Tensor]
+        self, parts: Mapping[str, VaeBatch], out: Mapping[str, torch.Tensor]
     ) -> dict[str, torch.Tensor]:
         """Means over samples of surface error in mm and, with a mask branch, of mask IoU."""
         errors, overlaps = [], []
@@ -236,11 +269,11 @@ class GarmentVae(GarmentCodec, TrainableModule):
 
         A training that is resumed thus draws the same ones.
         """
-        rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
+        rng = rng_for(self.settings.training.seed, "noise", self.progress.step, self.progress.rank)
         return torch.from_numpy(rng.standard_normal(like.shape, dtype=np.float32)).to(like)
 
 
-def network_inputs(parts: Mapping[str, VaePart]) -> dict[str, torch.Tensor]:
+def network_inputs(parts: Mapping[str, VaeBatch]) -> dict[str, torch.Tensor]:
     """Topology -> (V, B_t, C), as the graph network takes it."""
     return {name: part.inputs.transpose(1, 2).contiguous() for name, part in parts.items()}
 

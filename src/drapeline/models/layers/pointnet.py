@@ -14,15 +14,15 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from drapeline.models.layers.linear import linear
+from drapeline.models.layers.linear import full_precision, linear
 from drapeline.models.layers.point_search import (
+    SEARCH_ANEW,
     BallSearch,
+    Searches,
     gather_rows,
     nearest_neighbours,
     row_numbers,
 )
-from drapeline.models.layers.precision import full_precision
-from drapeline.models.layers.search_memory import SEARCH_ANEW, Searches
 
 _SMALL = 1e-8
 _MOMENTUM, _FLOOR = 0.02, 1e-4

@@ -15,7 +15,7 @@ import torch
 from torch.nn import functional
 
 from drapeline.errors import InputError
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.linear import full_precision
 from drapeline.models.training.checkpoints import read_torch_file, write_torch_file
 
 STYLE_WIDTHS = (128, 128)

@@ -17,7 +17,7 @@ from drapeline.bodies.rest_body import SHAPES, rest_basis
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.learning_data.garment_fields import FieldData
-from drapeline.models.layers.precision import full_precision
+from drapeline.models.layers.linear import full_precision
 from drapeline.models.smplicit.decoder import FieldDecoder
 from drapeline.models.smplicit.encoder import ImageEncoder, load_encoder_weights
 from drapeline.models.smplicit.garments import FIELD_MODELS
@@ -225,13 +225,13 @@ class GarmentField(TrainableModule):
         return (self.predict(points.places, places, z) - points.distance).abs().mean()
 
     def _normal(self, like: torch.Tensor) -> torch.Tensor:
-        rng = rng_for(self.settings.training.seed, "noise", self.at.step, self.at.rank)
+        rng = rng_for(self.settings.training.seed, "noise", self.progress.step, self.progress.rank)
         return torch.from_numpy(rng.normal(size=like.shape)).to(like)
 
     def _draw(self, batch: Batch) -> Points:
         """As many points of each kind as a step takes, drawn for each step anew."""
         training = self.settings.training
-        rng = rng_for(training.seed, "points", self.at.step, self.at.rank)
+        rng = rng_for(training.seed, "points", self.progress.step, self.progress.rank)
         count, near = batch["near_distance"].shape
         space = batch["space_distance"].shape[1]
         chosen = [

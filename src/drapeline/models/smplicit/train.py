@@ -9,7 +9,7 @@ import numpy as np
 from drapeline.learning_data.garment_fields import FieldData
 from drapeline.models.smplicit.network import GarmentField
 from drapeline.models.training.batches import Batch, TrainingBatches, refuse_unfinite
-from drapeline.models.training.digests import arrays_digest
+from drapeline.models.training.checkpoints import arrays_digest
 from drapeline.models.training.lightning import fit
 
 

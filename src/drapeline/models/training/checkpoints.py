@@ -6,6 +6,7 @@ among the weights, as `metadata/...`; the JSON has {"tensor": name} in their pla
 which are pickles, are read where other projects' weights or a training under way are in them.
 """
 
+import hashlib
 import io
 import json
 import pickle
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TypeVar
 
+import numpy as np
 import safetensors.torch
 import torch
 from torch import nn
@@ -23,7 +25,9 @@ from drapeline.errors import DamagedFile, InputError, refuse_damage
 from drapeline.storage import atomic_file, parse_json
 
 Network = TypeVar("Network", bound=nn.Module)
+
 _ENTRY, _PREFIX, _REFERENCE = "drapeline", "metadata", "tensor"
+
 _CHECKPOINT, _PLAIN_WEIGHTS = "a checkpoint in safetensors", "a checkpoint of plain weights"
 
 
@@ -92,7 +96,7 @@ def _put_tensors(value: Any, tensors: dict[str, torch.Tensor]) -> Any:
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:
-    """What `write_checkpoint` wrote.
+    """A network that `write_checkpoint` wrote.
 
     Raises:
         InputError: the file is missing, is no checkpoint, lacks a tensor, holds numbers that are
@@ -240,3 +244,26 @@ def _refuse_objects(path: Path, error: Exception) -> NoReturn:
     raise DamagedFile(
         path, f"{asks}not readable as {_PLAIN_WEIGHTS}; the file was not opened further"
     ) from None
+
+
+_DIGESTED_BYTES = 64 << 20  # of an array; a tenth of a second
+
+
+def arrays_digest(arrays: Mapping[str, np.ndarray]) -> str:
+    """Digest of names, shapes and contents of arrays, twelve hexadecimal digits.
+
+    Of an array larger than 64 MiB only every so many rows count: whatever makes data differ, such
+    as another seed or an additional sample, changes rows everywhere.
+    """
+    digest = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        digest.update(f"{name} {array.shape} {array.dtype}".encode())
+        every = -(-array.nbytes // _DIGESTED_BYTES) if array.ndim else 1
+        part = array[::every] if every > 1 else array
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()[:12]
+
+
+def tensors_digest(tensors: Mapping[str, torch.Tensor]) -> str:
+    """`arrays_digest` of tensors, such as the weights of a network."""
+    return arrays_digest({name: tensor.cpu().numpy() for name, tensor in tensors.items()})

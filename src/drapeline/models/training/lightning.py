@@ -34,7 +34,7 @@ from drapeline.models.training.module import (
     RATE_SHARE,
     SETTINGS,
     Logged,
-    Position,
+    Progress,
     TrainableModule,
 )
 from drapeline.rule_log import LOGGER
@@ -184,7 +184,7 @@ class _Loop(LightningModule):
 
     def _step(self, step: Callable[[Batch], Any], batch: Batch) -> Any:
         trained = self.trained
-        trained.position = Position(self.current_epoch, self.global_step, self.global_rank)
+        trained.progress = Progress(self.current_epoch, self.global_step, self.global_rank)
         out = step(batch)
         while trained.logged:
             self._means.add(*trained.logged.pop())
@@ -254,7 +254,7 @@ def fit(
         # Lightning's curves are written by a thread, whose errors name no file.
         with report_disk_errors(under_way):
             engine.fit(loop, ckpt_path=resumed, weights_only=True)
-    module.position = None
+    module.progress = Progress()
     if engine.is_global_zero:
         with atomic_folder(folder) as scratch:
             best = read_torch_file(under_way / BEST_STATE)["state_dict"]

@@ -1,4 +1,4 @@
-"""What all trained networks share: optimiser, logs, a stop at NaN.
+"""Base class of all trained networks: optimiser, logs, a stop at NaN.
 
 They are trained by Lightning, see `lightning`, but know nothing of it: it takes seconds to import,
 which a job that only uses a trained network is spared.
@@ -24,8 +24,8 @@ class _Settings(Protocol):
     training: Training
 
 
-class Position(NamedTuple):
-    """Progress of a training: epoch, step over all epochs, and rank of the process."""
+class Progress(NamedTuple):
+    """Epoch of a training, step over all epochs, and rank of the process."""
 
     epoch: int = 0
     step: int = 0
@@ -44,7 +44,7 @@ class TrainableModule(torch.nn.Module, ABC):
 
     Attributes:
         checkpoint_type: names the class in its checkpoints.
-        position: None when it is not being trained.
+        progress: of its training; the start if it is not being trained.
         logged: by the steps; the trainer collects it.
     """
 
@@ -53,17 +53,12 @@ class TrainableModule(torch.nn.Module, ABC):
 
     def __init__(self) -> None:
         super().__init__()
-        self.position: Position | None = None
+        self.progress = Progress()
         self.logged: list[Logged] = []
 
     @property
-    def at(self) -> Position:
-        """Progress of its training; the start if it is not being trained."""
-        return self.position or Position()
-
-    @property
     def device(self) -> torch.device:
-        """Where its weights are."""
+        """Device of its weights."""
         return next(self.parameters()).device
 
     @abstractmethod
@@ -100,7 +95,7 @@ class TrainableModule(torch.nn.Module, ABC):
             return
         values = ", ".join(f"{name} {float(term.detach()):.3g}" for name, term in terms.items())
         raise InputError(
-            f"training stopped in epoch {self.at.epoch}, step {self.at.step}: the loss"
+            f"training stopped in epoch {self.progress.epoch}, step {self.progress.step}: the loss"
             f" is {float(loss.detach())} ({values}) for samples {', '.join(names)};"
             " expected a finite loss"
         )

@@ -1,4 +1,4 @@
-"""What all models' settings have in common."""
+"""Settings that all models have."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal

@@ -11,8 +11,8 @@ from drapeline.models.garment4d.posed import (
     mean_of_neighbours,
 )
 from drapeline.models.garment4d.settings import MgnSettings, PosedSettings, PosedWeights
+from drapeline.models.layers.graphs import SparseMatrix
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.layers.sparse_matrix import SparseMatrix
 from toys.gcvae import VERTICES, tube, tube_faces
 from toys.paper import printed
 

@@ -26,8 +26,7 @@ from drapeline.models.garment4d.stages import (
     window_keys,
 )
 from drapeline.models.layers.pointnet import PointLevel
-from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.byte_cache import ByteCache
+from drapeline.models.training.batches import ByteCache, as_tensors
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
 from drapeline.settings import Settings

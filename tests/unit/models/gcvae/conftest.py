@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from drapeline.models.gcvae.codes import Codes, decode_codes
-from drapeline.models.gcvae.garment_ppca import StaticPpca
-from drapeline.models.gcvae.sampling import draw
-from drapeline.models.gcvae.sampling.types import fit_types
+from drapeline.models.gcvae.codec import Codes, decode_codes
+from drapeline.models.gcvae.load import TrainingCodes, mask_rates
+from drapeline.models.gcvae.ppca import StaticPpca
+from drapeline.models.gcvae.sample import fit_types
 from drapeline.models.gcvae.settings import PpcaSettings
-from drapeline.models.gcvae.static_files import TrainingCodes, mask_rates
 from drapeline.models.gcvae.vae import StaticVae
 from drapeline.models.training.batches import as_tensors
 from drapeline.seeding import rng_for
@@ -50,7 +49,7 @@ def halves(monkeypatch):
             mask[:] = half(code[0] > 0)
             yield offsets, mask
 
-    monkeypatch.setattr(draw, "decode_codes", decoded)
+    monkeypatch.setattr("drapeline.models.gcvae.sample.decode_codes", decoded)
 
 
 @pytest.fixture(scope="package")

@@ -8,7 +8,8 @@ import torch
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_basis
 from drapeline.frames import REST_POSE
-from drapeline.models.gcvae.body_template import BodyTemplate, rest_bodies, wearer_mesh
+from drapeline.models.gcvae.data import BodyTemplate, rest_bodies
+from drapeline.models.gcvae.sample import wearer_mesh
 from toys.gcvae import toy_template
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drapeline.models.gcvae.codes import (
+from drapeline.models.gcvae.codec import (
     Codes,
     encode_garments,
     encode_held_out,

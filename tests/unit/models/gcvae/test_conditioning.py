@@ -7,11 +7,9 @@ import pytest
 import torch
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.conditioning import (
-    ConditioningAutoencoder,
-    cvar_statistics,
-    load_conditioning,
-)
+from drapeline.models.gcvae.data import cvar_statistics
+from drapeline.models.gcvae.networks import ConditioningAutoencoder
+from drapeline.models.gcvae.train import load_conditioning
 from drapeline.models.training.checkpoints import Checkpoint
 from drapeline.models.training.module import BEST
 

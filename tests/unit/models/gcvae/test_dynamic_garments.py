@@ -8,7 +8,8 @@ import torch
 
 from drapeline.bodies.kinematics import mirror_poses
 from drapeline.learning_data.static import static_cvar
-from drapeline.models.gcvae.dynamic_garments import DynamicGarments, encode_rest_garments
+from drapeline.models.gcvae.codec import encode_rows
+from drapeline.models.gcvae.data import DynamicGarments
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 
@@ -66,7 +67,11 @@ def test_names_tell_sample_garment_and_frame(data):
 
 def test_static_codes_are_those_of_every_garment_in_their_order(data):
     """More garments than fit into a batch; the code is the first conditions."""
-    model = SimpleNamespace(encode=lambda batch: SimpleNamespace(mean=batch["cvar"][:, :CODE]))
-    codes = encode_rest_garments(model, data)
+
+    def encode(batch):
+        return SimpleNamespace(mean=batch["cvar"][:, :CODE], log_variance=batch["cvar"])
+
+    model = SimpleNamespace(encode=encode)
+    codes = encode_rows(model, data.static_batch, np.arange(len(data.garment))).mean
     np.testing.assert_array_equal(codes, data.cvar(np.arange(GARMENT_COUNT))[:, :CODE])
     assert not isinstance(codes, torch.Tensor)

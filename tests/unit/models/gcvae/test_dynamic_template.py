@@ -9,8 +9,7 @@ import pytest
 from drapeline.bodies.rest_body import rest_body
 from drapeline.frames import GENDERS
 from drapeline.learning_data.static import static_cvar
-from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.dynamic_template import dynamic_body_template
+from drapeline.models.gcvae.data import DynamicGarments, dynamic_body_template
 from drapeline.seeding import rng_for
 
 SPLIT = np.array(["train", "train", "test", "train"])  # of the garments

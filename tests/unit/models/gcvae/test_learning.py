@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.gcvae.data import cvar_statistics
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import ConditioningTraining
+from drapeline.models.gcvae.train import ConditioningTraining
 from drapeline.models.gcvae.vae import DynamicVae, StaticVae
 from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.module import Position
+from drapeline.models.training.module import Progress
 from toys import gcvae_files
 from toys.gcvae import ToyGarments, toy_template
 from toys.learning import (
@@ -54,7 +54,7 @@ def batch_of(count, *topologies):
 
 def late(vae):
     """Late in training, when all terms have weight."""
-    vae.position = Position(epoch=8, step=3)
+    vae.progress = Progress(epoch=8, step=3)
     return shake_weights(vae, 0.05)
 
 

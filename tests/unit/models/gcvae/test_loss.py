@@ -7,19 +7,20 @@ import pytest
 import torch
 
 from drapeline.geometry.mesh import face_normals, faces_within
-from drapeline.models.gcvae.loss import (
+from drapeline.models.gcvae.codec import kl_nat
+from drapeline.models.gcvae.networks import Code
+from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
+from drapeline.models.gcvae.vae import (
+    StaticVae,
+    conditions_of,
     distance_sums,
-    kl_nat,
     mask_sums,
     normal_sums,
     offset_sums,
 )
-from drapeline.models.gcvae.networks import Code
-from drapeline.models.gcvae.settings import GcvaeLoss, GcvaeNetwork, GcvaeTraining, VaeSettings
-from drapeline.models.gcvae.vae import StaticVae, conditions_of
-from drapeline.models.layers.mesh_normals import FaceNormals
+from drapeline.models.layers.graphs import FaceNormals
 from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.module import Position
+from drapeline.models.training.module import Progress
 from toys.gcvae import ToyGarments, toy_template
 from toys.paper import printed
 
@@ -228,7 +229,7 @@ def test_terms_of_a_code_are_per_component():
 @pytest.mark.parametrize(("epoch", "kl"), [(0, 1e-4), (50, 1e-4), (60, 0.0501), (99, 0.2451)])
 def test_the_loss_is_the_sum_of_equations_3_and_4(epoch, kl):
     model = vae()
-    model.position = Position(epoch=epoch, step=1000)
+    model.progress = Progress(epoch=epoch, step=1000)
     loss = model.training_step(toy_batch())
     (logged,) = model.logged
     weights = {"offsets": 1, "normals": 70, "mask": 0.1, "condition": 1, "kl": kl}
@@ -255,7 +256,7 @@ def test_codes_are_drawn_with_the_posterior_s_mean_and_deviation(monkeypatch):
     monkeypatch.setattr(model, "encode_parts", code)
     monkeypatch.setattr(model, "decode_parts", decode)
     for step in (0, 0, 1):
-        model.position = Position(step=step)
+        model.progress = Progress(step=step)
         model.training_step(toy_batch())
     assert float(drawn[0].mean()) == pytest.approx(3, abs=0.01)
     assert float(drawn[0].std()) == pytest.approx(0.25, abs=0.01)

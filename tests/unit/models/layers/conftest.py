@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from drapeline.geometry.mesh import edges
-from drapeline.models.layers.mesh_graph import scaled_laplacian
+from drapeline.models.layers.graphs import scaled_laplacian
 from toys.gcvae import VERTICES, tube_faces
 
 

@@ -6,9 +6,15 @@ import torch
 from scipy import sparse
 
 from drapeline.geometry.mesh import edges
-from drapeline.models.layers.chebyshev import ChebConv, UnpoolConv, polynomials
-from drapeline.models.layers.mesh_graph import copy_matrix, scaled_laplacian, unpool_matrix
-from drapeline.models.layers.sparse_matrix import SparseMatrix
+from drapeline.models.layers.graphs import (
+    ChebConv,
+    SparseMatrix,
+    UnpoolConv,
+    copy_matrix,
+    polynomials,
+    scaled_laplacian,
+    unpool_matrix,
+)
 from toys.gcvae import VERTICES, tube_faces
 
 pytestmark = pytest.mark.usefixtures("double")

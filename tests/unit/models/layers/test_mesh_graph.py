@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from drapeline.geometry.mesh import edges
-from drapeline.models.layers.mesh_graph import ClusterMax, MeshGraph, scaled_laplacian
+from drapeline.models.layers.graphs import ClusterMax, MeshGraph, scaled_laplacian
 from toys.gcvae import COUNTS, VERTICES, hierarchy, tube_faces
 
 

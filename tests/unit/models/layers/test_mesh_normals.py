@@ -2,7 +2,7 @@ import numpy as np
 import torch
 
 from drapeline.geometry.mesh import face_normals
-from drapeline.models.layers.mesh_normals import FaceNormals
+from drapeline.models.layers.graphs import FaceNormals
 from toys.gcvae import VERTICES, tube, tube_faces
 
 

@@ -4,12 +4,13 @@ import pytest
 import torch
 
 from drapeline.models.layers.point_search import (
+    SEARCH_ANEW,
     BallSearch,
+    SearchMemory,
     farthest_points,
     gather_rows,
     nearest_neighbours,
 )
-from drapeline.models.layers.search_memory import SEARCH_ANEW, SearchMemory
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from drapeline.models.layers.sparse_matrix import SparseMatrix
+from drapeline.models.layers.graphs import SparseMatrix
 
 pytestmark = pytest.mark.usefixtures("double")
 

@@ -9,7 +9,7 @@ from drapeline.errors import InputError
 from drapeline.frames import GENDERS
 from drapeline.models.smplicit.network import Points, fit_codes, new_field
 from drapeline.models.training.batches import as_tensors
-from drapeline.models.training.module import RATE_SHARE, Position
+from drapeline.models.training.module import RATE_SHARE, Progress
 from toys.learning import (
     assert_a_step_lowers,
     assert_learned_by_heart,
@@ -68,7 +68,7 @@ def test_a_batch_is_learned_by_heart(fields, toy_body, batch):
 def test_points_differ_from_step_to_step_and_repeat_with_the_step(model, batch):
     found = []
     for step in (0, 1, 0):
-        model.position = Position(0, step, 0)
+        model.progress = Progress(0, step, 0)
         found.append(model._draw(batch))
     assert torch.equal(found[0].places, found[2].places)
     assert not torch.equal(found[0].places, found[1].places)

@@ -1,10 +1,19 @@
-"""Batches of rows: what is in them, in which order, for which process."""
+"""Batches of rows, in which order and for which process, and values that are kept."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+import torch
 
 from drapeline.errors import InputError
-from drapeline.models.training.batches import TrainingBatches, _BatchSampler, refuse_unfinite
+from drapeline.models.training.batches import (
+    ByteCache,
+    TrainingBatches,
+    _BatchSampler,
+    count_bytes,
+    refuse_unfinite,
+)
 from toys.gcvae import ToyGarments
 
 
@@ -51,3 +60,41 @@ def test_rows_that_are_not_finite_are_named():
     values[1, 0, 1], values[2, 1, 1] = np.nan, np.inf
     with pytest.raises(InputError, match="^samples b, c: offsets hold NaN or infinity"):
         refuse_unfinite(values, [*"abc"], "offsets")
+
+
+class Pair(NamedTuple):
+    array: np.ndarray
+    number: float
+
+
+def test_bytes_are_those_of_all_arrays_and_tensors():
+    array, tensor = np.zeros((2, 3), np.float32), torch.zeros(5, dtype=torch.int64)
+    assert count_bytes(array) == 24
+    assert count_bytes(tensor) == 40
+    assert count_bytes([Pair(array, 1.0), (tensor, [tensor]), None, "word"]) == 24 + 80
+
+
+def test_values_are_kept_until_the_bound_is_reached():
+    cache = ByteCache(100)
+    cache.add("a", np.zeros(60, np.uint8))
+    cache.add("b", np.zeros(41, np.uint8))  # one byte too much
+    cache.add("c", np.zeros(40, np.uint8))
+    assert [key in cache for key in "abc"] == [True, False, True]
+    assert len(cache["c"]) == 40
+    assert cache.has_room(0)
+    assert not cache.has_room(1)
+
+
+def test_a_known_key_keeps_its_value_and_is_counted_once():
+    cache = ByteCache(100)
+    first = np.zeros(60, np.uint8)
+    cache.add("a", first)
+    cache.add("a", np.ones(30, np.uint8))
+    assert cache["a"] is first
+    assert cache.has_room(40)
+
+
+def test_nothing_is_kept_without_room():
+    cache = ByteCache(0)
+    cache.add("a", np.zeros(1))
+    assert "a" not in cache

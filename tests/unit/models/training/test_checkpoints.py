@@ -1,13 +1,18 @@
+"""Checkpoints and digests."""
+
 import json
 import struct
 import zipfile
 
+import numpy as np
 import pytest
 import torch
 
 from drapeline.errors import InputError
+from drapeline.models.training import checkpoints
 from drapeline.models.training.checkpoints import (
     Checkpoint,
+    arrays_digest,
     load_network,
     load_state,
     read_checkpoint,
@@ -238,3 +243,25 @@ def test_a_refused_object_is_named_without_advice_to_load_it_all_the_same(tmp_pa
         read_torch_file(tmp_path / "a.pth")
     assert "weights_only" not in str(caught.value)
     assert "trust" not in str(caught.value)
+
+
+def test_a_digest_tells_names_shapes_types_and_contents_apart(monkeypatch):
+    array = np.arange(12, dtype=np.int32).reshape(4, 3)
+    others = [
+        {"b": array},
+        {"a": array.reshape(3, 4)},
+        {"a": array.astype(np.uint32)},
+        {"a": array + np.eye(4, 3, dtype=np.int32)},
+        {"a": array, "b": array},
+    ]
+    found = {arrays_digest(arrays) for arrays in ({"a": array}, *others)}
+    assert len(found) == 1 + len(others)
+    assert arrays_digest({"b": array, "a": array}) == arrays_digest({"a": array, "b": array})
+    strided = np.stack([array, array])[:, ::2]
+    assert arrays_digest({"a": strided}) == arrays_digest({"a": strided.copy()})
+    # A large array: every second row.
+    monkeypatch.setattr(checkpoints, "_DIGESTED_BYTES", array.nbytes // 2)
+    for row, same in ((1, True), (2, False)):
+        changed = array.copy()
+        changed[row] += 1
+        assert (arrays_digest({"a": changed}) == arrays_digest({"a": array})) is same

@@ -13,13 +13,9 @@ import torch
 from drapeline.errors import InputError
 from drapeline.manifest import damages
 from drapeline.models.training import lightning
-from drapeline.models.training.checkpoints import (
-    read_checkpoint,
-    read_torch_file,
-    write_torch_file,
-)
+from drapeline.models.training.checkpoints import read_checkpoint, read_torch_file, write_torch_file
 from drapeline.models.training.lightning import begin, fit, learning_rate
-from drapeline.models.training.module import BEST, TrainableModule
+from drapeline.models.training.module import BEST, Progress, TrainableModule
 from drapeline.models.training.settings import Training
 from drapeline.storage import read_json
 from toys.threads import THREADS
@@ -73,7 +69,7 @@ def train_line(line, folder, epochs):
 def test_best_is_the_epoch_of_the_least_monitored_value_and_last_the_last(tmp_path):
     line = Line()
     best, last = train_line(line, tmp_path, 6)
-    assert line.position is None  # no longer in training
+    assert line.progress == Progress()  # no longer in training
     path = [3 * (2 / 3) ** epoch for epoch in range(1, 7)]
     assert abs(best - min(path, key=lambda x: abs(x - 1))) < 1e-5
     assert abs(last - path[-1]) < 1e-5
@@ -223,9 +219,9 @@ import sys
 from pathlib import Path
 
 from drapeline.models.gcvae.settings import ConditioningSettings
-from drapeline.models.gcvae.train_conditioning import ConditioningTraining, ConditionRows
+from drapeline.models.gcvae.train import ConditioningTraining, ConditionRows
 from drapeline.models.training.lightning import fit
-from drapeline.models.gcvae.conditioning import cvar_statistics
+from drapeline.models.gcvae.data import cvar_statistics
 from drapeline.models.training.batches import TrainingBatches
 from drapeline.rule_log import rule_log
 from toys.gcvae import ToyGarments

@@ -8,7 +8,7 @@ import torch
 from drapeline.errors import InputError
 from drapeline.models.training.module import (
     Logged,
-    Position,
+    Progress,
     TrainableModule,
     fastest_device,
 )
@@ -68,8 +68,8 @@ def test_a_loss_that_is_not_finite_stops_with_where_what_and_whose(value):
     pair = Pair()
     terms = {"normals": torch.tensor(0.25), "kl": torch.tensor(value)}
     pair.stop_if_unfinite(torch.tensor(3.0), terms, ["a"])  # the loss alone counts
-    assert pair.at == Position(0, 0, 0)
-    pair.position = Position(epoch=4, step=37)
+    assert pair.progress == Progress(0, 0, 0)
+    pair.progress = Progress(epoch=4, step=37)
     with pytest.raises(
         InputError, match=rf"epoch 4, step 37.*normals 0\.25, kl {value}.* samples a, b;"
     ):

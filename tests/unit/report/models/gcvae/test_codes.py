@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.models.gcvae.codes import plot_codes
+from drapeline.report.models.gcvae.figures import plot_codes
 from drapeline.seeding import rng_for
 
 

@@ -1,4 +1,4 @@
-"""Decoded garments in motion, as their registered points in given poses."""
+"""Decoded garments in motion in given poses, and true garments at rest beside decoded ones."""
 
 import numpy as np
 
@@ -6,12 +6,22 @@ from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import faces_within
 from drapeline.learning_data.moving import MovingGarment
-from drapeline.models.gcvae.body_template import STATIC_CVAR
-from drapeline.models.gcvae.codec import GarmentCodec
-from drapeline.models.gcvae.codes import decode_codes
-from drapeline.models.gcvae.dynamic_garments import DynamicGarments
+from drapeline.metrics.registered import Truth
+from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
+from drapeline.models.gcvae.data import BodyTemplate, DynamicGarments, StaticGarments
 from drapeline.registration.to_body.dynamic_offsets import points_from_offsets
-from drapeline.registration.to_body.topology import Topology
+from drapeline.registration.to_body.topology import TOPOLOGIES, Topology
+
+
+def static_truth(template: BodyTemplate, garments: StaticGarments) -> Truth:
+    """The dataset as evaluation takes it, with the bodies and faces of a model's template."""
+    return Truth(
+        garments.offsets,
+        garments.mask,
+        body=lambda row: template.rest_body(garments.cvar(np.array([row]))[0]),
+        faces=lambda row: template.faces[TOPOLOGIES[int(garments.topology(np.array([row]))[0])]],
+        body_faces=template.faces[TOPOLOGIES[0]],
+    )
 
 
 def decode_points(
@@ -33,11 +43,7 @@ def decode_points(
     """
     if poses is None:
         poses = garments.data.poses[rows]
-    cvar = garments.cvar(rows)
-    cvar[:, STATIC_CVAR : STATIC_CVAR + 72 * garments.frames] = poses[:, : garments.frames].reshape(
-        len(rows), -1
-    )
-    decoded = decode_codes(model, z, cvar, garments.topology(rows))
+    decoded = decode_codes(model, z, garments.cvar(rows, poses), garments.topology(rows))
     return points_from_offsets(
         moving.registered,
         np.stack([offsets for offsets, _ in decoded]),

@@ -6,8 +6,7 @@ import numpy as np
 
 from drapeline.frames import GENDERS
 from drapeline.geometry.obj import load_obj
-from drapeline.models.gcvae.sampling.draw import sample_garments
-from drapeline.models.gcvae.sampling.files import load_samples, save_samples
+from drapeline.models.gcvae.sample import load_samples, sample_garments, save_samples
 from toys.gcvae_files import requests
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from drapeline.models.gcvae.codes import encode_garments
-from drapeline.models.gcvae.evaluate_static import measure_static
-from drapeline.models.gcvae.truth import static_truth
+from drapeline.models.gcvae.codec import encode_garments
+from drapeline.models.gcvae.decode import static_truth
+from drapeline.models.gcvae.evaluate import measure_static
 from drapeline.models.training.batches import as_tensors
 
 

@@ -6,10 +6,13 @@ import pytest
 from drapeline.errors import InputError
 from drapeline.geometry.collision import resolve_penetration
 from drapeline.geometry.mesh import Mesh, faces_within
-from drapeline.models.gcvae.codes import decode_codes
-from drapeline.models.gcvae.sampling import draw
-from drapeline.models.gcvae.sampling.draw import sample_garments
-from drapeline.models.gcvae.sampling.files import sample_table
+from drapeline.models.gcvae.codec import decode_codes
+from drapeline.models.gcvae.sample import (
+    _DRAWS_MAX,
+    SampledGarment,
+    sample_garments,
+    sample_table,
+)
 from drapeline.models.gcvae.vae import StaticVae
 from toys.gcvae import AROUND, VERTICES, half, toy_template
 from toys.gcvae_files import SETTINGS, requests
@@ -69,7 +72,7 @@ def test_cleaning_takes_pieces_off_and_moves_nothing(model, types, monkeypatch):
             mask[:] = (np.arange(VERTICES) // AROUND < 4) | (np.arange(VERTICES) // AROUND >= 6)
             yield offsets, mask
 
-    monkeypatch.setattr(draw, "decode_codes", with_a_gap)
+    monkeypatch.setattr("drapeline.models.gcvae.sample.decode_codes", with_a_gap)
     sampled = sample_garments(model, types, requests(6), seed=0, settle=False)
     rows = sample_table(sampled, model.body_template.faces["body"])
     for sample, row in zip(sampled, rows, strict=True):
@@ -103,14 +106,14 @@ def test_nothing_decoded_settles_to_nothing(model, types, monkeypatch):
         for offsets, mask in decode_codes(*args):
             yield offsets, np.zeros_like(mask)
 
-    monkeypatch.setattr(draw, "decode_codes", bare)
+    monkeypatch.setattr("drapeline.models.gcvae.sample.decode_codes", bare)
     (sample,) = sample_garments(model, types, requests(1), seed=0, settle=True)
     assert not len(sample.mesh.faces)
 
 
 def test_a_garment_that_is_not_sound_is_drawn_again(model, types, monkeypatch):
     asked, unsound = requests(4), set()
-    monkeypatch.setattr(draw.SampledGarment, "is_sound", lambda s, _: s.z.tobytes() not in unsound)
+    monkeypatch.setattr(SampledGarment, "is_sound", lambda s, _: s.z.tobytes() not in unsound)
     first = sample_garments(model, types, asked, seed=0, settle=False)
     unsound.add(first[1].z.tobytes())
     again = sample_garments(model, types, asked, seed=0, settle=False)
@@ -118,9 +121,9 @@ def test_a_garment_that_is_not_sound_is_drawn_again(model, types, monkeypatch):
     assert [s.name for s in again] == list(asked)
     for k, (before, after) in enumerate(zip(first, again, strict=True)):
         assert np.array_equal(before.z, after.z) == (k != 1)
-    monkeypatch.setattr(draw.SampledGarment, "is_sound", lambda *_: False)
+    monkeypatch.setattr(SampledGarment, "is_sound", lambda *_: False)
     assert {s.draws for s in sample_garments(model, types, asked, seed=0, settle=False)} == {
-        draw._DRAWS_MAX
+        _DRAWS_MAX
     }
 
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from drapeline.errors import InputError
-from drapeline.models.gcvae.codes import Codes
-from drapeline.models.gcvae.sampling.types import fit_types, load_types
-from drapeline.models.gcvae.static_files import TrainingCodes, load_training_codes
+from drapeline.models.gcvae.codec import Codes
+from drapeline.models.gcvae.load import TrainingCodes, load_training_codes
+from drapeline.models.gcvae.sample import fit_types, load_types
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.seeding import rng_for
 from toys.gcvae import DRESS, TROUSERS, VERTICES, half

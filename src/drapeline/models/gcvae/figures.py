@@ -1,26 +1,25 @@
-"""Held-out garments for pictures: their reconstructions, and their wrinkles on other garments.
+"""Garments for pictures: reconstructions, transitions, and wrinkles on other garments.
 
-CLOTH3D figures 7 and 10.
+CLOTH3D figures 7, 9 and 10.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from drapeline.bodies.model import BodyModel, posed_vertices
-from drapeline.frames import GENDERS, REST_POSE
+from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.dynamic import HISTORY_FRAMES
-from drapeline.learning_data.moving import MovingFiles, MovingGarment
+from drapeline.learning_data.moving import MovingFiles
 from drapeline.metrics.garment import garment_mesh, surface_error_mm
 from drapeline.metrics.predictions import GarmentCase, WornGarment
-from drapeline.models.gcvae.codec import GarmentCodec
-from drapeline.models.gcvae.codes import Codes, decode_codes, encode_garments
-from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.posed_points import decode_points_for_display
-from drapeline.models.gcvae.sampling.types import smooth_bootstrap
-from drapeline.models.gcvae.truth import StaticGarments, static_truth
+from drapeline.models.gcvae.codec import Codes, GarmentCodec, decode_codes, encode_garments
+from drapeline.models.gcvae.data import DynamicGarments, StaticGarments
+from drapeline.models.gcvae.decode import decode_points_for_display, static_truth
+from drapeline.models.gcvae.sample import GarmentTypes, decode_by_type, smooth_bootstrap
 from drapeline.outfits.garment_types import GARMENTS, first_of_each
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_body.topology import Topology
@@ -64,7 +63,6 @@ def static_cases(
         original = next(g for g in outfit.garments if g.name == garment)
         body, true_mask = truth.body(row), np.asarray(truth.mask[row])
         true, predicted = body + truth.offsets[row], body + offsets
-        wearer = bodies[GENDERS[int(garments.cvar(np.array([row]))[0, 10])]]
         cases.append(
             GarmentCase(
                 label=f"{garment}\n{surface_error_mm(predicted, true, true_mask):.1f} mm",
@@ -74,9 +72,7 @@ def static_cases(
                 predicted=predicted,
                 predicted_mask=true_mask if mask is None else mask,
                 faces=truth.faces(row),
-                wearer=Mesh(
-                    posed_vertices(wearer, outfit.shape, REST_POSE[None])[0][0], wearer.faces
-                ),
+                wearer=_wearer(bodies[outfit.gender], outfit.shape, REST_POSE),
                 root_rotation=REST_POSE[:3],
             )
         )
@@ -98,8 +94,8 @@ def moving_cases(
         super_bodies, bodies: super-resolved and whole bodies, by gender.
     """
     cases = []
-    for one in first_of_each((one.name, one) for one in files):
-        moving = one.load()
+    for first in first_of_each((file.name, file) for file in files):
+        moving = first.load()
         rows = garments.data.rows_of(moving.sample, moving.name)
         row = rows[[len(rows) // 2]]
         z = encode_garments(model, garments, row).mean
@@ -120,7 +116,7 @@ def moving_cases(
                 predicted=predicted,
                 predicted_mask=mask,
                 faces=topology.faces_of(moving.name),
-                wearer=_wearer(bodies, moving, pose),
+                wearer=_wearer(bodies[moving.gender], moving.shape, pose),
                 root_rotation=pose[:3],
             )
         )
@@ -161,7 +157,7 @@ def wrinkle_rows(
     first = first_of_each((one.name, k) for k, one in enumerate(files))
     shown = {k: files[k].load() for k in {chosen, *first}}
 
-    def dress(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
+    def decode_worn(which: int, codes: np.ndarray, poses: np.ndarray) -> list[WornGarment]:
         other = shown[which]
         own = np.repeat(rows_by[which][:1], len(codes))
         body = super_bodies[other.gender]
@@ -173,7 +169,7 @@ def wrinkle_rows(
             WornGarment(
                 other.name,
                 garment_mesh(other.on_vertices(p), faces, mask),
-                _wearer(bodies, other, pose),
+                _wearer(bodies[other.gender], other.shape, pose),
                 pose[:3],
             )
             for p, pose in zip(points, poses[:, 0], strict=True)
@@ -183,10 +179,12 @@ def wrinkle_rows(
     random_codes = _wrinkle_codes(rng, model, garments, files[chosen].name, columns)
     rest = np.tile(REST_POSE.astype(np.float32), (columns, HISTORY_FRAMES, 1))
     return {
-        "pose": dress(chosen, np.repeat(z, columns, 0), data.poses[spread]),
-        "garment": [w for k in first for w in dress(k, z, data.poses[lively])],
-        "codes,\nat rest": dress(chosen, random_codes, rest),
-        "codes,\nin motion": dress(chosen, random_codes, np.repeat(data.poses[lively], columns, 0)),
+        "pose": decode_worn(chosen, np.repeat(z, columns, 0), data.poses[spread]),
+        "garment": [w for k in first for w in decode_worn(k, z, data.poses[lively])],
+        "codes,\nat rest": decode_worn(chosen, random_codes, rest),
+        "codes,\nin motion": decode_worn(
+            chosen, random_codes, np.repeat(data.poses[lively], columns, 0)
+        ),
     }
 
 
@@ -209,6 +207,113 @@ def _wrinkle_codes(
     return smooth_bootstrap(mean, codes[:count] - mean, codes[count : 2 * count] - mean)
 
 
-def _wearer(bodies: Mapping[str, BodyModel], moving: MovingGarment, pose: np.ndarray) -> Mesh:
-    body = bodies[moving.gender]
-    return Mesh(posed_vertices(body, moving.shape, pose[None])[0][0], body.faces)
+def _wearer(body: BodyModel, shape: np.ndarray, pose: np.ndarray) -> Mesh:
+    return Mesh(posed_vertices(body, shape, pose[None])[0][0], body.faces)
+
+
+_SHAPE_SPAN, _TIGHT, _LOOSE = 2.5, 0.5, -1.5
+
+
+class Step(NamedTuple):
+    """A garment on the way.
+
+    Attributes:
+        garment: its likeliest type, one of `GARMENTS`.
+        mesh: as decoded, in rest pose.
+        cvar: (13,) conditions that it was decoded with.
+    """
+
+    garment: str
+    mesh: Mesh
+    cvar: np.ndarray
+
+
+def interpolate(
+    model: GarmentCodec,
+    types: GarmentTypes,
+    start: tuple[np.ndarray, np.ndarray],
+    end: tuple[np.ndarray, np.ndarray],
+    steps: int,
+) -> list[Step]:
+    """Decode evenly spaced points between two pairs of code (Z,) and conditions (13,).
+
+    Each is decoded on the topology of its likeliest type.
+    """
+    share = np.linspace(0, 1, steps)[:, None]
+    z, cvar = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+    out = []
+    template = model.body_template
+    decoded = decode_by_type(model, types, z, cvar, [None] * steps)
+    for (garment, offsets, mask), condition in zip(decoded, cvar, strict=True):
+        vertices = template.rest_body(condition) + offsets
+        mesh = garment_mesh(vertices, template.faces_of(garment), mask)
+        out.append(Step(garment, mesh, condition))
+    return out
+
+
+def interpolate_as_figure_9(
+    model: GarmentCodec,
+    types: GarmentTypes,
+    garments: StaticGarments,
+    rows: np.ndarray,
+    codes: Codes,
+    steps: int,
+) -> dict[str, list[Step]]:
+    """The rows of figure 9: shape, tightness, cloth, cloth across topologies, and all at once.
+
+    Args:
+        rows: (n,) garments; the first of each type is where a row starts or ends. A row that needs
+            a type not among them is left out.
+        codes: (n, Z) of these garments.
+        steps: garments per row.
+
+    Returns:
+        What changes -> steps.
+    """
+    garment_indices = np.asarray(garments.garment)[rows]
+    cvar = garments.cvar(rows)
+    first: Mapping[str, int] = {
+        name: int(np.flatnonzero(garment_indices == index)[0])
+        for index, name in enumerate(GARMENTS)
+        if (garment_indices == index).any()
+    }
+
+    def at(name: str, **changed: object) -> tuple[np.ndarray, np.ndarray]:
+        """A garment's code and conditions, with another shape or tightness."""
+        condition = cvar[first[name]].copy()
+        for part, value in changed.items():
+            condition[_CVAR_PARTS[part]] = value
+        return codes.mean[first[name]], condition
+
+    def tightness(name: str, value: float) -> list[float]:
+        female = cvar[first[name]][10] == 0
+        return [-value if female else value, value]
+
+    average = np.zeros(10)
+    small, large = np.zeros((2, 10))
+    small[:2], large[:2] = -_SHAPE_SPAN, _SHAPE_SPAN
+    needed_types: dict[str, tuple[str, ...]] = {
+        "shape": ("Dress",),
+        "tightness": ("Tshirt",),
+        "cloth": ("Top", "Jumpsuit"),
+        "topology": ("Jumpsuit", "Dress"),
+        "all": ("Skirt", "Tshirt"),
+    }
+    ends_of = {
+        "shape": lambda a: (at(a, shape=small), at(a, shape=large)),
+        "tightness": lambda a: (
+            at(a, shape=average, tightness=tightness(a, _TIGHT)),
+            at(a, shape=average, tightness=tightness(a, _LOOSE)),
+        ),
+        "cloth": lambda a, b: (at(a), (codes.mean[first[b]], at(a)[1])),
+        "topology": lambda a, b: (at(a), (codes.mean[first[b]], at(a)[1])),
+        "all": lambda a, b: (at(a), at(b)),
+    }
+    return {
+        name: interpolate(model, types, *ends_of[name](*needed), steps)
+        for name, needed in needed_types.items()
+        if all(garment in first for garment in needed)
+    }
+
+
+_CVAR_PARTS = {"shape": slice(0, 10), "tightness": slice(11, 13)}

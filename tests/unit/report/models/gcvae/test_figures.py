@@ -10,7 +10,7 @@ from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import Mesh
 from drapeline.metrics.predictions import GarmentCase
 from drapeline.outfits.garment_types import GARMENTS
-from drapeline.report.models.gcvae.views import error_views, walk_view
+from drapeline.report.models.gcvae.figures import error_views, walk_view
 from drapeline.report.models.scene import HEAT_SPAN_MM
 from toys.views import TUBE, shown
 

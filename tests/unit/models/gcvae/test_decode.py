@@ -12,16 +12,13 @@ from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.metrics.garment import BodyInside
-from drapeline.models.gcvae.body_template import STATIC_CVAR
-from drapeline.models.gcvae.dynamic_garments import DynamicGarments
-from drapeline.models.gcvae.posed_points import (
-    decode_points,
-    decode_points_for_display,
-    resolve_points,
-)
+from drapeline.models.gcvae.data import DynamicGarments
+from drapeline.models.gcvae.decode import decode_points, decode_points_for_display, resolve_points
 from drapeline.registration.to_body.dynamic_offsets import dynamic_offsets
 from drapeline.seeding import rng_for
 from toys.moving import moving_garment
+
+STATIC_CVAR = 13
 
 HISTORY, CODE = 2, 3  # poses in the conditions, numbers of a static code
 ROWS = np.array([1, 2, 5])

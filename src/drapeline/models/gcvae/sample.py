@@ -1,0 +1,482 @@
+"""New garments: codes drawn from the prior or near those of a type, decoded, and their files.
+
+A code has to be decoded on one of two topologies, so its type must be known first. Each type is a
+Gaussian with the mean of its training codes and a covariance common to all types; the masks that
+a code decodes to tell types apart where codes do not: the code alone tells skirts from trousers,
+and the masks tell what a code far from all training codes looks like. New codes of a type come
+from a smoothed bootstrap of its training codes (Silverman, "Density estimation", 1986, 6.4): a
+Gaussian as wide as the type has most of its mass where hems of several lengths mix, and no garment
+is like that.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drapeline.bodies.model import BodyModel, posed_vertices
+from drapeline.bodies.rest_body import signed_tightness
+from drapeline.dataset.gltf import write_glb
+from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS, REST_POSE
+from drapeline.geometry.collision import resolve_penetration
+from drapeline.geometry.mesh import Mesh
+from drapeline.geometry.obj import load_obj, save_obj
+from drapeline.learning_data.static import static_cvar
+from drapeline.metrics.garment import garment_mesh, inside_measures, largest_piece, shape_measures
+from drapeline.models.gcvae.codec import GarmentCodec, decode_codes
+from drapeline.models.gcvae.load import TrainingCodes, load_training_codes
+from drapeline.outfits.garment_types import GARMENTS
+from drapeline.registration.to_body.topology import TOPOLOGIES, topology_codes
+from drapeline.seeding import rng_for
+from drapeline.storage import atomic_folder, load_npz, save_npz, write_rows
+
+_SHRINKAGE = 0.05  # of the covariance towards a multiple of the identity
+
+_BANDWIDTH = 0.4  # of the smoothed bootstrap, in deviations of a type
+
+_RATE_FLOOR = 0.01  # a vertex that no training garment covers is unlikely, not impossible
+
+
+@dataclass(frozen=True)
+class GarmentTypes:
+    """Statistics of the training garments of each of K types, in the order of `GARMENTS`.
+
+    Attributes:
+        share: (K,) of the training garments, 0 for a type that none of them has.
+        mean: (K, Z) of the codes.
+        factor: (Z, Z) lower Cholesky factor of the codes' covariance within a type.
+        codes, garment: (n, Z) and (n,) of the training garments, indices into `GARMENTS`.
+        mask_rate: (K, V) share of the type's garments that cover a vertex.
+    """
+
+    share: np.ndarray
+    mean: np.ndarray
+    factor: np.ndarray
+    codes: np.ndarray
+    garment: np.ndarray
+    mask_rate: np.ndarray
+
+    def draw(self, rng: np.random.Generator, garment: str) -> np.ndarray:
+        """Draw a code (Z,) near that of one of a type's garments; their mean is the type's.
+
+        Raises:
+            InputError: no training garment is of that type.
+        """
+        garment_index = GARMENTS.index(garment)
+        if not self.share[garment_index]:
+            known = ", ".join(np.array(GARMENTS)[self.share > 0])
+            raise InputError(f"no training garment is a {garment}, expected one of {known}")
+        mean = self.mean[garment_index]
+        near = self.codes[rng.choice(np.flatnonzero(self.garment == garment_index))] - mean
+        noise = self.factor @ rng.standard_normal(len(mean))
+        return smooth_bootstrap(mean, near, noise)
+
+    def log_likelihood(self, z: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """(n, K) of each type, given codes (n, Z) and the masks (n, K, V) decoded for each type.
+
+        The vertices of a mask err alike, so all of them together count as much as the Z numbers.
+        """
+        away = np.linalg.solve(self.factor, (z[:, None] - self.mean).reshape(-1, z.shape[1]).T)
+        by_code = -(away**2).sum(axis=0).reshape(len(z), -1) / 2
+        rate = np.clip(self.mask_rate, _RATE_FLOOR, 1 - _RATE_FLOOR)
+        by_vertex = np.where(mask, np.log(rate), np.log(1 - rate))
+        known = self.share > 0
+        prior = np.where(known, np.log(np.where(known, self.share, 1)), -np.inf)
+        return prior + by_code + z.shape[1] * by_vertex.mean(axis=2)
+
+
+def smooth_bootstrap(mean: np.ndarray, near: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """A smoothed bootstrap that keeps mean and covariance.
+
+    Args:
+        mean: (Z,) of the codes.
+        near: (..., Z) deviation from the mean of a training code.
+        noise: (..., Z) deviation of another code of the same distribution.
+    """
+    return mean + np.sqrt(1 - _BANDWIDTH**2) * near + _BANDWIDTH * noise
+
+
+def fit_types(training: TrainingCodes) -> GarmentTypes:
+    """Estimate the types from the training garments of a model."""
+    codes, garment, rate = training
+    count = np.bincount(garment, minlength=len(GARMENTS))
+    mean = np.zeros((len(GARMENTS), codes.mean.shape[1]))
+    np.add.at(mean, garment, codes.mean)
+    mean /= np.maximum(count, 1)[:, None]
+    away = codes.mean - mean[garment]
+    within = away.T @ away / len(away) + np.diag(np.exp(codes.log_variance).mean(axis=0))
+    # With about as many garments as dimensions the covariance alone would be near singular.
+    even = np.trace(within) / len(within) * np.eye(len(within))
+    factor = np.linalg.cholesky((1 - _SHRINKAGE) * within + _SHRINKAGE * even)
+    return GarmentTypes(count / count.sum(), mean, factor, codes.mean, garment, rate)
+
+
+def load_types(folder: str | Path) -> GarmentTypes:
+    """Types of the training garments of the static model in a folder.
+
+    Raises:
+        InputError: see `load_training_codes`.
+    """
+    return fit_types(load_training_codes(folder))
+
+
+PRIOR = "prior"
+
+_DRAWS_MAX = 5  # codes tried per garment
+
+# A sound garment's vertices: in one piece, and deeper than 1 cm in the body.
+_ONE_PIECE_SHARE_MIN, _DEEP_SHARE_MAX = 0.95, 0.01
+
+
+class DecodedGarment(NamedTuple):
+    """A decoded code.
+
+    Attributes:
+        garment: its type, one of `GARMENTS`.
+        offsets: (V, 3) metres.
+        mask: (V,) bool.
+    """
+
+    garment: str
+    offsets: np.ndarray
+    mask: np.ndarray
+
+
+def decode_by_type(
+    model: GarmentCodec,
+    types: GarmentTypes,
+    z: np.ndarray,
+    cvar: np.ndarray,
+    garments: Sequence[str | None],
+) -> list[DecodedGarment]:
+    """Decode codes (n, Z) under conditions (n, C) on the topology of their type.
+
+    Args:
+        garments: (n,) their types, or None for the likeliest one.
+
+    Raises:
+        InputError: the model predicts no mask.
+    """
+    topology_of = topology_codes(np.arange(len(GARMENTS)))
+    decoded = [
+        list(decode_codes(model, z, cvar, np.full(len(z), code))) for code in range(len(TOPOLOGIES))
+    ]
+    out = []
+    for row, garment in enumerate(garments):
+        by_topology = [topology[row] for topology in decoded]
+        if any(mask is None for _, mask in by_topology):
+            raise InputError("a model without a mask branch cannot be sampled, expected another")
+        if garment is None:
+            masks = np.stack([by_topology[code][1] for code in topology_of])
+            likelihood = types.log_likelihood(z[row : row + 1], masks[None])[0]
+            garment = GARMENTS[int(likelihood.argmax())]
+        code = topology_of[GARMENTS.index(garment)]
+        out.append(DecodedGarment(garment, *by_topology[code]))
+    return out
+
+
+@dataclass(frozen=True)
+class Request:
+    """A garment that is asked for.
+
+    Attributes:
+        garment: one of `GARMENTS`, or "prior" for whatever a code from the prior turns out to be.
+        gender: "female" or "male".
+        shape: (10,) of the wearer.
+        tightness: (2,) without the gender's sign, which the conditions have.
+    """
+
+    garment: str
+    gender: str
+    shape: np.ndarray
+    tightness: np.ndarray
+
+    @property
+    def cvar(self) -> np.ndarray:
+        """(13,) float32 conditions of the static VAE."""
+        gender = GENDERS.index(self.gender)
+        signed = signed_tightness(self.tightness, self.gender)
+        return static_cvar(self.shape[None], np.array([gender]), signed[None])[0]
+
+
+def draw_requests(
+    seed: int,
+    count: int,
+    garments: Sequence[str],
+    *,
+    female_share: float,
+    shape: Sequence[float] | None,
+    shape_range: float,
+    tightness: Sequence[float] | None,
+    tightness_range: Sequence[float],
+) -> dict[str, Request]:
+    """Name -> request, taking turns over the garment types.
+
+    Args:
+        seed: a sample depends on it and on its own name alone, so a larger count adds samples
+            and changes none.
+        count: of samples.
+        garments: types, or "prior".
+        female_share: probability of a female body.
+        shape, tightness: the same for all samples, or None to draw them within the ranges.
+        shape_range: largest absolute shape value.
+        tightness_range: least and largest tightness.
+    """
+    requests = {}
+    for index in range(count):
+        name = f"{index + 1:05d}"
+        rng = rng_for(seed, "sampled garment", name, "conditions")
+        gender = GENDERS[int(rng.random() >= female_share)]
+        random_shape = rng.uniform(-shape_range, shape_range, 10)
+        random_tightness = rng.uniform(*tightness_range, 2)
+        requests[name] = Request(
+            garments[index % len(garments)],
+            gender,
+            random_shape if shape is None else np.asarray(shape, dtype=float),
+            random_tightness if tightness is None else np.asarray(tightness, dtype=float),
+        )
+    return requests
+
+
+@dataclass(frozen=True)
+class SampledGarment:
+    """A sampled garment.
+
+    Attributes:
+        name: of the sample.
+        request: what was asked for.
+        garment: its type.
+        z: (Z,) its code.
+        decoded: the garment as decoded.
+        piece: its largest connected piece.
+        mesh: the piece, evened out and pushed out of the body if that was asked for.
+        body: (V, 3) rest body that it was decoded on.
+        draws: number of codes drawn for it; this garment is of the last one.
+    """
+
+    name: str
+    request: Request
+    garment: str
+    z: np.ndarray
+    decoded: Mesh
+    piece: Mesh
+    mesh: Mesh
+    body: np.ndarray
+    draws: int
+
+    @property
+    def kept_share(self) -> float:
+        """Share of the decoded vertices that are in the largest piece; 0 if none were decoded."""
+        return len(self.piece.vertices) / max(len(self.decoded.vertices), 1)
+
+    def is_sound(self, body_faces: np.ndarray) -> bool:
+        """Whether nearly all of it is in one piece and hardly any of it deep in the body."""
+        if self.kept_share < _ONE_PIECE_SHARE_MIN:
+            return False
+        inside = inside_measures(self.piece.vertices, self.body, body_faces)
+        return inside["inside_1cm_share"] <= _DEEP_SHARE_MAX
+
+
+def sample_garments(
+    model: GarmentCodec,
+    types: GarmentTypes,
+    requests: Mapping[str, Request],
+    seed: int,
+    *,
+    settle: bool,
+) -> list[SampledGarment]:
+    """Draw a code for every request and decode it.
+
+    A code that decodes to a torn garment, or to one inside the body, is replaced, up to four
+    times. Pieces other than the largest are removed.
+
+    Args:
+        model: with a mask branch.
+        types: of its training garments.
+        requests: by name.
+        seed: with a sample's name it determines the codes.
+        settle: whether garments are evened out and pushed out of the body in the end, see
+            `resolve_penetration`; otherwise no vertex is moved.
+    """
+    rngs = {name: rng_for(seed, "sampled garment", name, "code") for name in requests}
+    latest: dict[str, SampledGarment] = {}
+    waiting = dict(requests)
+    for draws in range(1, _DRAWS_MAX + 1):
+        for sample in _draw_once(model, types, waiting, rngs, draws):
+            latest[sample.name] = sample
+            if sample.is_sound(model.body_template.faces[TOPOLOGIES[0]]):
+                del waiting[sample.name]
+        if not waiting:
+            break
+    sampled = [latest[name] for name in requests]
+    if not settle:
+        return sampled
+    return [replace(s, mesh=push_out(model, s.piece, s.body)) for s in sampled]
+
+
+def push_out(model: GarmentCodec, piece: Mesh, body: np.ndarray) -> Mesh:
+    """A decoded garment, evened out and pushed out of the body (V, 3) that it was decoded on."""
+    if not len(piece.faces):
+        return piece
+    body_faces = model.body_template.faces[TOPOLOGIES[0]]
+    (vertices,) = resolve_penetration(piece.vertices[None], piece.faces, body[None], body_faces)
+    return Mesh(vertices, piece.faces)
+
+
+def _draw_once(
+    model: GarmentCodec,
+    types: GarmentTypes,
+    requests: Mapping[str, Request],
+    rngs: Mapping[str, np.random.Generator],
+    draws: int,
+) -> list[SampledGarment]:
+    """Draw one more code for each of the requests and decode it."""
+    codes: list[np.ndarray] = []
+    garments: list[str | None] = []
+    for name, request in requests.items():
+        prior, rng = request.garment == PRIOR, rngs[name]
+        codes.append(
+            rng.standard_normal(types.mean.shape[1]) if prior else types.draw(rng, request.garment)
+        )
+        garments.append(None if prior else request.garment)
+    cvar = np.stack([request.cvar for request in requests.values()])
+    decoded = decode_by_type(model, types, np.stack(codes), cvar, garments)
+    sampled = []
+    for (name, request), z, (garment, offsets, mask) in zip(
+        requests.items(), codes, decoded, strict=True
+    ):
+        body = model.body_template.rest_body(request.cvar)
+        mesh = garment_mesh(body + offsets, model.body_template.faces_of(garment), mask)
+        piece = largest_piece(mesh)
+        sampled.append(SampledGarment(name, request, garment, z, mesh, piece, piece, body, draws))
+    return sampled
+
+
+def sample_table(
+    sampled: Sequence[SampledGarment], body_faces: np.ndarray
+) -> list[dict[str, str | float]]:
+    """A row per sample: what was asked for, what came of it, and measures before and after."""
+    rows = []
+    for sample in sampled:
+        before = shape_measures(sample.decoded, sample.body, body_faces)
+        after = shape_measures(sample.mesh, sample.body, body_faces)
+        rows.append(
+            {
+                "name": sample.name,
+                "asked": sample.request.garment,
+                "garment": sample.garment,
+                "gender": sample.request.gender,
+                "draws": sample.draws,
+                "vertices": len(sample.mesh.vertices),
+                "pieces_before": int(before["pieces"]),
+                "pieces": int(after["pieces"]),
+                "kept_share": sample.kept_share,
+                "inside_1cm_share_before": before["inside_1cm_share"],
+                "inside_1cm_share": after["inside_1cm_share"],
+                "inside_share": after["inside_share"],
+                "inside_depth_mm": after["inside_depth_mm"],
+                "tightness_0": float(sample.request.tightness[0]),
+                "tightness_1": float(sample.request.tightness[1]),
+            }
+        )
+    return rows
+
+
+def save_samples(
+    folder: str | Path,
+    sampled: Sequence[SampledGarment],
+    bodies: Mapping[str, BodyModel],
+    body_faces: np.ndarray,
+) -> list[dict[str, str | float]]:
+    """Write `{name}.obj` and `{name}.glb` (with its wearer) per sample, `samples.tsv`, `codes.npz`.
+
+    A code that decodes to nothing has no OBJ file, and its glTF file holds only the wearer.
+
+    Args:
+        folder: to write.
+        bodies: gender -> the whole body.
+        body_faces: (F, 3) of the body that garments were decoded on.
+
+    Returns:
+        The rows of `samples.tsv`.
+    """
+    rows = sample_table(sampled, body_faces)
+    with atomic_folder(folder) as scratch:
+        for sample in sampled:
+            parts = [_still_part("Body", wearer_mesh(bodies, sample.request.cvar), BODY_COLOUR)]
+            if len(sample.mesh.faces):
+                save_obj(scratch / f"{sample.name}.obj", sample.mesh)
+                parts.append(_still_part(sample.garment, sample.mesh, PLAIN_COLOUR))
+            write_glb(scratch / f"{sample.name}.glb", parts)
+        save_npz(
+            scratch / "codes.npz",
+            name=np.array([s.name for s in sampled]),
+            garment=np.array([s.garment for s in sampled]),
+            asked=np.array([s.request.garment != PRIOR for s in sampled]),
+            z=np.stack([s.z for s in sampled]).astype(np.float32),
+            cvar=np.stack([s.request.cvar for s in sampled]),
+        )
+        texts = [
+            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
+        ]
+        write_rows(scratch / "samples.tsv", texts)
+    return rows
+
+
+class SavedSample(NamedTuple):
+    """A sample as read from its files.
+
+    Attributes:
+        name: of the sample.
+        garment: its type.
+        asked: whether that type was asked for; if not, the code came from the prior.
+        mesh: the garment; without faces if nothing was decoded.
+        cvar: (13,) conditions.
+    """
+
+    name: str
+    garment: str
+    asked: bool
+    mesh: Mesh
+    cvar: np.ndarray
+
+
+_ARRAYS = {"name": "str n", "cvar": "float n *", "garment": "str n", "asked": "bool n"}
+
+
+def load_samples(folder: str | Path) -> list[SavedSample]:
+    """Read what `save_samples` wrote.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    folder = Path(folder)
+    about = load_npz(folder / "codes.npz", _ARRAYS)
+    nothing = Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    samples = []
+    for name, garment, asked, cvar in zip(
+        *(about[key] for key in ("name", "garment", "asked", "cvar")), strict=True
+    ):
+        path = folder / f"{name}.obj"
+        mesh = load_obj(path) if path.is_file() else nothing
+        samples.append(SavedSample(str(name), str(garment), bool(asked), mesh, cvar))
+    return samples
+
+
+def _still_part(name: str, mesh: Mesh, colour: tuple[float, float, float]) -> ScenePart:
+    return ScenePart(name, mesh, colour, lambda start, stop: mesh.vertices[None], 1)
+
+
+def wearer_mesh(bodies: Mapping[str, BodyModel], cvar: np.ndarray) -> Mesh:
+    """The whole rest body, with head, hands and feet, of static conditions.
+
+    Args:
+        bodies: whole bodies, by gender.
+        cvar: (13,); a gender between 0 (female) and 1 (male) gives a body between the two.
+    """
+    female, male = (posed_vertices(bodies[g], cvar[:10], REST_POSE[None])[0][0] for g in GENDERS)
+    return Mesh(female + cvar[10] * (male - female), bodies[GENDERS[0]].faces)

@@ -1,1 +1,0 @@
-"""New garments from a trained static VAE."""
