@@ -29,10 +29,9 @@ from drapeline.rendering.camera import frame_points, look_at, view_direction
 from drapeline.rendering.pictures import GridCell, save_grid
 from drapeline.rendering.raytracer import ColouredMesh, raytrace
 from drapeline.simulation.attachments import Pins
-from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.settings import HealthBounds, SimulationSettings
-from drapeline.simulation.solver import ClothGarment, ClothSolver
+from drapeline.simulation.solver import Attempt, ClothGarment, ClothSolver
 
 _FRAMES, _SKIRT_FRAMES = 10 * FPS, 3 * FPS
 _STEPS = 14

@@ -14,7 +14,7 @@ import yaml
 
 from drapeline.experiment.config import fill_settings
 from drapeline.experiment.settings import MODELS, experiment_with
-from drapeline.setting_schema import allowed_values
+from drapeline.settings import allowed_values
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"

@@ -8,7 +8,7 @@ from drapeline.frames import GENDERS
 from drapeline.learning_data.sequence_sources import simulated_sequences, skinned_sequences
 from drapeline.learning_data.sequences import collect_sequences
 from drapeline.registration.to_template.garment_template import load_template
-from drapeline.registration.to_template.remesh_table import load_tables
+from drapeline.registration.to_template.remesh import load_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

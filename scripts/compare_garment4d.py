@@ -9,7 +9,7 @@ from drapeline.models.compare import compare_representations, held_out_garments
 from drapeline.models.garment4d.representation import RegisteredTemplate, TemplatePca
 from drapeline.outfits.static import load_static
 from drapeline.registration.to_template.garment_space import load_space
-from drapeline.registration.to_template.remesh_table import load_tables
+from drapeline.registration.to_template.remesh import load_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import load_template
-from drapeline.registration.to_template.template_tables import garments_at_rest, write_tables
+from drapeline.registration.to_template.remesh import garments_at_rest, write_tables
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.frames import GENDERS
 from drapeline.outfits.templates import load_templates
-from drapeline.registration.to_template.make_template import make_template, template_from_mesh
+from drapeline.registration.to_template.garment_template import make_template, template_from_mesh
 from drapeline.rule_log import rule_log
 
 if TYPE_CHECKING:

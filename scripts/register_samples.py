@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from drapeline.bodies.model import load_body
 from drapeline.dataset.shards import samples_of
 from drapeline.frames import GENDERS
-from drapeline.registration.to_body.registrar import Registrar
-from drapeline.registration.to_body.samples import register_sample
+from drapeline.registration.to_body.registrar import Registrar, register_sample
 from drapeline.registration.to_body.topology import load_topology
 from drapeline.rule_log import progress, rule_log
 from drapeline.storage import atomic_folder

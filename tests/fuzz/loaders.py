@@ -83,14 +83,14 @@ from drapeline.models.smplicit.pictures.read import read_picture
 from drapeline.models.smplicit.representation import HeldOut, load_held_out, save_held_out
 from drapeline.models.training.checkpoints import read_checkpoint, write_checkpoint
 from drapeline.models.training.module import BEST
-from drapeline.motions.deepmimic import read_deepmimic
+from drapeline.motions.clips import read_deepmimic
 from drapeline.motions.importing import frame_count, import_motion
 from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.motion import Cycle, save_motion
 from drapeline.motions.table import motion_table
 from drapeline.outfits.garment_types import GARMENTS
 from drapeline.outfits.outfit import load_outfit
-from drapeline.outfits.own_garments import own_garments
+from drapeline.outfits.settings import own_garments
 from drapeline.outfits.static import load_static
 from drapeline.outfits.templates import build_templates, load_templates
 from drapeline.outfits.user_garment import load_user_garment
@@ -104,7 +104,7 @@ from drapeline.registration.to_body.topology import (
 )
 from drapeline.registration.to_template.garment_space import load_space
 from drapeline.registration.to_template.garment_template import load_template
-from drapeline.registration.to_template.remesh_table import RemeshTable, load_tables
+from drapeline.registration.to_template.remesh import RemeshTable, load_tables
 from drapeline.report.models.smplicit.tables import read_gallery_tables
 from drapeline.schema import Column, Schema, read_table
 from drapeline.seeding import rng_for

@@ -176,8 +176,8 @@ def test_garments_are_registered_by_sample(shard, run_rule, tmp_path, baked_bodi
 
 
 def test_templates_are_fitted_to_all_garments_of_a_shard(shard, run_rule, tmp_path, baked_bodies):
-    from drapeline.registration.to_template.make_template import make_template
-    from drapeline.registration.to_template.remesh_table import load_tables
+    from drapeline.registration.to_template.garment_template import make_template
+    from drapeline.registration.to_template.remesh import load_tables
 
     forms = {gender: build_templates(body) for gender, body in baked_bodies.items()}
     make_template("Skirt", forms, baked_bodies, 0.06).save(tmp_path / "Skirt.npz")

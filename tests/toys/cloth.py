@@ -12,10 +12,9 @@ from drapeline.bodies.animation import make_body_sequence
 from drapeline.bodies.model import BodyModel
 from drapeline.frames import REST_POSE
 from drapeline.outfits.outfit import Garment, Outfit
-from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
 from drapeline.simulation.simulate import DressedBody
-from drapeline.simulation.solver import ClothGarment
+from drapeline.simulation.solver import Attempt, ClothGarment
 
 FRAMES = 6
 

@@ -4,8 +4,8 @@ import numpy as np
 import warp as wp
 
 from drapeline.geometry.warp_mesh import start_warp
-from drapeline.xpbd.launches import BusyLaunch
-from drapeline.xpbd.moves import make_all_moves, make_moves
+from drapeline.xpbd.contact import make_all_moves, make_moves
+from drapeline.xpbd.stepping import BusyLaunch
 
 OWN_GAP, LAYER_GAP = 0.007, 0.004
 RELEASE_M = 3e-4

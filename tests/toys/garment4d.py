@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.dataset.labels import LABELS
 from drapeline.frames import GENDERS, REST_POSE

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES, PARENTS
-from drapeline.motions.deepmimic import FRAME_SIZE
+from drapeline.motions.clips import FRAME_SIZE
 from drapeline.motions.motion import Motion
 from drapeline.motions.skeleton import REFERENCE_OFFSETS
 

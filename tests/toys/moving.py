@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.learning_data.moving import MovingGarment
 from drapeline.seeding import rng_for

@@ -3,14 +3,13 @@
 import numpy as np
 import trimesh
 
-from drapeline.geometry.layers import MovingSheet
 from drapeline.geometry.mesh import triangulate
+from drapeline.geometry.moving_surface import MovingSheet
 from drapeline.geometry.point_cache import PointCache, write_point_cache
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.simulation.attachments import Pins
-from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
-from drapeline.simulation.solver import ClothGarment
+from drapeline.simulation.solver import Attempt, ClothGarment
 
 GAP_M = 0.004
 

@@ -13,8 +13,8 @@ from toys.imported_modules import imported_modules
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "drapeline"
 CORE = {
-    *("errors", "seeding", "npy", "pickles", "storage", "schema", "manifest", "rule_log", "frames"),
-    *("settings", "setting_schema"),
+    *("errors", "seeding", "npy", "storage", "schema", "manifest", "rule_log", "frames"),
+    "settings",
 }
 # Each part may import itself and what stands to its right.
 MAY_IMPORT = {

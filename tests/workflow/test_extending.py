@@ -144,7 +144,7 @@ write_metrics(snakemake.output[0], rows)
 """
 
 TOY_SOLVER = """
-from drapeline.simulation.attempts import Attempt
+from drapeline.simulation.solver import Attempt
 
 
 class Toy:

@@ -25,7 +25,7 @@ from drapeline.experiment.groups import plan_groups
 from drapeline.experiment.old_keys import refuse_old_keys
 from drapeline.experiment.source_digest import Sources
 from drapeline.frames import GENDERS
-from drapeline.motions.frame_counts import FrameCounts
+from drapeline.motions.table import FrameCounts
 from drapeline.preflight import find_slurm_problem, slurm_config
 from drapeline.storage import sweep
 

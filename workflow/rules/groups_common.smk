@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from drapeline.dataset.record import outfit_text, read_meta
 from drapeline.experiment.checks import require_splits
-from drapeline.outfits.own_garments import own_garments
+from drapeline.outfits.settings import own_garments
 
 
 class Solver(NamedTuple):

@@ -12,9 +12,8 @@ from drapeline.blender.fabric_units import cloth_parameters
 from drapeline.blender.scene import add_mesh, new_scene
 from drapeline.frames import FPS
 from drapeline.geometry.point_cache import point_cache_writer, write_point_cache
-from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
-from drapeline.simulation.solver import ClothGarment
+from drapeline.simulation.solver import Attempt, ClothGarment
 
 # Blender's cloth takes gravity times 0.001 as metres per squared frame, at any frame rate.
 _GRAVITY_FACTOR = 1000 / FPS**2

@@ -6,8 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
-from drapeline.bodies.skinning import pose_feature, skin_planes
+from drapeline.bodies.kinematics import (
+    axis_angle_to_matrix,
+    joint_transforms,
+    pose_feature,
+    skin_planes,
+)
 from drapeline.bodies.smpl_files import read_body_arrays
 from drapeline.frames import PARENTS
 from drapeline.storage import save_npz

@@ -11,6 +11,11 @@ from drapeline.frames import GENDERS, REST_POSE
 SHAPES = 10
 
 
+def sample_shape(rng: np.random.Generator, shape_range: float) -> np.ndarray:
+    """Shape coefficients (10,), uniform within plus or minus `shape_range` (3 in CLOTH3D 3.1)."""
+    return rng.uniform(-shape_range, shape_range, SHAPES)
+
+
 def rest_body(body: BodyModel, shape: np.ndarray) -> np.ndarray:
     """Vertices (V, 3) float64 of a shape (10,) in `REST_POSE`, root-relative, Z up."""
     vertices, _ = posed_vertices(body, shape, REST_POSE[None].copy())

@@ -11,10 +11,289 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import warp as wp
+from scipy.sparse import csr_matrix
 
-from drapeline.bodies.inside_parts import InsideParts
-from drapeline.bodies.parts import PAIRS, PART_NAMES, BodyParts
-from drapeline.geometry.mesh import cross_rows
+from drapeline.bodies.model import BodyModel
+from drapeline.frames import JOINT_NAMES
+from drapeline.geometry.mesh import cross_rows, edges
+from drapeline.geometry.warp_mesh import start_warp
+
+wp.set_module_options({"enable_backward": False})
+
+TORSO = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
+LIMBS = {
+    "upper_arm": ("shoulder",),
+    "forearm": ("elbow",),
+    "hand": ("wrist", "hand"),
+    "thigh": ("hip",),
+    "shin": ("knee",),
+    "foot": ("ankle", "foot"),
+}
+PART_JOINTS = {
+    "torso": TORSO,
+    "head": ("neck", "head"),
+    **{
+        f"{side}_{limb}": tuple(f"{side}_{joint}" for joint in joints)
+        for side in ("left", "right")
+        for limb, joints in LIMBS.items()
+    },
+}
+PART_NAMES = tuple(PART_JOINTS)
+
+# Flesh beside a joint folds and an arm lies against the chest: overlaps there may be pressed apart
+# by this much ...
+FOLD_LIMIT_M = 0.06
+# ... while for all other parts a deeper overlap means two solids in one place.
+TOUCH_LIMIT_M = 0.03
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two parts that may collide, and how deep a collision can be solved."""
+
+    first: str
+    second: str
+    limit_m: float
+
+
+def _pairs() -> tuple[Pair, ...]:
+    folds = [("head", "torso")]
+    touches = [
+        # Cloth lies between thighs, and would be caught between thighs that overlap more deeply.
+        ("left_thigh", "right_thigh"),
+        ("left_hand", "right_hand"),
+        ("left_forearm", "right_forearm"),
+        ("left_shin", "right_shin"),
+        ("left_foot", "right_foot"),
+    ]
+    for side, other in (("left", "right"), ("right", "left")):
+        folds += [
+            (f"{side}_upper_arm", "torso"),
+            (f"{side}_forearm", "torso"),
+            (f"{side}_forearm", f"{side}_upper_arm"),
+            (f"{side}_thigh", "torso"),
+            (f"{side}_shin", f"{side}_thigh"),
+        ]
+        for limb in ("forearm", "hand"):
+            touches.append((f"{side}_{limb}", "head"))
+            touches += [
+                (f"{side}_{limb}", f"{leg}_{segment}")
+                for leg in ("left", "right")
+                for segment in ("thigh", "shin")
+            ]
+            touches.append((f"{side}_{limb}", f"{other}_upper_arm"))
+        touches += [
+            (f"{side}_hand", "torso"),
+            (f"{side}_hand", f"{other}_forearm"),
+            (f"{side}_hand", f"{side}_upper_arm"),
+            (f"{side}_upper_arm", "head"),
+            (f"{side}_shin", f"{other}_thigh"),
+            (f"{side}_foot", f"{other}_shin"),
+            (f"{side}_foot", f"{side}_thigh"),
+            (f"{side}_foot", "torso"),
+            (f"{side}_shin", "torso"),
+        ]
+    return (
+        *(Pair(a, b, FOLD_LIMIT_M) for a, b in folds),
+        *(Pair(a, b, TOUCH_LIMIT_M) for a, b in touches),
+    )
+
+
+PAIRS = _pairs()
+
+
+@dataclass(frozen=True)
+class BodyParts:
+    """What does not change with the pose about a body's mesh and its parts.
+
+    Attributes:
+        faces: (F, 3).
+        part_vertices: ids of each part's vertices.
+        part_edges: (E', 2) edges within each part.
+        part_faces: (F', 3) faces with two or three corners in each part.
+        faces_of: (V, F) sparse, with ones where a face has a vertex.
+        neighbours: (V, V) sparse adjacency with ones on the diagonal.
+        seam: (V, P) bool, vertices within two rings of each part: where parts join, their
+            closeness means nothing.
+    """
+
+    faces: np.ndarray
+    part_vertices: tuple[np.ndarray, ...]
+    part_edges: tuple[np.ndarray, ...]
+    part_faces: tuple[np.ndarray, ...]
+    faces_of: csr_matrix
+    neighbours: csr_matrix
+    seam: np.ndarray
+
+    def around(self, ids: np.ndarray) -> np.ndarray:
+        """Vertices `ids` (n,) and those that share an edge with one of them, sorted."""
+        starts = self.neighbours.indptr[ids]
+        counts = self.neighbours.indptr[ids + 1] - starts
+        # Places of all entries of these rows; slicing the matrix takes several times as long.
+        first = np.cumsum(counts) - counts
+        places = np.arange(counts.sum()) + np.repeat(starts - first, counts)
+        return np.unique(self.neighbours.indices[places])
+
+
+def part_of_joint() -> np.ndarray:
+    """(24,) index into `PART_NAMES` of the part that each joint moves."""
+    owner = {joint: i for i, joints in enumerate(PART_JOINTS.values()) for joint in joints}
+    return np.array([owner[name] for name in JOINT_NAMES])
+
+
+def body_parts(body: BodyModel) -> BodyParts:
+    """Parts and adjacency of a body."""
+    count, faces = len(body.v_template), body.faces
+    part = part_of_joint()[body.segmentation]
+    pairs = edges(faces)
+    ones = np.ones(faces.size, dtype=np.float32)
+    rows = np.arange(len(faces)).repeat(3)
+    around = np.concatenate([pairs, pairs[:, ::-1], np.arange(count)[:, None].repeat(2, 1)])
+    parts = range(len(PART_NAMES))
+    neighbours = csr_matrix(
+        (np.ones(len(around), dtype=np.float32), around.T), shape=(count, count)
+    )
+    member = np.eye(len(PART_NAMES), dtype=np.float32)[part]
+    return BodyParts(
+        faces,
+        tuple(np.flatnonzero(part == p) for p in parts),
+        tuple(pairs[(part[pairs] == p).all(axis=1)] for p in parts),
+        tuple(faces[(part[faces] == p).sum(axis=1) >= 2] for p in parts),
+        csr_matrix((ones, (faces.ravel(), rows)), shape=(count, len(faces))),
+        neighbours,
+        neighbours @ (neighbours @ member) > 0,
+    )
+
+
+_DEVICE = "cpu"
+_NEAR_M = wp.constant(wp.float64(0.06))  # how deep inside a part a vertex is recognised as such
+# About an edge: this close to the surface the nearest vertex may lie aside.
+_SHALLOW_M = wp.constant(wp.float64(0.015))
+_STEEP = wp.constant(wp.float64(0.5))
+
+
+@wp.func
+def _area_vector(points: wp.array(dtype=wp.vec3), face: wp.vec3i):
+    a = points[face[0]]
+    vector = wp.cross(points[face[1]] - a, points[face[2]] - a)
+    return wp.vec3d(wp.float64(vector[0]), wp.float64(vector[1]), wp.float64(vector[2]))
+
+
+@wp.func
+def _way(start: wp.vec3, end: wp.vec3):
+    way = end - start
+    return wp.vec3d(wp.float64(way[0]), wp.float64(way[1]), wp.float64(way[2]))
+
+
+@wp.kernel
+def _mark_inside(
+    points: wp.array(dtype=wp.vec3),
+    before: wp.array(dtype=wp.vec3),
+    faces: wp.array(dtype=wp.vec3i),
+    first_face: wp.array(dtype=int),  # of each vertex, in the list of
+    face_numbers: wp.array(dtype=int),
+    asked: wp.array(dtype=int),
+    question: wp.array(dtype=int),
+    others: wp.array(dtype=int),
+    first_other: wp.array(dtype=int),  # of each question
+    inside: wp.array(dtype=int),
+):
+    i = wp.tid()
+    point = points[asked[i]]
+    nearest = int(-1)  # noqa: RUF046, UP018
+    squared = _NEAR_M * _NEAR_M
+    for k in range(first_other[question[i]], first_other[question[i] + 1]):
+        way = _way(points[others[k]], point)
+        length = wp.dot(way, way)
+        if length < squared:
+            squared = length
+            nearest = others[k]
+    if nearest < 0:
+        inside[i] = 0
+        return
+    normal = wp.vec3d()
+    for k in range(first_face[nearest], first_face[nearest + 1]):
+        normal += _area_vector(before, faces[face_numbers[k]])
+    height = wp.dot(_way(points[nearest], point), wp.normalize(normal))
+    distance = wp.sqrt(squared)
+    # Deep inside, the nearest vertex lies straight above; beside it, only where a part ends.
+    steep = distance < _SHALLOW_M or height < -_STEEP * distance
+    inside[i] = int(height < wp.float64(0.0) and steep)
+
+
+class InsideParts:
+    """Tells which vertices lie behind the nearest ones of other parts.
+
+    Args:
+        parts: the body's parts.
+    """
+
+    def __init__(self, parts: BodyParts) -> None:
+        start_warp()
+        count = parts.faces_of.shape[0]
+        self._points, self._before = (
+            wp.zeros(count, dtype=wp.vec3, device=_DEVICE) for _ in range(2)
+        )
+        faces, first, numbers = (
+            wp.array(np.ascontiguousarray(x, dtype=np.int32), dtype=kind, device=_DEVICE)
+            for x, kind in (
+                (parts.faces, wp.vec3i),
+                (parts.faces_of.indptr, int),
+                (parts.faces_of.indices, int),
+            )
+        )
+        self._body = [self._points, self._before, faces, first, numbers]
+        self._reserve(1)
+
+    def _reserve(self, size: int) -> None:
+        """Make room for as many vertices, others and questions; new arrays take their time."""
+        self._size = size
+        self._asked, self._question, self._others, self._first, self._inside = (
+            wp.zeros(size + 1, dtype=int, device=_DEVICE) for _ in range(5)
+        )
+        self._launch = wp.launch(
+            _mark_inside,
+            dim=1,
+            inputs=[*self._body, self._asked, self._question, self._others, self._first],
+            outputs=[self._inside],
+            device=_DEVICE,
+            record_cmd=True,
+        )
+
+    def __call__(
+        self,
+        vertices: np.ndarray,
+        before: np.ndarray,
+        questions: Sequence[tuple[np.ndarray, np.ndarray]],
+    ) -> list[np.ndarray]:
+        """Those of some vertices that lie behind the nearest of others, for each question.
+
+        Args:
+            vertices: (V, 3) float32, metres.
+            before: (V, 3) float32, whose normals count.
+            questions: ids (n,) of vertices, and ids (m,) of the others.
+        """
+        asked, others = ([q[side] for q in questions] for side in (0, 1))
+        counts = [len(ids) for ids in asked]
+        total = sum(counts)
+        if not total:
+            return asked
+        first = np.cumsum([0, *map(len, others)])
+        needed = max(total, len(questions), int(first[-1]))
+        if needed > self._size:
+            self._reserve(2 * needed)
+        self._points.numpy()[:] = vertices
+        self._before.numpy()[:] = before
+        self._asked.numpy()[:total] = np.concatenate(asked)
+        self._question.numpy()[:total] = np.repeat(np.arange(len(questions)), counts)
+        self._others.numpy()[: first[-1]] = np.concatenate(others)
+        self._first.numpy()[: len(first)] = first
+        self._launch.set_dim(total)
+        self._launch.launch()
+        marked = np.split(self._inside.numpy()[:total] > 0, np.cumsum(counts)[:-1])
+        return [ids[mark] for ids, mark in zip(asked, marked, strict=True)]
+
 
 MARGIN_M = 0.005  # around the box that two parts share
 LINK_M = 0.03  # crossings further apart than this belong to different contacts

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from drapeline.errors import InputError
-from drapeline.setting_schema import expectation, unknown_setting
+from drapeline.settings import expectation, unknown_setting
 
 
 def fill_settings(

@@ -14,8 +14,7 @@ from drapeline.experiment.plan import (
     split_clips,
 )
 from drapeline.experiment.sample_plan import SamplePlan
-from drapeline.motions.frame_counts import FrameCounts
-from drapeline.motions.table import MotionEntry, motion_table
+from drapeline.motions.table import FrameCounts, MotionEntry, motion_table
 
 # In place of a solver's name: garments at rest on bodies at rest, which nothing moves.
 AT_REST = "none"

@@ -14,7 +14,7 @@ from drapeline.dataset.splits import SPLITS
 from drapeline.errors import InputError
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import FPS, GENDERS
-from drapeline.motions.pieces import piece_span
+from drapeline.motions.variation import piece_span
 from drapeline.outfits.garment_types import outfit_types_by_gender
 from drapeline.seeding import rng_for
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from drapeline.motions.pieces import piece_frames
+from drapeline.motions.variation import piece_frames
 from drapeline.outfits.garment_types import GARMENT_TYPES
 
 

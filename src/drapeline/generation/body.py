@@ -2,7 +2,7 @@
 
 from drapeline.bodies.animation import first_free_sequence
 from drapeline.bodies.model import BodyModel
-from drapeline.bodies.sampling import sample_shape
+from drapeline.bodies.rest_body import sample_shape
 from drapeline.bodies.sequence import BodySequence, ClipLabels
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.frames import GENDERS

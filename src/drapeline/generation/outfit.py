@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drapeline.bodies.model import BodyModel
-from drapeline.bodies.sampling import sample_shape
+from drapeline.bodies.rest_body import sample_shape
 from drapeline.bodies.sequence import BodySequence
 from drapeline.experiment.sample_plan import SamplePlan
 from drapeline.generation.settings import OutfitSettings

@@ -3,8 +3,8 @@
 import numpy as np
 import warp as wp
 
-from drapeline.geometry.closest_lanes import find_closest_in_lanes
 from drapeline.geometry.lanes import INDICES, rows_of_neighbours
+from drapeline.geometry.surface_lanes import find_closest_in_lanes
 from drapeline.geometry.warp_mesh import warp_mesh
 
 _DEVICE = "cpu"

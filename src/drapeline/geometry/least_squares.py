@@ -1,6 +1,8 @@
-"""Weighted least squares by Gauss-Newton steps, also of absolute values."""
+"""Weighted least squares by Gauss-Newton steps, also of absolute values, and sparse factors."""
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
 
 _DAMPING = 1e-3
 
@@ -48,3 +50,12 @@ class LeastSquares:
 def absolute_weights(residual: np.ndarray, floor: float) -> np.ndarray:
     """Weights by which squares of residuals stand for their absolute values."""
     return 1 / np.maximum(np.abs(residual), floor)
+
+
+def symmetric_factor(system: sp.sparray | sp.spmatrix) -> SuperLU:
+    """Factor a symmetric, positive definite matrix; solve with the result's `solve`.
+
+    SuperLU's symmetric mode with minimum degree ordering of A^T + A: far less fill-in than its
+    defaults leave in the Laplacians of meshes.
+    """
+    return splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})

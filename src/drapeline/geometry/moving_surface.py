@@ -1,17 +1,158 @@
-"""A body's surface that moves: how far points are from it, and which of them are inside."""
+"""Surfaces that move: how far points are from one, inside or beneath it, and its self-crossings."""
 
 import numpy as np
 import scipy.sparse as sp
 import warp as wp
 from scipy.sparse.csgraph import connected_components
 
-from drapeline.geometry.closest_lanes import find_closest_in_lanes, rows_in_order
 from drapeline.geometry.lanes import INDICES, LANES
-from drapeline.geometry.mesh import face_edges, half_edges
-from drapeline.geometry.ray_lanes import windings_in_lanes
+from drapeline.geometry.mesh import edges, face_edges, half_edges
+from drapeline.geometry.surface_lanes import find_closest_in_lanes, rows_in_order, windings_in_lanes
 from drapeline.geometry.warp_mesh import move_mesh, warp_mesh
 
 _DEVICE = "cpu"
+
+
+@wp.kernel
+def _find_crossing(
+    mesh: wp.uint64,
+    pairs: wp.array(dtype=wp.vec2i),
+    crossing: wp.array(dtype=int),
+):
+    edge = wp.tid()
+    points = wp.mesh_get(mesh).points
+    corners = wp.mesh_get(mesh).indices
+    i = pairs[edge][0]
+    j = pairs[edge][1]
+    p = points[i]
+    way = points[j] - p
+    query = wp.mesh_query_aabb(mesh, wp.min(p, points[j]), wp.max(p, points[j]))
+    face = int(0)  # noqa: RUF046, UP018
+    while wp.mesh_query_aabb_next(query, face):
+        a = corners[3 * face]
+        b = corners[3 * face + 1]
+        c = corners[3 * face + 2]
+        if a != i and b != i and c != i and a != j and b != j and c != j:
+            # Moeller and Trumbore (1997), in double precision: cloth is nearly flat.
+            start = wp.vec3d(p - points[a])
+            along = wp.vec3d(way)
+            one = wp.vec3d(points[b] - points[a])
+            two = wp.vec3d(points[c] - points[a])
+            side = wp.cross(along, two)
+            size = wp.dot(one, side)
+            if wp.abs(size) > wp.float64(1.0e-18):
+                u = wp.dot(start, side) / size
+                other = wp.cross(start, one)
+                v = wp.dot(along, other) / size
+                t = wp.dot(two, other) / size
+                zero = wp.float64(0.0)
+                unit = wp.float64(1.0)
+                if u >= zero and v >= zero and u + v <= unit and t > zero and t < unit:
+                    crossing[edge] = 1
+
+
+class SelfCrossings:
+    """Counts the edges of a moving triangle mesh that pass through its own triangles.
+
+    Args:
+        vertices: (V, 3), in the first shape.
+        triangles: (F, 3).
+    """
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
+        self._mesh = warp_mesh(vertices, triangles)
+        pairs = edges(triangles).astype(np.int32)
+        self._edges = wp.array(pairs, dtype=wp.vec2i, device=_DEVICE)
+        self._crossing = wp.zeros(len(pairs), dtype=int, device=_DEVICE)
+
+    def share(self, vertices: np.ndarray) -> float:
+        """Share of the edges that pass through one of the other triangles at `vertices` (V, 3)."""
+        move_mesh(self._mesh, vertices)
+        self._crossing.zero_()
+        wp.launch(
+            _find_crossing,
+            dim=len(self._edges),
+            inputs=[self._mesh.id, self._edges],
+            outputs=[self._crossing],
+            device=_DEVICE,
+        )
+        return float(self._crossing.numpy().mean())
+
+
+_STRAIGHT = wp.constant(0.5)
+
+
+@wp.kernel
+def _sum_face_normals(mesh: wp.uint64, normals: wp.array(dtype=wp.vec3)):
+    face = wp.tid()
+    points = wp.mesh_get(mesh).points
+    corners = wp.mesh_get(mesh).indices
+    a = points[corners[3 * face]]
+    normal = wp.cross(points[corners[3 * face + 1]] - a, points[corners[3 * face + 2]] - a)
+    for k in range(3):
+        wp.atomic_add(normals, corners[3 * face + k], normal)
+
+
+@wp.kernel
+def _find_beneath(
+    mesh: wp.uint64,
+    normals: wp.array(dtype=wp.vec3),
+    points: wp.array(dtype=wp.vec3),
+    reach: float,
+    beneath: wp.array(dtype=int),
+):
+    index = wp.tid()
+    point = points[index]
+    hit = wp.mesh_query_point_no_sign(mesh, point, reach)
+    if hit.result:
+        away = point - wp.mesh_eval_position(mesh, hit.face, hit.u, hit.v)
+        corners = wp.mesh_get(mesh).indices
+        normal = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(3):
+            normal += wp.normalize(normals[corners[3 * hit.face + k]]) / 3.0
+        # A point that is nearest to the sheet's open edge is past it, not beneath it.
+        if wp.dot(away, normal) < -_STRAIGHT * wp.length(away):
+            beneath[index] = 1
+
+
+class MovingSheet:
+    """An open surface of fixed faces that moves, indexed once.
+
+    Args:
+        vertices: (V, 3) metres, in the first frame.
+        faces: (F, 3) outward.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        self._mesh, self._faces = warp_mesh(vertices, faces), len(faces)
+        self._normals = wp.zeros(len(vertices), dtype=wp.vec3, device=_DEVICE)
+
+    def move(self, vertices: np.ndarray) -> None:
+        """Take another shape: vertices (V, 3) in metres."""
+        move_mesh(self._mesh, vertices)
+
+    def beneath(self, points: np.ndarray, reach_m: float) -> np.ndarray:
+        """Which points (P, 3) are beneath it (P,), and no farther from it than `reach_m`."""
+        self._normals.zero_()
+        wp.launch(
+            _sum_face_normals,
+            dim=self._faces,
+            inputs=[self._mesh.id],
+            outputs=[self._normals],
+            device=_DEVICE,
+        )
+        beneath = wp.zeros(len(points), dtype=int, device=_DEVICE)
+        places = wp.array(points.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
+        wp.launch(
+            _find_beneath,
+            dim=len(points),
+            inputs=[self._mesh.id, self._normals, places, reach_m],
+            outputs=[beneath],
+            device=_DEVICE,
+        )
+        return beneath.numpy() > 0
+
+
 _PAST_M = wp.constant(1.0e-6)
 
 

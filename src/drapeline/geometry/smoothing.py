@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
+from drapeline.geometry.least_squares import symmetric_factor
 from drapeline.geometry.mesh import boundary_edges, edge_graph, edge_lengths, edges
-from drapeline.geometry.sparse import symmetric_factor
 
 # Moves points (P, 3) to where they may be, such as out of a solid.
 Constraint = Callable[[np.ndarray], np.ndarray]

@@ -15,7 +15,7 @@ from drapeline.geometry.mesh import Mesh, triangulate
 from drapeline.learning_data.sequences import SKINNED, GarmentSequence
 from drapeline.learning_data.skinned import load_skinned
 from drapeline.outfits.static import load_static
-from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
+from drapeline.registration.to_template.remesh import RemeshTable, remesh
 
 
 def simulated_sequences(

@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
 from drapeline.bodies.weight_transfer import nearest_weights
 from drapeline.dataset.labels import BODY
 from drapeline.dataset.point_clouds import CloudSampler, cloud_rngs, create_clouds, rig_turn

@@ -6,6 +6,7 @@ its own vertices later.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import (
@@ -13,10 +14,12 @@ from scipy.ndimage import (
     maximum_filter1d,
     minimum_filter1d,
 )
+from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES
-from drapeline.motions.motion import Motion
-from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, reference_joints
+from drapeline.motions.motion import Motion, loop_to
+from drapeline.motions.retarget import rotation_between
+from drapeline.motions.skeleton import REFERENCE_LEG_LENGTH_M, poses_from_globals, reference_joints
 
 CONTACT_HEIGHT_M = 0.03  # a point this near the floor may be standing on it
 CONTACT_SPEED_M_S = 0.4  # a faster point is not
@@ -217,3 +220,201 @@ def _raise_root(motion: Motion, lift: np.ndarray) -> Motion:
 
 def _points(motion: Motion) -> np.ndarray:
     return touch_points(motion.poses, motion.trans, leg_length_m=motion.reference_leg_length_m)
+
+
+MAX_SHIFT_M = 0.10  # a foot is not moved further than this from where it was captured
+_CLEAR_BEND = 0.15  # sine of the flexion from which a knee's own plane is trusted
+_MAX_REACH = 0.999  # of the leg's length; a leg is never pulled straighter than this
+
+
+def lock_feet(motion: Motion) -> Motion:
+    """Remove sliding and floating of resting feet; a cyclic motion stays cyclic.
+
+    Args:
+        motion: a motion on the floor.
+
+    Returns:
+        The motion with other hip, knee and ankle rotations.
+    """
+    if motion.cycle is None:
+        return _lock(motion)
+    count = len(motion)
+    # The middle of three rounds has neighbours on both sides, and its poses fit every round.
+    rounds = _lock(loop_to(motion, 3 * count))
+    middle = rounds.poses[count : 2 * count].reshape(-1, 24, 3)
+    poses = motion.poses.reshape(-1, 24, 3).copy()
+    poses[:, 1:] = middle[:, 1:]  # rotations below the root do not depend on where it is
+    return replace(motion, poses=poses.reshape(-1, 72))
+
+
+def _lock(motion: Motion) -> Motion:
+    if len(motion) < 2 * MIN_REST_FRAMES:
+        return motion
+    joints, rotations = reference_joints(
+        motion.poses, motion.trans, leg_length_m=motion.reference_leg_length_m
+    )
+    resting, travel = sole_rests(motion)
+    points = touch_points(motion.poses, motion.trans, leg_length_m=motion.reference_leg_length_m)
+    for side, (name, soles) in enumerate(zip(("left", "right"), SOLES_BY_SIDE, strict=True)):
+        height = points[:, soles, 2].min(1)
+        shift = _shift(resting[:, side], travel[:, side], height)
+        _bend_leg(joints, rotations, name, shift)
+    return replace(motion, poses=poses_from_globals(rotations))
+
+
+def _shift(resting: np.ndarray, travel: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """(N, 3) displacement that stops a foot while it rests and puts it on the floor."""
+    frames = np.arange(len(resting))
+    if not resting.any():
+        return np.zeros((len(resting), 3))
+    shift = np.zeros((len(resting), 3))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], resting.astype(int), [0]])))
+    for start, end in edges.reshape(-1, 2):
+        drift = np.concatenate([np.zeros((1, 3)), np.cumsum(travel[start : end - 1], axis=0)])
+        shift[start:end] = drift.mean(0) - drift
+    shift[:, 2] = -height
+    known = frames[resting]
+    blend = np.stack([np.interp(frames, known, shift[known, axis]) for axis in range(3)], axis=1)
+    blend = _ease(blend, resting)
+    blend[:, 2] = np.maximum(blend[:, 2], -height)  # a swinging foot is not pushed below the floor
+    length = np.linalg.norm(blend, axis=1, keepdims=True)
+    return blend * np.minimum(1.0, MAX_SHIFT_M / np.maximum(length, 1e-9))
+
+
+def _ease(blend: np.ndarray, resting: np.ndarray) -> np.ndarray:
+    """Replace straight lines between rests by an S-curve, so that feet do not start abruptly."""
+    out = blend.copy()
+    known = np.flatnonzero(resting)
+    for start, end in pairwise(known):
+        if end - start > 1:
+            part = np.arange(end - start + 1) / (end - start)
+            part = (part * part * (3 - 2 * part))[:, None]
+            out[start : end + 1] = blend[start] + part * (blend[end] - blend[start])
+    return out
+
+
+def _bend_leg(joints: np.ndarray, rotations: np.ndarray, side: str, shift: np.ndarray) -> None:
+    """Turn hip and knee so that the ankle moves by `shift`, in place; the foot keeps its turn."""
+    hip, knee, ankle = (JOINT_NAMES.index(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+    for frame in np.flatnonzero(np.abs(shift).max(1) > 1e-7):
+        start, bend, end = joints[frame, [hip, knee, ankle]]
+        thigh, shin = bend - start, end - bend
+        lengths = np.linalg.norm(thigh), np.linalg.norm(shin)
+        target = end + shift[frame] - start
+        longest = max(np.linalg.norm(end - start), _MAX_REACH * sum(lengths))
+        reach = np.clip(np.linalg.norm(target), abs(lengths[0] - lengths[1]) + 1e-4, longest)
+        hinge = _hinge(thigh, shin, rotations[frame, hip, :, 0])
+        flexion = np.arctan2(np.cross(thigh, shin) @ hinge, thigh @ shin)
+        # First the knee's hinge, then swing the bent leg onto the target.
+        turn = _about(hinge, _flexion(*lengths, reach) - flexion)
+        swing = rotation_between(thigh + turn @ shin, target)
+        rotations[frame, hip] = swing @ rotations[frame, hip]
+        rotations[frame, knee] = swing @ turn @ rotations[frame, knee]
+
+
+def _hinge(thigh: np.ndarray, shin: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Axis (3,) about which the knee flexes: of the bend itself, or across a straight thigh.
+
+    A leg that is captured straight, or a little beyond, must not be bent forward.
+    """
+    bend = np.cross(thigh, shin)
+    if bend @ across > _CLEAR_BEND * np.linalg.norm(thigh) * np.linalg.norm(shin):
+        return bend / np.linalg.norm(bend)
+    along = thigh / np.linalg.norm(thigh)
+    hinge = across - along * (across @ along)
+    return hinge / np.linalg.norm(hinge)
+
+
+def _flexion(thigh: float, shin: float, reach: float) -> float:
+    """Flexion of the knee in radians, 0 when straight, for a hip-to-ankle distance."""
+    cosine = (reach**2 - thigh**2 - shin**2) / (2 * thigh * shin)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation (3, 3) about a direction."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+HAND_LENGTH_M = 0.20  # wrist to fingertips of the reference skeleton
+MAX_BEND_RAD = np.radians(85.0)
+_SMOOTH_FRAMES = 2
+# A palm turned a little away from the floor still counts as leaning on it: otherwise an upright
+# forearm would flip between bending the hand back and forth.
+_PALM_SLACK = 0.3
+
+
+def lay_hands(motion: Motion) -> Motion:
+    """Bend wrists where fingertips would be below z = 0; wrists and arms stay where they are."""
+    joints, rotations = reference_joints(
+        motion.poses, motion.trans, leg_length_m=motion.reference_leg_length_m
+    )
+    size = motion.reference_leg_length_m / REFERENCE_LEG_LENGTH_M
+    changed = False
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        wrist, hand = JOINT_NAMES.index(f"{side}_wrist"), JOINT_NAMES.index(f"{side}_hand")
+        along = rotations[:, wrist, :, 0] * sign
+        back = rotations[:, wrist, :, 1]
+        height = (joints[:, wrist, 2] / size - WRIST_RADIUS_M) / HAND_LENGTH_M
+        bend = _needed_bend(along[:, 2], back[:, 2], np.maximum(height, 0.0))
+        if not bend.any():
+            continue
+        changed = True
+        bend = _smooth(bend, cyclic=motion.cycle is not None)
+        turn = Rotation.from_rotvec(np.cross(along, back) * bend[:, None]).as_matrix()
+        rotations[:, wrist] = turn @ rotations[:, wrist]
+        rotations[:, hand] = turn @ rotations[:, hand]
+    return replace(motion, poses=poses_from_globals(rotations)) if changed else motion
+
+
+def _needed_bend(along_z: np.ndarray, back_z: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """(N,) radians towards the back of the hand, negative towards the palm, smallest that helps.
+
+    Args:
+        along_z: vertical part of the direction from wrist to fingertips.
+        back_z: vertical part of the direction out of the back of the hand.
+        height: of the wrist above the floor in hand lengths, at least 0.
+    """
+    # Bent by b, the hand's slope is cos(b) along_z + sin(b) back_z = reach cos(b - steepest).
+    reach = np.maximum(np.hypot(along_z, back_z), 1e-9)
+    steepest = np.arctan2(back_z, along_z)
+    leaning = back_z > -_PALM_SLACK * np.abs(along_z)
+    steepest = np.where(leaning & (steepest < 0), steepest + 2 * np.pi, steepest)
+    limit = np.arccos(np.clip(-height / reach, -1.0, 1.0))
+    bend = np.where(leaning, steepest - limit, steepest + limit)
+    return np.where(along_z < -height, np.clip(bend, -MAX_BEND_RAD, MAX_BEND_RAD), 0.0)
+
+
+def _smooth(bend: np.ndarray, *, cyclic: bool) -> np.ndarray:
+    """Ease in and out around the frames that need a bend, never less than they need."""
+    mode = "wrap" if cyclic else "nearest"
+    width = 4 * _SMOOTH_FRAMES + 1
+
+    def widen(part: np.ndarray) -> np.ndarray:
+        return gaussian_filter1d(
+            maximum_filter1d(part, width, mode=mode), _SMOOTH_FRAMES, mode=mode
+        )
+
+    return widen(np.maximum(bend, 0.0)) - widen(np.maximum(-bend, 0.0))
+
+
+def set_on_floor(motion: Motion, *, feet: bool = True, hands: bool = True) -> Motion:
+    """Bring a motion to the floor z = 0 of the reference skeleton.
+
+    The root is raised or lowered so that supports rest on the floor, then legs are bent so that
+    resting feet neither slide nor float, wrists so that hands lie on the floor, and what is
+    still below it (knees, elbows) is lifted out. A cyclic motion stays cyclic.
+
+    Args:
+        motion: a motion on any floor.
+        feet: whether legs may be bent.
+        hands: whether wrists may be bent.
+    """
+    motion = rest_supports(motion)
+    if feet:
+        motion = lock_feet(motion)
+    if hands:
+        motion = lay_hands(motion)
+    return lift_out(motion)

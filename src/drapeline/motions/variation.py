@@ -1,5 +1,6 @@
 """Pieces of a motion at another speed, and their mirror images."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,17 @@ import numpy as np
 from drapeline.bodies.kinematics import mirror_poses
 from drapeline.frames import FPS
 from drapeline.motions.motion import Motion, interpolate
-from drapeline.motions.pieces import piece_frames
+
+
+def piece_frames(span: int, speed: float) -> int:
+    """Frames that a piece of `span` frames of a clip takes at a speed, both ends included."""
+    # Rounding must not lose the last frame of a span that a whole number of steps fills.
+    return int((span - 1) / speed + 1e-6) + 1
+
+
+def piece_span(frames: int, speed: float) -> int:
+    """Frames of a clip that a piece of so many frames needs at a speed."""
+    return math.ceil((frames - 1) * speed - 1e-6) + 1
 
 
 def cut_piece(

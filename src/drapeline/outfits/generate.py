@@ -20,14 +20,19 @@ from drapeline.outfits.distributions import (
 )
 from drapeline.outfits.dress_form import DressForm
 from drapeline.outfits.fabrics import fabric_names
-from drapeline.outfits.fit import RESIZE_EDGE_M, RESIZE_PASSES, lay_over, leave_body, resize
+from drapeline.outfits.fit import (
+    RESIZE_EDGE_M,
+    RESIZE_PASSES,
+    drape_on_form,
+    lay_over,
+    leave_body,
+    resize,
+)
 from drapeline.outfits.garment_types import GARMENT_TYPES
 from drapeline.outfits.outfit import Garment, Outfit
 from drapeline.outfits.patterns.cutting import cut_garment
-from drapeline.outfits.patterns.panels import Pattern
-from drapeline.outfits.patterns.separation import separator
+from drapeline.outfits.patterns.panels import Pattern, separator
 from drapeline.outfits.settings import OwnGarment
-from drapeline.outfits.settling import drape_on_form
 from drapeline.outfits.templates import Templates
 from drapeline.outfits.user_garment import load_user_garment, rims
 from drapeline.seeding import rng_for

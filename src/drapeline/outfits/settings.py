@@ -1,7 +1,9 @@
 """Garments of a user's own in place of templates."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
+from drapeline.frames import GENDERS
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.settings import EachOnce, Field, OneOf, Settings
 
@@ -43,3 +45,21 @@ class OwnGarmentFiles(_Worn):
     male: _Path | None = Field(
         None, description="The OBJ file for men, modelled on the male rest body."
     )
+
+
+def own_garments(settings: Mapping[str, str | Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Gender -> garment type -> arguments of `OwnGarment`.
+
+    Args:
+        settings: garment type -> a path; or a mapping with `file` for both genders, `female` or
+            `male`, and the other arguments. A gender without a file wears generated garments.
+    """
+    found: dict[str, dict[str, Any]] = {gender: {} for gender in GENDERS}
+    for name, value in settings.items():
+        one = {"file": value} if isinstance(value, str) else dict(value)
+        files = {gender: one.pop(gender, None) for gender in GENDERS}
+        both = one.pop("file", None)
+        for gender in GENDERS:
+            if path := files[gender] or both:
+                found[gender][name] = {"path": path, **one}
+    return found

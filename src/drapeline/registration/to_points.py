@@ -5,16 +5,55 @@ smoothly, so the edge lengths of the garment at rest and all frames together giv
 equations for the vertices, which is linear and the same in every round.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
 from drapeline.geometry.closest import closest_points
-from drapeline.geometry.mesh import barycentric
-from drapeline.geometry.sparse import symmetric_factor
+from drapeline.geometry.least_squares import symmetric_factor
+from drapeline.geometry.mesh import barycentric, edges
 from drapeline.registration.settings import RefineSettings
-from drapeline.registration.springs import spring_lengths, springs
-from drapeline.registration.worn_garments import WornGarmentStatistics
+
+
+class WornGarmentStatistics(NamedTuple):
+    """How worn garments of a type differ from their skinned proposals.
+
+    Attributes:
+        shares: (K,) lengths of `springs` when worn, over those in the canonical
+            garment.
+        error_m: (N,) root mean square error of the proposals, metres.
+        follow: (N,) share of the proposals' accelerations that the garments follow, 0 to 1.
+    """
+
+    shares: np.ndarray
+    error_m: np.ndarray
+    follow: np.ndarray
+
+
+def springs(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertex pairs (K, 2): all edges, then corners that face one another; (K,) bool the latter."""
+    along, across = edges(faces), pairs_across(faces)
+    return np.concatenate([along, across]), np.arange(len(along) + len(across)) >= len(along)
+
+
+def spring_lengths(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(..., K) distances of pairs (K, 2) of vertices (..., N, 3)."""
+    away = vertices[..., pairs[:, 0], :] - vertices[..., pairs[:, 1], :]
+    return np.linalg.norm(away, axis=-1)
+
+
+def pairs_across(faces: np.ndarray) -> np.ndarray:
+    """(K, 2) corners that face one another across an inner edge."""
+    half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    apex = np.roll(faces, 1, axis=1).ravel()
+    half = np.sort(half, axis=1)
+    order = np.lexsort((half[:, 1], half[:, 0]))
+    half, apex = half[order], apex[order]
+    twin = (half[1:] == half[:-1]).all(axis=1)
+    return np.stack([apex[:-1][twin], apex[1:][twin]], axis=1)
+
 
 _APART_M = 4.0  # between frames that are laid out side by side for one search
 _ROW = 16  # frames per row of that layout

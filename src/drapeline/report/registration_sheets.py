@@ -16,8 +16,7 @@ from drapeline.outfits.garment_types import first_of_each
 from drapeline.outfits.outfit import Garment
 from drapeline.outfits.static import StaticOutfit
 from drapeline.registration.to_body.hierarchy import Hierarchy
-from drapeline.registration.to_body.registrar import Registrar, Registration
-from drapeline.registration.to_body.round_trip import surface_distance
+from drapeline.registration.to_body.registrar import Registrar, Registration, surface_distance
 from drapeline.registration.to_body.segments import vertex_areas
 from drapeline.registration.to_body.topology import TOPOLOGIES, Topology, skirt_body
 from drapeline.rendering.camera import Camera, look_at

@@ -7,10 +7,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from drapeline.frames import FPS
-from drapeline.geometry.crossings import SelfCrossings
-from drapeline.geometry.layers import MovingSheet
 from drapeline.geometry.mesh import edges, triangulate
-from drapeline.geometry.moving_surface import MovingSurface
+from drapeline.geometry.moving_surface import MovingSheet, MovingSurface, SelfCrossings
 from drapeline.outfits.outfit import Garment
 from drapeline.simulation.attachments import Carrier
 from drapeline.simulation.settings import HealthBounds

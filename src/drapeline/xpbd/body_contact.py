@@ -11,8 +11,8 @@ import warp as wp
 
 from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
-from drapeline.xpbd.body_lanes import look_in_lanes, search_in_lanes
 from drapeline.xpbd.contact import ROUNDED, SHARE_OF_ROOM, pushed_out
+from drapeline.xpbd.lanes import look_in_lanes, search_in_lanes
 from drapeline.xpbd.limbs import hand_numbers, home_limbs, split_limbs
 
 wp.set_module_options({"enable_backward": False})

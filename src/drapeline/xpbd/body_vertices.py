@@ -10,16 +10,15 @@ import warp as wp
 from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.contact import ROUNDED, held_slip
-from drapeline.xpbd.cover_lanes import ASIDE, FACING, SLOTS, SMALLEST_M4, find_covers_in_lanes
+from drapeline.xpbd.contact import ROUNDED, Moves, held_slip, move
+from drapeline.xpbd.lanes import COVER_ASIDE, FACING, SLOTS, SMALLEST_M4, find_covers_in_lanes
 from drapeline.xpbd.limbs import hand_numbers
-from drapeline.xpbd.moves import Moves, move
 
 wp.set_module_options({"enable_backward": False})
 
 _MOST = wp.constant(SLOTS)
 _FACING = wp.constant(FACING)
-_ASIDE = wp.constant(ASIDE)
+_ASIDE = wp.constant(COVER_ASIDE)
 _SMALLEST_M4 = wp.constant(SMALLEST_M4)
 
 

@@ -10,9 +10,8 @@ from drapeline.geometry.lanes import (
     make_patches,
     repeat_first,
 )
-from drapeline.xpbd.cloth_lanes import ASIDE, SMALLEST_M4, find_near_in_lanes
-from drapeline.xpbd.contact import held_slip, narrowed
-from drapeline.xpbd.moves import Moves, move
+from drapeline.xpbd.contact import Moves, held_slip, move, narrowed
+from drapeline.xpbd.lanes import ASIDE, SMALLEST_M4, find_near_in_lanes
 
 wp.set_module_options({"enable_backward": False})
 

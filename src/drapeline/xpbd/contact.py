@@ -1,4 +1,7 @@
-"""What all contacts share: how old depth is taken away, and Coulomb's friction."""
+"""What all contacts share: how old depth is taken away, friction, the floor, and moves of vertices.
+
+Contacts move vertices one after the other on a processor, all at once on a GPU.
+"""
 
 import warp as wp
 
@@ -62,3 +65,119 @@ def narrowed(gap: float, room: wp.vec2):
         room: from the body to itself, at both ends of the frame.
     """
     return wp.min(gap, SHARE_OF_ROOM * wp.min(room[0], room[1]))
+
+
+@wp.kernel
+def touch_floor(
+    height: wp.array(dtype=wp.vec2),  # at both ends of the frame
+    clock: wp.array(dtype=float),
+    carry: wp.array(dtype=wp.vec3),
+    gap: float,
+    release: float,
+    stick: float,
+    friction: wp.array(dtype=float),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+):
+    """Keep vertices above the floor."""
+    i = wp.tid()
+    rise = height[0][1] - height[0][0]
+    start = height[0][0] + rise * clock[0] + gap
+    end = height[0][0] + rise * clock[1] + gap
+    p = place[i]
+    o = before[i]
+    depth = end - p[2]
+    if depth > 0.0:
+        old = wp.clamp(start + carry[0][2] - o[2], 0.0, depth)
+        way = wp.vec3(0.0, 0.0, end - start) - carry[0]
+        up = wp.vec3(0.0, 0.0, 1.0)
+        out, then = pushed_out(p, o, way, up, depth, old, release, friction[0], stick)
+        place[i] = out
+        before[i] = then
+
+
+# Whole numbers add up to the same whatever their order, and with them two runs to the same bytes.
+_PER_M = wp.constant(float(2**40))
+_PER_WEIGHT = wp.constant(float(2**16))
+
+
+@wp.struct
+class Moves:
+    """What contacts that act at once add up to; without vertices where they act in turn.
+
+    Attributes:
+        place, before: (V, 3) of the ways of each vertex, and of the place that it came from.
+        weight: (V,) of the shares that vertices have in contacts.
+    """
+
+    place: wp.array2d(dtype=wp.int64)
+    before: wp.array2d(dtype=wp.int64)
+    weight: wp.array(dtype=int)
+
+
+def make_moves(count: int) -> Moves:
+    """No moves of so many vertices; of none for contacts that act in turn."""
+    moves = Moves()
+    moves.place, moves.before = (wp.zeros((count, 3), dtype=wp.int64) for _ in range(2))
+    moves.weight = wp.zeros(count, dtype=int)
+    return moves
+
+
+@wp.func
+def _add(sums: wp.array2d(dtype=wp.int64), i: int, way: wp.vec3):
+    for axis in range(3):
+        wp.atomic_add(sums, i, axis, wp.int64(way[axis] * _PER_M))
+
+
+@wp.func
+def move(
+    moves: Moves,
+    place: wp.array(dtype=wp.vec3),
+    before: wp.array(dtype=wp.vec3),
+    i: int,
+    weight: float,
+    start: wp.vec3,
+    way: wp.vec3,
+    lift: wp.vec3,
+):
+    """Move a vertex, and the place that it came from, for a contact.
+
+    Args:
+        moves: where to add it up, if that is to be.
+        i: the vertex, which is at `start` now.
+        weight: its share in its side of the contact, 1 for a vertex that touches a triangle.
+        way, lift: of the vertex, and of the place that it came from.
+    """
+    if moves.weight.shape[0] == 0:
+        place[i] = start + way
+        before[i] = before[i] + lift
+    else:
+        _add(moves.place, i, way)
+        _add(moves.before, i, lift)
+        wp.atomic_add(moves.weight, i, int(wp.abs(weight) * _PER_WEIGHT))
+
+
+@wp.kernel
+def make_all_moves(moves: Moves, before: wp.array(dtype=wp.vec3), place: wp.array(dtype=wp.vec3)):
+    """Make the moves that were added up, and forget them.
+
+    All of them would take a vertex too far that several contacts push at once, and their mean, as
+    usual, not far enough for folds that touch: twice as many edges crossed. So the sum is divided
+    by the root of the shares in them, which leaves as few crossings as contacts in turn; what a
+    contact takes from one side it then does not quite give to the other.
+    """
+    i = wp.tid()
+    weight = moves.weight[i]
+    if weight == 0:
+        return
+    share = 1.0 / (wp.sqrt(wp.max(1.0, float(weight) / _PER_WEIGHT)) * _PER_M)
+    way = wp.vec3()
+    lift = wp.vec3()
+    for axis in range(3):
+        way[axis] = float(moves.place[i, axis]) * share
+        lift[axis] = float(moves.before[i, axis]) * share
+        moves.place[i, axis] = wp.int64(0)
+        moves.before[i, axis] = wp.int64(0)
+    moves.weight[i] = 0
+    place[i] = place[i] + way
+    before[i] = before[i] + lift

@@ -10,9 +10,8 @@ import warp as wp
 
 from drapeline.errors import InputError
 from drapeline.geometry.warp_mesh import start_warp
-from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
-from drapeline.simulation.solver import ClothGarment, ClothSolver
+from drapeline.simulation.solver import Attempt, ClothGarment, ClothSolver
 from drapeline.xpbd.stepping import MovingCloth, Numbers
 
 

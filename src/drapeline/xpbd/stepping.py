@@ -1,4 +1,8 @@
-"""From frame to frame in small steps."""
+"""Cloth from frame to frame in small steps, and the kernels that move particles in one.
+
+Between prediction and contact a particle's place and its inverse mass stand in one vector of four,
+which a processor reads and writes at once.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,15 +12,20 @@ import warp as wp
 
 from drapeline.frames import FPS
 from drapeline.geometry.lanes import INDICES, LANES, NUMBERS, lay_in_lanes
-from drapeline.simulation.attempts import Attempt
 from drapeline.simulation.collider import MovingBody
-from drapeline.simulation.solver import ClothGarment
+from drapeline.simulation.solver import Attempt, ClothGarment
 from drapeline.xpbd.body_contact import BodySurface, touch_body
 from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles, touch_cloth
-from drapeline.xpbd.crossings import Crossings, opposite_vertices, untangle
-from drapeline.xpbd.edge_contact import NearEdges, edges_of_triangles, touch_edges
-from drapeline.xpbd.elastic_lanes import pull_springs_in_lanes, turn_hinges_in_lanes
+from drapeline.xpbd.contact import make_all_moves, make_moves, touch_floor
+from drapeline.xpbd.edge_contact import (
+    Crossings,
+    NearEdges,
+    edges_of_triangles,
+    opposite_vertices,
+    touch_edges,
+    untangle,
+)
 from drapeline.xpbd.elasticity import (
     hinge_numbers,
     measure_strain,
@@ -24,11 +33,151 @@ from drapeline.xpbd.elasticity import (
     spring_numbers,
     turn_hinges,
 )
-from drapeline.xpbd.floor_contact import touch_floor
-from drapeline.xpbd.launches import BusyLaunch, Replay, record
-from drapeline.xpbd.motion import add_speed, hold, predict, take_places, take_speed, tick
-from drapeline.xpbd.moves import make_all_moves, make_moves
+from drapeline.xpbd.lanes import pull_springs_in_lanes, turn_hinges_in_lanes
 from drapeline.xpbd.system import join_garments
+
+wp.set_module_options({"enable_backward": False})
+
+
+def record(kernel: wp.Kernel, count: int, inputs: list, outputs: list) -> wp.Launch | None:
+    """A launch to repeat; nothing if `count`, the number of its threads, is 0."""
+    return wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, record_cmd=True)
+
+
+class Replay:
+    """Launches that are always the same, recorded when they are first called for, to be replayed.
+
+    One by one, each would take Python several microseconds.
+
+    Args:
+        parts: make the launches, in order.
+    """
+
+    def __init__(self, parts: Sequence[Callable[[], None]]) -> None:
+        self._parts = parts
+        self._graph: wp.Graph | None = None
+
+    def __call__(self) -> None:
+        """Make all launches."""
+        if self._graph is None:
+            with wp.ScopedCapture() as capture:
+                for part in self._parts:
+                    part()
+            self._graph = capture.graph
+        wp.capture_launch(self._graph)
+
+
+class BusyLaunch:
+    """A launch to repeat for those vertices or edges that are near to something, and no others.
+
+    On a GPU, which would wait for their numbers, it is one for all, of which most end at once.
+
+    Args:
+        kernel: takes their numbers and `count` before its `inputs`.
+        count: (N,) how much each of all of them is near to.
+        inputs, outputs: of the kernel.
+    """
+
+    def __init__(self, kernel: wp.Kernel, count: wp.array, inputs: list, outputs: list) -> None:
+        self._count = count
+        self._numbers = wp.array(np.arange(len(count), dtype=np.int32), dtype=int)
+        self._launch = record(kernel, 1, [self._numbers, count, *inputs], outputs)
+        self._launch.set_dim(0)
+
+    def find(self) -> None:
+        """Find them again, after `count` has changed."""
+        if self._count.device.is_cuda:
+            self._launch.set_dim(len(self._count))
+            return
+        busy = np.flatnonzero(self._count.numpy())
+        self._numbers.numpy()[: len(busy)] = busy
+        self._launch.set_dim(len(busy))
+
+    def launch(self) -> None:
+        """Launch the kernel for those that were found."""
+        self._launch.launch()
+
+
+_GRAVITY = wp.constant(wp.vec3(0.0, 0.0, -9.81))
+
+
+@wp.kernel
+def tick(steps: int, ticks: wp.array(dtype=int), clock: wp.array(dtype=float)):
+    """Let the clock show when the next of a frame's small steps begins and ends, from 0 to 1."""
+    step = ticks[0]
+    clock[0] = float(step) / float(steps)
+    clock[1] = float(step + 1) / float(steps)
+    ticks[0] = (step + 1) % steps
+
+
+@wp.kernel
+def predict(
+    keep: wp.array(dtype=float),  # share of the speed that the air leaves
+    carry: wp.array(dtype=wp.vec3),
+    step_s: float,
+    speed: wp.array(dtype=wp.vec3),
+    way: wp.array(dtype=wp.vec3),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    weighed: wp.array(dtype=wp.vec4),
+):
+    """Where particles go by their speed, gravity and the air alone."""
+    i = wp.tid()
+    start = place[i] + carry[0]
+    free = (speed[i] + _GRAVITY * step_s) * keep[i]
+    end = start + free * step_s
+    speed[i] = free
+    way[i] = end - start  # as it was rounded
+    before[i] = start
+    weighed[i] = wp.vec4(end[0], end[1], end[2], weighed[i][3])
+
+
+@wp.kernel
+def hold(
+    vertices: wp.array(dtype=int),
+    pull: wp.array(dtype=float),
+    start: wp.array(dtype=wp.vec3),
+    end: wp.array(dtype=wp.vec3),
+    clock: wp.array(dtype=float),
+    weighed: wp.array(dtype=wp.vec4),
+):
+    """Pull held vertices to where they are held, which moves between two frames."""
+    i = wp.tid()
+    target = start[i] + (end[i] - start[i]) * clock[1]
+    vertex = weighed[vertices[i]]
+    goal = wp.vec4(target[0], target[1], target[2], vertex[3])
+    weighed[vertices[i]] = vertex + (goal - vertex) * pull[i]
+
+
+@wp.kernel
+def take_places(weighed: wp.array(dtype=wp.vec4), place: wp.array(dtype=wp.vec3)):
+    """Where the cloth's own forces have left particles."""
+    i = wp.tid()
+    place[i] = wp.vec3(weighed[i][0], weighed[i][1], weighed[i][2])
+
+
+@wp.kernel
+def take_speed(
+    way: wp.array(dtype=wp.vec3),
+    before: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    step_s: float,
+    speed: wp.array(dtype=wp.vec3),
+):
+    """Add to the predicted speed what the way of a step became longer than predicted.
+
+    The whole way over the step's time would be the same but for rounding: what gravity adds to a
+    way in so short a step is a few units in the last place of the position.
+    """
+    i = wp.tid()
+    speed[i] = speed[i] + (place[i] - before[i] - way[i]) / step_s
+
+
+@wp.kernel
+def add_speed(more: wp.vec3, speed: wp.array(dtype=wp.vec3)):
+    """Add to the speed of all particles."""
+    i = wp.tid()
+    speed[i] = speed[i] + more
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,147 @@ import pytest
 from trimesh.creation import icosphere
 
 from drapeline.bodies import self_collision
-from drapeline.bodies.inside_parts import InsideParts
 from drapeline.bodies.model import posed_vertices
-from drapeline.bodies.parts import PAIRS, PART_NAMES, body_parts
-from drapeline.bodies.self_collision import segment_triangle_crossings, solve_self_collisions
+from drapeline.bodies.self_collision import (
+    PAIRS,
+    PART_JOINTS,
+    PART_NAMES,
+    InsideParts,
+    body_parts,
+    part_of_joint,
+    segment_triangle_crossings,
+    solve_self_collisions,
+)
 from drapeline.frames import JOINT_NAMES, REST_POSE
+from drapeline.geometry.mesh import vertex_normals
+
+
+@pytest.fixture(scope="module")
+def parts(toy_body):
+    return body_parts(toy_body)
+
+
+def test_every_joint_moves_one_part():
+    joints = [joint for names in PART_JOINTS.values() for joint in names]
+    assert sorted(joints) == sorted(JOINT_NAMES)
+    assert PART_NAMES[part_of_joint()[JOINT_NAMES.index("left_elbow")]] == "left_forearm"
+
+
+def test_pairs_are_unique_and_the_same_on_both_sides():
+    pairs = {frozenset((pair.first, pair.second)) for pair in PAIRS}
+    assert len(pairs) == len(PAIRS)
+    assert all(len(pair) == 2 for pair in pairs)
+
+    def mirror(name):
+        return name.replace("left", "*").replace("right", "left").replace("*", "right")
+
+    limits = {frozenset((pair.first, pair.second)): pair.limit_m for pair in PAIRS}
+    for pair, limit in limits.items():
+        assert limits[frozenset(map(mirror, pair))] == limit
+
+
+def test_parts_divide_the_vertices(parts, toy_body):
+    ids = np.concatenate(parts.part_vertices)
+    assert sorted(ids) == list(range(len(toy_body.v_template)))
+    for own, edges in zip(parts.part_vertices, parts.part_edges, strict=True):
+        assert np.isin(edges, own).all()
+
+
+def test_every_vertex_knows_its_faces(parts, toy_body):
+    for vertex in (7, 3, 200, 41):
+        expected = np.flatnonzero((toy_body.faces == vertex).any(axis=1))
+        np.testing.assert_array_equal(np.sort(parts.faces_of[vertex].indices), expected)
+
+
+def test_what_is_around_vertices_shares_an_edge_with_one_of_them(parts):
+    ids = np.array([12, 100])
+    expected = np.flatnonzero(parts.neighbours[ids].toarray().any(axis=0))
+    np.testing.assert_array_equal(parts.around(ids), expected)
+    assert len(expected) > 8
+
+
+def test_seams_reach_two_rings_into_the_neighbours(parts, toy_body):
+    torso = PART_NAMES.index("torso")
+    within = parts.seam[:, torso]
+    assert within[parts.part_vertices[torso]].all()
+    beyond = np.setdiff1d(np.flatnonzero(within), parts.part_vertices[torso])
+    assert len(beyond)
+    reach = np.zeros(len(toy_body.v_template))
+    reach[parts.part_vertices[torso]] = 1
+    assert (parts.neighbours @ (parts.neighbours @ reach))[beyond].all()
+
+
+TORSO, LEFT, RIGHT = (
+    PART_NAMES.index(name) for name in ("torso", "left_upper_arm", "right_upper_arm")
+)
+
+
+def arms_at(body, angle_rad):
+    pose = REST_POSE.copy()
+    pose[3 * JOINT_NAMES.index("left_shoulder") + 2] = -angle_rad
+    pose[3 * JOINT_NAMES.index("right_shoulder") + 2] = angle_rad
+    vertices = posed_vertices(body, np.zeros(10), pose[None])[0][0]
+    # The toy is symmetric: without this, many vertices would be equally near.
+    return vertices + np.random.default_rng(0).normal(0, 2e-4, vertices.shape).astype(np.float32)
+
+
+def behind(vertices, before, faces, ids, others):
+    """The rule, one by one: ids of vertices inside, and of those that rounding decides."""
+    inside, unsure = [], []
+    if not len(others):
+        return inside, unsure
+    normals = vertex_normals(before.astype(float), faces)
+    for vertex in ids:
+        ways = vertices[vertex].astype(float) - vertices[others]
+        distance = np.linalg.norm(ways, axis=1)
+        k = distance.argmin()
+        away, height = distance[k], ways[k] @ normals[others[k]]
+        steep = away < 0.015 or height < -0.5 * away
+        if away < 0.06 and height < 0 and steep:
+            inside.append(vertex)
+        second = np.partition(distance, 1)[1]
+        close = [away - 0.06, height, away - 0.015, height + 0.5 * away, second - away]
+        if np.abs(close).min() < 1e-5:
+            unsure.append(vertex)
+    return inside, unsure
+
+
+@pytest.mark.parametrize("angle_rad", [1.4, 1.5, 1.7])
+def test_a_slow_twin_agrees(toy_body, parts, angle_rad):
+    before = arms_at(toy_body, 0.9 * angle_rad)
+    vertices = arms_at(toy_body, angle_rad)
+    torso, left, right = (parts.part_vertices[part] for part in (TORSO, LEFT, RIGHT))
+    questions = [(left, torso), (torso, left), (right[:0], torso), (right, torso), (torso, right)]
+    found = InsideParts(parts)(vertices, before, questions)
+    for (ids, others), inside in zip(questions, found, strict=True):
+        expected, unsure = behind(vertices, before, parts.faces, ids, others)
+        assert len(unsure) < 0.1 * len(ids) + 1
+        np.testing.assert_array_equal(np.setdiff1d(inside, unsure), np.setdiff1d(expected, unsure))
+    assert sum(map(len, found)) > 10
+
+
+def test_answers_do_not_depend_on_what_was_asked_before(toy_body, parts):
+    vertices = arms_at(toy_body, 1.5)
+    torso, left, right = (parts.part_vertices[part] for part in (TORSO, LEFT, RIGHT))
+    many = [(left, torso), (right, torso), (torso, left), (torso, right)] * 3
+    find_inside = InsideParts(parts)
+    few = find_inside(vertices, vertices, many[:1])
+    all_of_them = find_inside(vertices, vertices, many)
+    again = find_inside(vertices, vertices, many[:1])
+    assert len(few[0])
+    np.testing.assert_array_equal(few[0], all_of_them[0])
+    np.testing.assert_array_equal(few[0], again[0])
+
+
+def test_nothing_is_inside_nothing(toy_body, parts):
+    vertices = arms_at(toy_body, 1.5)
+    torso = parts.part_vertices[TORSO]
+    find_inside = InsideParts(parts)
+    assert find_inside(vertices, vertices, []) == []
+    for question in ((torso[:0], torso), (torso, torso[:0]), (torso[:0], torso[:0])):
+        (found,) = find_inside(vertices, vertices, [question])
+        assert not len(found)
+
 
 GAP_M = 0.004
 
@@ -48,11 +184,6 @@ def collisions(solution, frame):
         (PAIRS[i].first, PAIRS[i].second): solution.depth_m[frame, i]
         for i in np.flatnonzero(solution.depth_m[frame])
     }
-
-
-@pytest.fixture(scope="module")
-def parts(toy_body):
-    return body_parts(toy_body)
 
 
 def solve(body, parts, *poses, **options):

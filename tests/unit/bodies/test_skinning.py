@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from drapeline.bodies.model import posed_vertices, shape_body
-from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import (
+from drapeline.bodies.kinematics import (
     pose_feature,
     skin_body,
     skin_planes,
     skin_points,
     unskin_points,
 )
+from drapeline.bodies.model import posed_vertices, shape_body
+from drapeline.bodies.rest_body import rest_body, rest_to_pose
 from drapeline.frames import REST_POSE
 
 SHAPE = np.linspace(-1, 1, 10)

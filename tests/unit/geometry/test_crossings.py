@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.geometry.crossings import SelfCrossings
 from drapeline.geometry.mesh import edges
+from drapeline.geometry.moving_surface import SelfCrossings
 
 
 def slow_crossings(vertices, triangles):

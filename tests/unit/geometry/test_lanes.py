@@ -11,7 +11,7 @@ from drapeline.geometry.lanes import (
 from drapeline.geometry.mesh import edges
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
-from drapeline.xpbd.colouring import colour_constraints
+from drapeline.xpbd.system import colour_constraints
 from toys.sheets import sheet
 
 

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from drapeline.geometry.layers import MovingSheet
 from drapeline.geometry.mesh import vertex_normals
+from drapeline.geometry.moving_surface import MovingSheet
 from drapeline.seeding import rng_for
 
 REACH_M = 0.03

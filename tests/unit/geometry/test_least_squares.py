@@ -1,7 +1,11 @@
+"""Factors of symmetric systems."""
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
-from drapeline.geometry.least_squares import LeastSquares, absolute_weights
+from drapeline.geometry.least_squares import LeastSquares, absolute_weights, symmetric_factor
+from drapeline.geometry.mesh import edge_graph
 
 RNG = np.random.default_rng(0)
 SLOPES, VALUES = RNG.normal(size=(40, 5)), RNG.normal(size=40)
@@ -43,3 +47,17 @@ def test_weighted_squares_settle_at_the_median():
         equations.add(np.ones((5, 1)), residual, absolute_weights(residual, 1e-6))
         at += equations.step(0.0)[0]
     assert at == pytest.approx(2, abs=1e-3)
+
+
+def test_a_factor_solves_as_a_dense_solver_does():
+    ring = np.column_stack([np.arange(50), (np.arange(50) + 1) % 50])
+    graph = edge_graph(np.sort(ring, axis=1), 50)
+    system = sp.diags(np.linspace(2.5, 4, 50)) - graph
+    wanted = np.random.default_rng(0).normal(size=(50, 3))
+    found = symmetric_factor(system).solve(wanted)
+    np.testing.assert_allclose(found, np.linalg.solve(system.toarray(), wanted), atol=1e-12)
+
+
+def test_a_singular_system_is_refused():
+    with pytest.raises(RuntimeError, match="singular"):
+        symmetric_factor(sp.csr_matrix((3, 3)))

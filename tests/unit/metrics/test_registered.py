@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
 from drapeline.metrics.baselines import static_baseline_summary
 from drapeline.metrics.registered import (
     Truth,

@@ -8,11 +8,120 @@ from scipy.spatial.transform import Rotation
 
 from drapeline.errors import InputError
 from drapeline.frames import JOINT_NAMES, PARENTS
-from drapeline.motions.clips import CLIPS, INSIDE_WHEEL, write_clips
+from drapeline.motions.clips import (
+    CLIPS,
+    INSIDE_WHEEL,
+    read_deepmimic,
+    steady_upper_arms,
+    write_clips,
+)
 from drapeline.motions.floor import floor_report
 from drapeline.motions.importing import frame_count, import_motion
+from drapeline.motions.joint_map import BUILT_IN, load_joint_map
 from drapeline.motions.motion import load_motion
+from drapeline.motions.retarget import retarget
+from drapeline.motions.skeleton import reference_joints
 from toys.motion_files import deepmimic_frame, write_deepmimic
+
+
+def joints_of(path):
+    take, _ = read_deepmimic(path)
+    poses, trans = retarget(take, load_joint_map(BUILT_IN / "deepmimic.yaml"))
+    joints, _ = reference_joints(poses, trans)
+    return {name: joints[0, index] for index, name in enumerate(JOINT_NAMES)}
+
+
+def direction(place, start, end):
+    vector = place[end] - place[start]
+    return vector / np.linalg.norm(vector)
+
+
+def test_zero_angles_stand_with_hanging_arms(tmp_path):
+    place = joints_of(write_deepmimic(tmp_path / "a.txt", [deepmimic_frame(), deepmimic_frame()]))
+    for side in ("left", "right"):
+        for start, end in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee")):
+            found = direction(place, f"{side}_{start}", f"{side}_{end}")
+            np.testing.assert_allclose(found, [0, 0, -1], atol=1e-6)
+    assert place["left_hip"][0] > 0 > place["right_hip"][0]
+    assert place["left_foot"][1] < place["left_ankle"][1]  # toes ahead, towards -Y
+
+
+def test_knees_bend_back_and_elbows_forward_on_their_own_side(tmp_path):
+    bent = deepmimic_frame(right_knee=-1.2, left_elbow=1.0)
+    place = joints_of(write_deepmimic(tmp_path / "a.txt", [bent, bent]))
+    shin = direction(place, "right_knee", "right_ankle")
+    np.testing.assert_allclose(shin, [0, np.sin(1.2), -np.cos(1.2)], atol=1e-6)
+    np.testing.assert_allclose(direction(place, "left_knee", "left_ankle"), [0, 0, -1], atol=1e-6)
+    forearm = direction(place, "left_elbow", "left_wrist")
+    np.testing.assert_allclose(forearm, [0, -np.sin(1.0), -np.cos(1.0)], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ([], "frames of shape"),
+        ([[1, 2, 3]] * 3, r"frames of shape \(3, 3\)"),
+        (
+            [deepmimic_frame(), deepmimic_frame(left_knee=float("nan"))],
+            "not readable as JSON .NaN is no number of JSON",
+        ),
+        ([deepmimic_frame(), [1.0]], "not readable as a DeepMimic clip"),
+    ],
+)
+def test_malformed_clips_are_named(tmp_path, frames, message):
+    with pytest.raises(InputError, match=rf"a\.txt: {message}"):
+        read_deepmimic(write_deepmimic(tmp_path / "a.txt", frames))
+
+
+SHOULDER, ELBOW, WRIST = (
+    JOINT_NAMES.index(f"left_{part}") for part in ("shoulder", "elbow", "wrist")
+)
+
+
+def swinging(elbow_deg, pop_deg=30.0, frames=60):
+    """An arm lowered by 70 degrees whose twist jumps halfway."""
+    poses = np.zeros((frames, 24, 3))
+    twist = np.where(np.arange(frames) < frames // 2, 0.0, np.radians(pop_deg))
+    down = Rotation.from_rotvec(np.tile([0, 0, -np.radians(70)], (frames, 1)))
+    about = Rotation.from_rotvec(twist[:, None] * [1.0, 0, 0])
+    poses[:, SHOULDER] = (down * about).as_rotvec()
+    poses[:, ELBOW, 1] = -np.radians(elbow_deg)
+    return poses.reshape(frames, 72)
+
+
+def largest_step_deg(poses):
+    turn = Rotation.from_rotvec(poses.reshape(-1, 24, 3)[:, SHOULDER])
+    return np.degrees((turn[:-1].inv() * turn[1:]).magnitude().max())
+
+
+def limbs(poses):
+    joints, _ = reference_joints(poses, np.zeros((len(poses), 3)))
+    return joints[:, ELBOW] - joints[:, SHOULDER], joints[:, WRIST] - joints[:, ELBOW]
+
+
+def test_a_straight_arms_twist_does_not_jump():
+    poses = swinging(elbow_deg=3.0)
+    steady = steady_upper_arms(poses, fps=30, cyclic=False)
+    assert largest_step_deg(poses) == pytest.approx(30)
+    assert largest_step_deg(steady) < 5
+    (upper, fore), (upper_before, fore_before) = limbs(steady), limbs(poses)
+    np.testing.assert_allclose(upper, upper_before, atol=1e-9)
+    assert np.linalg.norm(fore - fore_before, axis=1).max() < 0.01
+    others = np.delete(np.arange(24), SHOULDER)
+    np.testing.assert_array_equal(
+        steady.reshape(-1, 24, 3)[:, others], poses.reshape(-1, 24, 3)[:, others]
+    )
+
+
+def test_a_bent_arm_keeps_what_was_captured():
+    poses = swinging(elbow_deg=60.0)
+    np.testing.assert_allclose(steady_upper_arms(poses, fps=30, cyclic=False), poses, atol=1e-9)
+
+
+def test_a_cycle_is_smooth_across_its_seam():
+    steady = steady_upper_arms(swinging(elbow_deg=3.0), fps=30, cyclic=True)
+    assert largest_step_deg(np.concatenate([steady, steady])) < 5
+
 
 SHIPPED = Path(__file__).parents[3] / "workflow" / "resources" / "motions"
 

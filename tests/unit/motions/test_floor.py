@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drapeline.motions.floor import floor_report
-from drapeline.motions.grounding import set_on_floor
+from drapeline.motions.floor import floor_report, set_on_floor
 from toys.motion_files import standing_motion
 
 UPRIGHT = np.concatenate([[np.pi / 2], np.zeros(71)])

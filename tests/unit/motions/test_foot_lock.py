@@ -5,11 +5,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES
-from drapeline.motions.floor import SOLES_BY_SIDE, floor_report, sole_rests, touch_points
-from drapeline.motions.foot_lock import MAX_SHIFT_M, lock_feet
-from drapeline.motions.grounding import set_on_floor
-from drapeline.motions.looping import loop_to
-from drapeline.motions.motion import Cycle, Motion
+from drapeline.motions.floor import (
+    MAX_SHIFT_M,
+    SOLES_BY_SIDE,
+    floor_report,
+    lock_feet,
+    set_on_floor,
+    sole_rests,
+    touch_points,
+)
+from drapeline.motions.motion import Cycle, Motion, loop_to
 from drapeline.motions.skeleton import reference_joints
 
 KNEE = slice(3 * 4, 3 * 4 + 3)

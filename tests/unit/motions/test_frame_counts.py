@@ -7,9 +7,9 @@ import pytest
 
 from drapeline.errors import InputError
 from drapeline.frames import REST_POSE
-from drapeline.motions import frame_counts
-from drapeline.motions.frame_counts import FrameCounts
+from drapeline.motions import table
 from drapeline.motions.motion import Motion, save_motion
+from drapeline.motions.table import FrameCounts
 
 
 def save(path, frames):
@@ -27,7 +27,7 @@ def test_a_clip_is_read_once_in_two_starts(clip, tmp_path, monkeypatch):
     first = FrameCounts(tmp_path / "kept/frames.json")
     assert first.count(str(clip), None) == 20
     first.remember()
-    monkeypatch.setattr(frame_counts, "frame_count", None)
+    monkeypatch.setattr(table, "frame_count", None)
     assert FrameCounts(tmp_path / "kept/frames.json").count(str(clip), None) == 20
 
 

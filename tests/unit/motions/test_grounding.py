@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from drapeline.frames import REST_POSE
-from drapeline.motions.floor import floor_report, touch_points
-from drapeline.motions.grounding import set_on_floor
-from drapeline.motions.looping import loop_to
-from drapeline.motions.motion import Cycle
+from drapeline.motions.floor import floor_report, set_on_floor, touch_points
+from drapeline.motions.motion import Cycle, loop_to
 from toys.motion_files import standing_motion
 
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from drapeline.frames import JOINT_NAMES
-from drapeline.motions.hands import HAND_LENGTH_M, lay_hands
+from drapeline.motions.floor import HAND_LENGTH_M, lay_hands
 from drapeline.motions.motion import Cycle, Motion
 from drapeline.motions.skeleton import reference_joints
 

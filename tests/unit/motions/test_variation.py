@@ -6,8 +6,7 @@ import pytest
 from drapeline.bodies.model import posed_vertices
 from drapeline.frames import FPS, JOINT_NAMES
 from drapeline.motions.motion import Motion
-from drapeline.motions.pieces import piece_frames, piece_span
-from drapeline.motions.variation import cut_piece
+from drapeline.motions.variation import cut_piece, piece_frames, piece_span
 from drapeline.seeding import rng_for
 
 

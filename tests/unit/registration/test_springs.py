@@ -1,7 +1,7 @@
 import numpy as np
 
 from drapeline.geometry.mesh import edges
-from drapeline.registration.springs import pairs_across, spring_lengths, springs
+from drapeline.registration.to_points import pairs_across, spring_lengths, springs
 
 FACES = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4]])
 

@@ -3,9 +3,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from drapeline.registration.settings import RefineSettings
-from drapeline.registration.springs import springs
-from drapeline.registration.to_points import Cloth, SpaceTime, body_push, fit_to_points, point_pull
-from drapeline.registration.worn_garments import WornGarmentStatistics
+from drapeline.registration.to_points import (
+    Cloth,
+    SpaceTime,
+    WornGarmentStatistics,
+    body_push,
+    fit_to_points,
+    point_pull,
+    springs,
+)
 from drapeline.seeding import rng_for
 from toys.gcvae import VERTICES, tube, tube_faces
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drapeline.simulation.attempts import SimulationSettings
+from drapeline.simulation.solver import SimulationSettings
 from drapeline.simulation.health import HealthBounds
 from drapeline.simulation.simulate import simulate_outfit
 from drapeline.xpbd.solver import cloth_solver

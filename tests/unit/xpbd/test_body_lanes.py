@@ -9,7 +9,7 @@ from drapeline.geometry.lanes import INDICES, make_patches, repeat_first
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.seeding import rng_for
 from drapeline.xpbd.body_contact import look_in_turn, search_in_turn
-from drapeline.xpbd.body_lanes import look_in_lanes, search_in_lanes
+from drapeline.xpbd.lanes import look_in_lanes, search_in_lanes
 from toys.rays import rays_clear_of_edges
 
 COUNT, REACH_M = 600, 0.05

@@ -11,10 +11,9 @@ from drapeline.geometry.rays import rays_hit
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.xpbd.body_vertices import CoveredVertices, lift_covers
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.launches import BusyLaunch
-from drapeline.xpbd.moves import make_all_moves, make_moves
+from drapeline.xpbd.contact import make_all_moves, make_moves
 from drapeline.xpbd.solver import XpbdCloth
-from drapeline.xpbd.stepping import Numbers
+from drapeline.xpbd.stepping import BusyLaunch, Numbers
 from toys.sheets import drop, sheet
 
 GAP_M, MARGIN_M = 0.003, 0.012

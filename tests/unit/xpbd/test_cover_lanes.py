@@ -12,7 +12,7 @@ from drapeline.seeding import rng_for
 from drapeline.simulation.collider import MovingBody
 from drapeline.xpbd.body_vertices import CoveredVertices
 from drapeline.xpbd.cloth_contact import NearTriangles
-from drapeline.xpbd.cover_lanes import ASIDE, FACING, SLOTS
+from drapeline.xpbd.lanes import COVER_ASIDE, FACING, SLOTS
 from toys.sheets import sheet
 
 MARGIN_M, SLACK = 0.012, 1e-5
@@ -46,7 +46,7 @@ def slow_covers(points, ups, place, triangles, slack):
     beside = MARGIN_M + slack
     near = ((points[:, None] > low - beside) & (points[:, None] < high + beside)).all(axis=2)
     near &= (slope > (FACING - slack) * size) & (np.abs(height) < beside)
-    return near & (np.minimum(u, v) > -ASIDE - slack) & (u + v < 1 + ASIDE + slack)
+    return near & (np.minimum(u, v) > -COVER_ASIDE - slack) & (u + v < 1 + COVER_ASIDE + slack)
 
 
 def test_triangles_over_the_body_are_those_of_a_slow_search(tmp_path, together):

@@ -1,8 +1,22 @@
 import numpy as np
 import pytest
+import warp as wp
 
-from drapeline.xpbd.edge_contact import touch_edges
+from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.warp_mesh import start_warp
+from drapeline.xpbd.cloth_contact import NearTriangles
+from drapeline.xpbd.contact import make_all_moves, make_moves
+from drapeline.xpbd.edge_contact import (
+    Crossings,
+    NearEdges,
+    edges_of_triangles,
+    opposite_vertices,
+    touch_edges,
+    untangle,
+)
+from drapeline.xpbd.stepping import BusyLaunch
 from toys.contacts import FAR, GAPS, MASS, RELEASE_M, after_contact
+from toys.sheets import sheet
 
 
 def touch(height, *, before=None, side=1, layer=0, room=FAR, shift=0.0):
@@ -47,3 +61,128 @@ def test_old_depth_goes_slowly_and_gives_no_speed():
     place, before, _ = touch(0.001, side=-1)
     assert rise(place) == pytest.approx(0.001 + RELEASE_M, abs=1e-6)
     np.testing.assert_allclose((place - before)[:, 2], 0, atol=1e-7)
+
+
+def vectors(values, dtype=wp.vec3):
+    return wp.array(values, dtype=dtype)
+
+
+@pytest.fixture
+def searched(together):
+    """A level sheet and an upright strip that passes through it, or ends above it."""
+    start_warp()
+
+    def search(height):
+        level = sheet(0.0, rows=9, edge_m=0.02)
+        across = sheet(0.0, rows=5, columns=4, edge_m=0.02).vertices + [0.003, 0.004, 0.0]
+        upright = across[:, [2, 1, 0]] + [0.001, 0, height]
+        quads = np.concatenate([level.faces, sheet(0.0, rows=5, columns=4).faces + 81])
+        points = vectors(np.concatenate([level.vertices, upright]).astype(np.float32))
+        triangles = triangulate(quads).astype(np.int32)
+        pairs = edges(quads).astype(np.int32)
+        layers = vectors(np.repeat([0, 1], [81, 20]).astype(np.int32), int)
+        faces = vectors(triangles, wp.vec3i)
+        near = NearTriangles(points, faces, layers, 2, together=together)
+        near.find(points, margin_m=0.012, free_m=0.028)
+        crossings = Crossings(vectors(pairs, wp.vec2i), faces)
+        before = near.count.numpy().copy()
+        crossings.find(points, near.count, near.near)
+        sides = edges_of_triangles(pairs, triangles)
+        near_edges = NearEdges(vectors(pairs, wp.vec2i), vectors(sides, wp.vec3i))
+        near_edges.find(points, near.count, near.near, crossings.count, margin_m=0.01)
+        return pairs, before, near, crossings, near_edges
+
+    return search
+
+
+def test_edges_through_triangles_are_found_and_have_no_side(searched):
+    pairs, before, near, crossings, near_edges = searched(0.033)
+    crossing = np.flatnonzero(crossings.count.numpy())
+    # The strip's four upright threads pass through the level sheet.
+    through = [e for e in crossing if (pairs[e] >= 81).all()]
+    assert len(through) == 4
+    ends = np.unique(pairs[crossing])
+    assert (near.count.numpy() == before).all()
+    freed = [(near.near.numpy()[v, : before[v]] == 0).sum() for v in range(len(before))]
+    assert sum(freed) >= 4
+    assert set(np.flatnonzero(freed)) <= set(ends)
+    assert (near_edges.count.numpy()[crossing] == 0).all()
+
+
+def test_sheets_apart_do_not_cross_but_are_near(searched):
+    _, before, near, crossings, near_edges = searched(0.045)
+    assert crossings.count.numpy().sum() == 0
+    np.testing.assert_array_equal(near.count.numpy(), before)
+    assert all((near.near.numpy()[v, : before[v]] != 0).all() for v in range(len(before)))
+    assert before[81:].max() > 0
+    assert near_edges.count.numpy().sum() > 0
+
+
+def test_cloth_far_from_other_cloth_is_near_to_nothing(searched):
+    _, before, _, _, near_edges = searched(0.2)
+    assert before.sum() == 0
+    assert near_edges.count.numpy().sum() == 0
+
+
+def test_a_quads_diagonal_is_none_of_its_edges():
+    quads = sheet(0.0, rows=3).faces
+    pairs = edges(quads)
+    sides = edges_of_triangles(pairs, triangulate(quads))
+    assert ((sides < 0).sum(axis=1) == 1).all()
+    assert set(sides[sides >= 0].tolist()) == set(range(len(pairs)))
+
+
+def test_corners_opposite_to_edges():
+    triangles = np.array([[0, 1, 2], [2, 1, 3]])
+    pairs = np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]])
+    np.testing.assert_array_equal(
+        opposite_vertices(pairs, triangles), [[2, -1], [1, -1], [0, 3], [2, -1], [1, -1]]
+    )
+    # Without the diagonal of a quad the others keep theirs.
+    np.testing.assert_array_equal(
+        opposite_vertices(np.delete(pairs, 2, axis=0), triangles),
+        [[2, -1], [1, -1], [2, -1], [1, -1]],
+    )
+
+
+def test_a_bowl_leaves_the_sheet_that_it_pokes_through(together):
+    """As a whole nothing moves, or hardly where vertices share their moves; nothing gets speed."""
+    start_warp()
+    level = sheet(0.0, rows=9, edge_m=0.02)
+    bowl = sheet(0.0, rows=5, edge_m=0.02).vertices + [0.003, 0.004, 0.0]
+    bowl[:, 2] = 8 * (bowl[:, :2] ** 2).sum(axis=1) - 0.003
+    quads = np.concatenate([level.faces, sheet(0.0, rows=5).faces + 81])
+    points = np.concatenate([level.vertices, bowl]).astype(np.float32)
+    triangles, pairs = triangulate(quads).astype(np.int32), edges(quads).astype(np.int32)
+    inverse = np.repeat([1.0, 2.0], [81, 25]).astype(np.float32)
+    place = vectors(points)
+    before = wp.clone(place)
+    edge, face = vectors(pairs, wp.vec2i), vectors(triangles, wp.vec3i)
+    layers = vectors(np.repeat([0, 1], [81, 25]).astype(np.int32), int)
+    near = NearTriangles(wp.clone(place), face, layers, 2, together=together)
+    crossings = Crossings(edge, face)
+    opposite = vectors(opposite_vertices(pairs, triangles), wp.vec2i)
+    move = BusyLaunch(
+        untangle,
+        crossings.count,
+        [crossings.crossed, edge, opposite, face, vectors(inverse, float)],
+        [5e-4, moves := make_moves(106 * together), before, place],
+    )
+    left = []
+    for _ in range(15):
+        near.find(place, margin_m=0.012, free_m=0.028)
+        crossings.find(place, near.count, near.near)
+        left.append(int(crossings.count.numpy().sum()))
+        move.find()
+        move.launch()
+        wp.launch(make_all_moves, dim=len(moves.weight), inputs=[moves, before, place])
+    assert left[0] > 4
+    assert left[-1] == 0
+    moved = place.numpy() - points
+    ways = (moved / inverse[:, None])[:, 2]
+    share = 0.25 if together else 1e-3
+    assert abs(ways.sum()) < share * np.abs(ways).sum()  # all of it if one sheet alone moved
+    if not together:
+        np.testing.assert_allclose((moved / inverse[:, None]).sum(axis=0), 0, atol=1e-5)
+    assert moved[81:, 2].max() > 1e-3
+    np.testing.assert_allclose(before.numpy() - points, moved, atol=1e-6)

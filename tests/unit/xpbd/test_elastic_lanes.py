@@ -11,8 +11,8 @@ from drapeline.geometry.mesh import triangulate
 from drapeline.geometry.warp_mesh import start_warp
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.seeding import rng_for
-from drapeline.xpbd.elastic_lanes import pull_springs_in_lanes, turn_hinges_in_lanes
 from drapeline.xpbd.elasticity import hinge_numbers, pull_springs, spring_numbers, turn_hinges
+from drapeline.xpbd.lanes import pull_springs_in_lanes, turn_hinges_in_lanes
 from drapeline.xpbd.system import join_garments
 from toys.sheets import sheet
 

@@ -3,14 +3,160 @@ from functools import partial
 
 import numpy as np
 import pytest
+import warp as wp
 
 from drapeline.geometry.mesh import edges, triangulate
+from drapeline.geometry.warp_mesh import start_warp
 from drapeline.outfits.fabrics import FABRICS
 from drapeline.xpbd import system
-from drapeline.xpbd.launches import BusyLaunch
 from drapeline.xpbd.solver import XpbdCloth
-from drapeline.xpbd.stepping import Numbers
+from drapeline.xpbd.stepping import (
+    BusyLaunch,
+    Numbers,
+    Replay,
+    add_speed,
+    hold,
+    predict,
+    record,
+    take_places,
+    take_speed,
+    tick,
+)
 from toys.sheets import GAP_M, assert_floor_holds, beneath_share, drop, far_away, sheet
+
+
+@wp.kernel
+def _add_count(
+    busy: wp.array(dtype=int),
+    count: wp.array(dtype=int),
+    factor: int,
+    total: wp.array(dtype=int),
+    seen: wp.array(dtype=int),
+):
+    i = busy[wp.tid()]
+    total[i] = total[i] + factor * count[i]
+    seen[wp.tid()] = i
+
+
+@pytest.mark.processor_only
+def test_those_with_a_count_are_launched_in_order_once_they_are_found():
+    start_warp()
+    count = wp.array(np.int32([0, 2, 0, 1, 3]), dtype=int)
+    total = wp.zeros(5, dtype=int)
+    seen = wp.full(5, -1, dtype=int)
+    launch = BusyLaunch(_add_count, count, [10], [total, seen])
+    launch.launch()
+    assert total.numpy().tolist() == [0] * 5
+    launch.find()
+    for _ in range(2):
+        launch.launch()
+    assert total.numpy().tolist() == [0, 40, 0, 20, 60]
+    assert seen.numpy().tolist() == [1, 3, 4, -1, -1]
+    count.assign(np.int32([1, 0, 0, 0, 0]))
+    launch.find()
+    launch.launch()
+    assert total.numpy().tolist() == [10, 40, 0, 20, 60]
+    count.zero_()
+    launch.find()
+    launch.launch()
+    assert total.numpy().tolist() == [10, 40, 0, 20, 60]
+
+
+def test_nothing_is_launched_for_nothing():
+    start_warp()
+    empty = wp.zeros(0, dtype=int)
+    assert record(_add_count, 0, [empty, empty, 1], [empty, empty]) is None
+    launch = BusyLaunch(_add_count, empty, [1], [empty, empty])
+    launch.find()
+    launch.launch()
+
+
+def test_launches_are_recorded_once_and_made_in_order_each_time():
+    start_warp()
+    one, two = (wp.array(np.int32([n]), dtype=int) for n in (1, 2))
+    busy, seen = wp.zeros(1, dtype=int), wp.zeros(1, dtype=int)
+    calls = []
+
+    def times(factor, source, total):
+        calls.append(factor)
+        wp.launch(_add_count, 1, [busy, source, factor, total, seen])
+
+    replay = Replay([lambda: times(10, one, two), lambda: times(100, two, one)])
+    assert not calls
+    for expected in ((1 + 100 * 12, 2 + 10), (1 + 1200 + 100 * 12022, 12 + 10 * 1201)):
+        replay()
+        assert (one.numpy()[0], two.numpy()[0]) == expected
+    assert calls == [10, 100]
+
+
+def vectors(*rows):
+    return wp.array(np.float32(rows), dtype=wp.vec3)
+
+
+def weigh(*rows):
+    """Places and inverse masses."""
+    return wp.array(np.float32(rows), dtype=wp.vec4)
+
+
+def numbers(*values):
+    return wp.array(np.float32(values), dtype=float)
+
+
+@pytest.fixture(autouse=True)
+def _warp():
+    start_warp()
+
+
+def launch(kernel, count, *arrays):
+    wp.launch(kernel, dim=count, inputs=list(arrays))
+
+
+def test_a_particle_goes_by_its_speed_and_gravity_and_is_carried_without_gaining_speed():
+    place, before, way = vectors([1, 2, 3]), vectors([0, 0, 0]), vectors([0, 0, 0])
+    speed, weighed = vectors([1, 0, 0]), weigh([0, 0, 0, 7])
+    launch(predict, 1, numbers(0.5), vectors([0, 0.2, 0]), 0.1, speed, way, before, place, weighed)
+    np.testing.assert_allclose(before.numpy(), [[1, 2.2, 3]])
+    launch(take_places, 1, weighed, place)
+    assert weighed.numpy()[0, 3] == 7
+    np.testing.assert_allclose(place.numpy(), [[1.05, 2.2, 3 - 0.5 * 0.0981]], rtol=1e-6)
+    launch(take_speed, 1, way, before, place, 0.1, speed)
+    np.testing.assert_allclose(speed.numpy(), [[0.5, 0, -0.5 * 0.981]], atol=1e-5)
+    pushed = vectors(place.numpy()[0] + [0, 0, 0.02])
+    launch(take_speed, 1, way, before, pushed, 0.1, speed)
+    np.testing.assert_allclose(speed.numpy(), [[0.5, 0, 0.2 - 0.5 * 0.981]], atol=1e-5)
+    launch(add_speed, 1, wp.vec3(0.0, 1.0, 0.0), speed)
+    np.testing.assert_allclose(speed.numpy()[0, 1], 1, atol=1e-5)
+
+
+def test_gravity_is_exact_however_short_the_steps_and_far_the_place():
+    """A step of the way of a fall may be less than half of the last place of the position."""
+    step_s, steps = 1e-4, 200
+    place, before, way, speed = (vectors([v, 0, v]) for v in (50, 0, 0, 0))
+    weighed = weigh([0, 0, 0, 1])
+    for _ in range(steps):
+        state = speed, way, before, place, weighed
+        launch(predict, 1, numbers(1), vectors([0, 0, 0]), step_s, *state)
+        launch(take_places, 1, weighed, place)
+        launch(take_speed, 1, way, before, place, step_s, speed)
+    np.testing.assert_allclose(speed.numpy()[0], [0, 0, -9.81 * step_s * steps], rtol=1e-4)
+
+
+def test_a_held_vertex_is_pulled_a_share_of_the_way_to_where_it_is_held_now():
+    weighed = weigh([0, 0, 0, 5], [9, 9, 9, 6])
+    held = wp.array([1], dtype=int)
+    start, end = vectors([0, 0, 0]), vectors([4, 0, 0])
+    launch(hold, 1, held, numbers(0.5), start, end, numbers(0.25, 0.5), weighed)
+    np.testing.assert_allclose(weighed.numpy(), [[0, 0, 0, 5], [5.5, 4.5, 4.5, 6]])
+
+
+def test_the_clock_goes_from_0_to_1_and_begins_again():
+    ticks, clock = wp.zeros(1, dtype=int), numbers(0, 0)
+    shown = []
+    for _ in range(5):
+        launch(tick, 1, 4, ticks, clock)
+        shown.append(clock.numpy().tolist())
+    assert shown == [[0, 0.25], [0.25, 0.5], [0.5, 0.75], [0.75, 1], [0, 0.25]]
+
 
 EDGE_M = 0.03
 

@@ -13,9 +13,9 @@ import numpy as np
 import torch
 from scipy import sparse
 
+from drapeline.bodies.kinematics import skin_body
 from drapeline.bodies.model import BodyModel, shape_body
 from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.skinning import skin_body
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.frames import GENDERS, REST_POSE
 from drapeline.learning_data.body_relative_points import joint_transforms
@@ -24,8 +24,7 @@ from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.layers.linear import linear_blend_skinning
 from drapeline.models.layers.point_search import farthest_points
 from drapeline.models.training.batches import ByteCache, count_bytes
-from drapeline.registration.springs import spring_lengths, springs
-from drapeline.registration.worn_garments import WornGarmentStatistics
+from drapeline.registration.to_points import WornGarmentStatistics, spring_lengths, springs
 from drapeline.rule_log import LOGGER
 
 _KEPT_BODIES = 512  # of some hundred kilobytes each

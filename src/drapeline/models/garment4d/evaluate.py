@@ -40,7 +40,7 @@ from drapeline.models.garment4d.stages import CanonicalStage, PosedStage
 from drapeline.models.training.batches import ByteCache
 from drapeline.models.training.checkpoints import tensors_digest
 from drapeline.registration.settings import RefineSettings
-from drapeline.registration.worn_garments import WornGarmentStatistics
+from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.rule_log import progress
 from drapeline.schema import Table
 from drapeline.seeding import rng_for

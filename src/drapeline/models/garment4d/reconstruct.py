@@ -35,8 +35,7 @@ from drapeline.models.garment4d.stages import (
 )
 from drapeline.models.training.module import BEST, fastest_device
 from drapeline.registration.settings import RefineSettings
-from drapeline.registration.to_points import fit_to_points
-from drapeline.registration.worn_garments import WornGarmentStatistics
+from drapeline.registration.to_points import WornGarmentStatistics, fit_to_points
 from drapeline.rule_log import LOGGER
 
 _BATCH = 4  # windows at once

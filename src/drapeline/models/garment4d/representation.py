@@ -7,7 +7,7 @@ import numpy as np
 from drapeline.geometry.mesh import Mesh
 from drapeline.models.contract import HeldOutGarment
 from drapeline.registration.to_template.garment_space import GarmentSpace
-from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
+from drapeline.registration.to_template.remesh import RemeshTable, remesh
 
 
 class RegisteredTemplate:

@@ -59,8 +59,8 @@ from drapeline.models.training.checkpoints import (
 from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays
+from drapeline.registration.to_points import WornGarmentStatistics
 from drapeline.registration.to_template.garment_space import SPACE_ARRAYS, GarmentSpace
-from drapeline.registration.worn_garments import WornGarmentStatistics
 from drapeline.rule_log import LOGGER
 from drapeline.seeding import rng_for
 from drapeline.storage import load_npz, save_npz

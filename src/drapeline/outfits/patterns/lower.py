@@ -15,8 +15,7 @@ from drapeline.outfits.patterns.curves import (
     smoothstep,
     straighten,
 )
-from drapeline.outfits.patterns.panels import Pattern
-from drapeline.outfits.patterns.separation import BETWEEN_LEGS_M, separator
+from drapeline.outfits.patterns.panels import BETWEEN_LEGS_M, Pattern, separator
 from drapeline.outfits.patterns.width_profile import WidthLine
 
 GAP_M = 0.008

@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
+from drapeline.bodies.kinematics import skin_points, unskin_points
 from drapeline.bodies.model import BodyModel, posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points, unskin_points
 from drapeline.storage import load_npz, save_npz
 
 Version = Literal["posed", "unposed"]

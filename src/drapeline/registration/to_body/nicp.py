@@ -16,9 +16,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
+from drapeline.geometry.least_squares import symmetric_factor
 from drapeline.geometry.mesh import boundary_edges, edge_lengths, edges, vertex_normals
 from drapeline.geometry.smoothing import averaging_matrix, blur, uniform_laplacian
-from drapeline.geometry.sparse import symmetric_factor
 
 _PLANE_M = 0.01  # a tangent plane stands for the surface this far around its vertex
 

@@ -1,26 +1,118 @@
-"""Garments become offsets: laid onto the body, matched with it, and measured."""
+"""Garments become offsets: laid onto the body, matched with it, and measured on the way back."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from drapeline.bodies.model import BodyModel
 from drapeline.bodies.rest_body import rest_body
+from drapeline.bodies.weight_transfer import nearest_weights
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_record
 from drapeline.errors import InputError
 from drapeline.frames import GENDERS
-from drapeline.geometry.mesh import boundary_edges, triangulate
+from drapeline.geometry.closest import closest_points
+from drapeline.geometry.mesh import (
+    boundary_edges,
+    edge_graph,
+    face_normals,
+    faces_within,
+    triangulate,
+)
 from drapeline.outfits.garment_types import GARMENTS, SKIRTS
 from drapeline.outfits.static import StaticOutfit
-from drapeline.registration.error_table import Measure, error_rows
-from drapeline.registration.to_body.body_mesh import BodyMesh
-from drapeline.registration.to_body.correspondence import Correspondence, correspond
+from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
+from drapeline.registration.to_body.correspondence import BodyMesh, Correspondence, correspond
+from drapeline.registration.to_body.dynamic_offsets import SampleGarment
 from drapeline.registration.to_body.nicp import NicpSettings, Surface, lay_on
-from drapeline.registration.to_body.round_trip import round_trip
 from drapeline.registration.to_body.skirt_tube import SkirtTube
 from drapeline.registration.to_body.topology import Topology
 from drapeline.rule_log import progress
+from drapeline.storage import atomic_folder, write_json
+
+LOST_M = 0.01  # garment further than this from what is rebuilt counts as lost
+
+
+def surface_distance(
+    vertices: np.ndarray, triangles: np.ndarray, other: np.ndarray, other_triangles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distances from the faces of one surface to the closest points of another.
+
+    Args:
+        vertices, triangles: (V, 3) and (F, 3) measured from, at the middles of faces.
+        other, other_triangles: the surface measured to.
+
+    Returns:
+        Distances (F,) in metres, angles (F,) in degrees between the normals, and areas (F,) in
+        square metres to weigh them by.
+    """
+    middles = vertices[triangles].mean(axis=1)
+    place, face = closest_points(middles, other, other_triangles)
+    distance = np.linalg.norm(place - middles, axis=1)
+    own, their = face_normals(vertices, triangles), face_normals(other, other_triangles)[face]
+    angle = np.degrees(np.arccos(np.clip((own * their).sum(1), -1, 1)))
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    return distance, angle, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def round_trip(
+    garment: np.ndarray,
+    triangles: np.ndarray,
+    body: np.ndarray,
+    faces: np.ndarray,
+    match: Correspondence,
+) -> list[Measure]:
+    """Errors of garment -> offsets -> garment, means weighted by area.
+
+    `area_lost_percent` is the share of the garment's area that lies further than `LOST_M` from
+    what is rebuilt. Holes are openings that the garment does not have, islands are loose pieces;
+    both are counted before the mask is cleaned, and after.
+
+    Args:
+        garment: (C, 3) in the rest pose, metres.
+        triangles: (G, 3) of the garment.
+        body: (V, 3) that it was registered on.
+        faces: (F, 3) of the body's topology.
+        match: the registration.
+    """
+    vertices, kept = body + match.offsets(garment, body), faces_within(faces, match.mask)
+    forward, angle, area = surface_distance(garment, triangles, vertices, kept)
+    backward, _, kept_area = surface_distance(vertices, kept, garment, triangles)
+    openings, pieces = _openings(kept), _pieces(kept)
+    return [
+        Measure("garment_to_rebuilt_mean_mm", 1e3 * np.average(forward, weights=area), "mm"),
+        Measure("garment_to_rebuilt_max_mm", 1e3 * forward.max(), "mm"),
+        Measure("rebuilt_to_garment_mean_mm", 1e3 * np.average(backward, weights=kept_area), "mm"),
+        Measure("rebuilt_to_garment_max_mm", 1e3 * backward.max(), "mm"),
+        Measure("normal_error_deg", np.average(angle, weights=area), "deg"),
+        Measure("area_lost_percent", 100 * area[forward > LOST_M].sum() / area.sum(), "percent"),
+        Measure("holes_before", match.holes, "count"),
+        Measure("islands_before", match.islands, "count"),
+        Measure("holes_after", max(openings - _openings(triangles), 0), "count"),
+        Measure("islands_after", pieces - _pieces(triangles), "count"),
+    ]
+
+
+def _openings(triangles: np.ndarray) -> int:
+    """Number of loops that the boundary consists of."""
+    return _count_pieces(boundary_edges(triangles))
+
+
+def _pieces(triangles: np.ndarray) -> int:
+    return _count_pieces(triangles[:, [0, 1, 0, 2]].reshape(-1, 2))
+
+
+def _count_pieces(pairs: np.ndarray) -> int:
+    if not len(pairs):
+        return 0
+    used = np.zeros(pairs.max() + 1, dtype=bool)
+    used[pairs] = True
+    _, label = connected_components(edge_graph(pairs, len(used)), directed=False)
+    return len(np.unique(label[used]))
 
 
 class Registration(NamedTuple):
@@ -131,3 +223,56 @@ def register_shard(
     keys = ("offsets", "mask", "shape", "gender", "tightness", "garment", "outfit", "split")
     columns = zip(*rows, strict=True)
     return {key: np.array(column) for key, column in zip(keys, columns, strict=True)}, errors
+
+
+def register_sample(
+    output: str | Path, sample: str | Path, registrar: Registrar, bodies: Mapping[str, BodyModel]
+) -> str:
+    """Register the garments of one sample in their rest pose.
+
+    Args:
+        output: folder for `{Garment}.npz`, `metrics.tsv` and `status.json`; of a rejected sample
+            only the last is written.
+        sample: folder as `write_sample` leaves it.
+        registrar: on the topology of the super-resolved body.
+        bodies: super-resolved, by gender.
+
+    Returns:
+        The sample's status, "accepted" or "rejected".
+
+    Raises:
+        InputError: a file of the sample is unusable, or a garment covers no part of the body.
+    """
+    record = read_record(sample)
+    status = {key: record.meta[key] for key in ("id", "status", "reason", "split")}
+    with atomic_folder(output) as scratch:
+        write_json(scratch / "status.json", status)
+        if record.accepted:
+            _register(scratch, Path(sample), registrar, bodies)
+    return status["status"]
+
+
+def _register(
+    folder: Path, sample: Path, registrar: Registrar, bodies: Mapping[str, BodyModel]
+) -> None:
+    errors, topology = [], registrar.topology
+    with Sample(sample) as sequence:
+        model = bodies[sequence.gender]
+        body = rest_body(model, sequence.info.shape)
+        for name in sequence.garments:
+            mesh = sequence.mesh(name)
+            done = registrar.register(name, mesh.vertices, mesh.faces, body)
+            faces = faces_within(topology.faces_of(name), done.match.mask)
+            vertex = np.flatnonzero(done.match.mask).astype(np.int32)
+            points = body + done.offsets
+            weights = nearest_weights(points, faces, body, topology.faces, model.weights)
+            SampleGarment(
+                mask=done.match.mask,
+                vertex=vertex,
+                corner=done.match.corner[vertex],
+                bary=done.match.bary[vertex],
+                offsets=done.offsets,
+                weights=weights[vertex],
+            ).save(folder / f"{name}.npz")
+            errors += error_rows(name, sequence.id, done.measures)
+    write_errors(folder / FILE_NAME, errors)

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import ConvexHull
 
+from drapeline.geometry.least_squares import symmetric_factor
 from drapeline.geometry.mesh import boundary_loops, edge_graph, edges
-from drapeline.geometry.sparse import symmetric_factor
 from drapeline.registration.to_body.topology import Topology
 
 _LEVEL_M = 0.02

@@ -1,10 +1,24 @@
-"""Templates of Garment4D's garment types: the mesh that all garments of a type are brought to."""
+"""Templates of Garment4D's garment types: the mesh that all garments of a type are brought to.
 
-from dataclasses import dataclass
+They are made with our own generator or of a user's mesh.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from drapeline.bodies.model import BodyModel
+from drapeline.errors import InputError
+from drapeline.frames import GENDERS
+from drapeline.geometry.mesh import Mesh, boundary_loops, triangulate
+from drapeline.outfits.distributions import OutfitRanges
+from drapeline.outfits.garment_types import GARMENT_TYPES, TEMPLATE_TYPES
+from drapeline.outfits.generate import make_outfit
+from drapeline.outfits.templates import Templates
+from drapeline.outfits.user_garment import load_user_garment
 from drapeline.storage import load_npz, save_npz
 
 # The openings of each type, in the order of their numbers.
@@ -85,3 +99,108 @@ def named_loops(
     take("neck", 2, 1.0)
     take("hem", 2, -1.0)
     return named
+
+
+def make_template(
+    garment: str,
+    templates: Mapping[str, Templates],
+    bodies: Mapping[str, BodyModel],
+    edge_length_m: float,
+) -> GarmentTemplate:
+    """Make a template with our own generator, all numbers in the middle of their ranges.
+
+    It is made on the mean female body, which all three types fit, or on the male one if there is
+    no other: a template provides the topology, and shapes come from the garments brought to it.
+
+    Args:
+        garment: one of `TEMPLATE_TYPES`.
+        templates, bodies: by gender.
+        edge_length_m: mean edge length wanted; about 0.035 gives 600 to 1000 vertices.
+
+    Raises:
+        InputError: not a type that there are templates for.
+    """
+    if garment not in TEMPLATE_TYPES:
+        raise InputError(
+            f"garment type '{garment}' has no template, expected one of {', '.join(TEMPLATE_TYPES)}"
+        )
+    gender = next(gender for gender in GENDERS if gender in templates)
+    outfit = make_outfit(
+        [(garment, {"elastic": {}, "parameters": _middle_numbers(garment)})],
+        templates[gender],
+        bodies[gender],
+        gender=gender,
+        shape=np.zeros(10),
+        tightness=np.full(2, np.mean(OutfitRanges().tightness)),
+        edge_length_m=edge_length_m,
+    )
+    made = outfit.garments[0]
+    return _template(garment, made.vertices, triangulate(made.faces), garment)
+
+
+def template_from_mesh(garment: str, path: str | Path, body: BodyModel) -> GarmentTemplate:
+    """Make a template of a user's own mesh.
+
+    Args:
+        garment: one of `TEMPLATE_TYPES`.
+        path: OBJ in metres, Z up, root-relative, on the body's mean shape in rest pose.
+        body: the one it lies on.
+
+    Raises:
+        InputError: the mesh is unusable as a garment, or has other openings than its type.
+    """
+    mesh: Mesh = load_user_garment(path, body)
+    return _template(garment, mesh.vertices, mesh.triangles, path)
+
+
+def _template(
+    garment: str, vertices: np.ndarray, triangles: np.ndarray, source: object
+) -> GarmentTemplate:
+    names = LOOP_NAMES[garment]
+    loops = boundary_loops(triangles)
+    if len(loops) != len(names):
+        raise InputError(
+            f"{source}: {len(loops)} openings, expected {len(names)} ({', '.join(names)})"
+        )
+    loop = np.full(len(vertices), -1, dtype=np.int32)
+    for name, ids in named_loops(vertices, loops, names).items():
+        loop[ids] = names.index(name)
+    return GarmentTemplate(
+        vertices.astype(np.float32), np.ascontiguousarray(triangles, dtype=np.int32), loop, names
+    )
+
+
+def _middle_numbers(garment: str) -> dict[str, Any]:
+    """Every number of a garment in the middle of its range; plain cloth without folds."""
+    ranges = OutfitRanges()
+    middle = {
+        field.name: float(np.mean(getattr(ranges, field.name)))
+        for field in fields(ranges)
+        if isinstance(getattr(ranges, field.name), tuple)
+    }
+    garment_type = GARMENT_TYPES[garment]
+    parts: dict[str, dict[str, Any]] = {}
+    if "upper" in garment_type.parts:
+        names = ("hem", "ease_m", "flare", "shaping", "neck_depth_back_m")
+        numbers = {name: middle[name] for name in names}
+        numbers |= {"neckline": "crew", "neck_depth_m": middle["neck_depth_crew_m"]}
+        numbers |= {"front": "closed"}
+        if garment_type.sleeve_chance:
+            names = ("neck_width_m", "drop_m", "sleeve_length", "sleeve_alpha1", "sleeve_alpha2")
+            numbers |= {name: middle[name] for name in (*names, "sleeve_offset", "sleeve_w0")}
+        else:
+            numbers |= {name: middle[name] for name in ("strap_m", "scye_m")}
+            numbers |= {"neck_width_m": middle["strap_neck_m"], "drop_m": middle["top_drop_m"]}
+        parts["upper"] = numbers
+    if "trousers" in garment_type.parts:
+        names = ("waist", "leg_length", "leg_alpha1", "leg_alpha2", "leg_offset", "leg_w0")
+        parts["trousers"] = {name: middle[name] for name in (*names, "rise_m", "hip_ease_m")}
+    if "skirt" in garment_type.parts:
+        names = ("waist", "skirt_length", "skirt_alpha1", "skirt_flutes")
+        numbers = {name: middle[name] for name in names}
+        numbers |= {"skirt_fullness": 0.0, "skirt_phase": 0.0}
+        numbers |= {f"skirt_wander{k}": 0.0 for k in range(4)}
+        parts["skirt"] = numbers
+    if garment_type.region == "whole":
+        parts[garment_type.parts[-1]]["waist"] = middle["sewn_waist"]
+    return {**parts, "fullness": 0.0, "fold_seed": 0}

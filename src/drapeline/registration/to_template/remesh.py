@@ -4,13 +4,19 @@ Where the template's vertices lie on a source garment that was laid onto it tell
 the source they follow in every frame.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import igl
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from drapeline.dataset.reader import Sample
+from drapeline.dataset.record import read_record
+from drapeline.dataset.shards import samples_of
+from drapeline.errors import InputError
 from drapeline.geometry.closest import closest_points
 from drapeline.geometry.mesh import (
     boundary_loops,
@@ -20,9 +26,53 @@ from drapeline.geometry.mesh import (
     triangulate,
     vertex_normals,
 )
+from drapeline.outfits.static import load_static
+from drapeline.registration.error_table import FILE_NAME, Measure, error_rows, write_errors
+from drapeline.registration.settings import TemplateFitSettings
 from drapeline.registration.to_template.garment_template import GarmentTemplate
-from drapeline.registration.to_template.remesh_table import RemeshTable, remesh
-from drapeline.registration.to_template.template_fit import Fit, FitTarget
+from drapeline.registration.to_template.template_fit import Fit, FitTarget, fit_to_template
+from drapeline.rule_log import progress
+from drapeline.storage import atomic_folder, load_npz, save_npz
+
+
+class RemeshTable(NamedTuple):
+    """Where each template vertex lies on a source garment.
+
+    Attributes:
+        corners: (N, 3) int32 source vertices.
+        shares: (N, 3) float32, rows sum to 1.
+    """
+
+    corners: np.ndarray
+    shares: np.ndarray
+
+
+def remesh(cloth: np.ndarray, table: RemeshTable) -> np.ndarray:
+    """Move source vertices (..., V, 3) of any frame to the template's topology: (..., N, 3)."""
+    return (cloth[..., table.corners, :] * table.shares[..., None]).sum(axis=-2)
+
+
+def load_tables(folders: Iterable[str | Path], garment: str) -> dict[str, RemeshTable]:
+    """Remesh tables of one type's garments, by the name of their outfit or sample.
+
+    Args:
+        folders: written by `write_tables`.
+        garment: the type.
+
+    Raises:
+        InputError: a file is missing or a garment lacks one of the two arrays.
+    """
+    found = {}
+    for folder in folders:
+        path = Path(folder) / f"{garment}.npz"
+        arrays = load_npz(path, {"*/corners": "int * 3", "*/shares": "float * 3"})
+        for name in dict.fromkeys(key.rpartition("/")[0] for key in arrays):
+            for key in RemeshTable._fields:
+                if f"{name}/{key}" not in arrays:
+                    raise InputError(f"{path}: lacks {name}/{key}, expected it for every garment")
+            found[name] = RemeshTable(*(arrays[f"{name}/{key}"] for key in RemeshTable._fields))
+    return found
+
 
 _BOUNDARY_M = 0.02
 _TURN_M = 0.1  # a place may be this much further away if it faces a radian better
@@ -204,3 +254,99 @@ def residual(
         float(there[near < _BOUNDARY_M].mean()),
         int(flipped_faces(table, template.faces, vertices, triangles).sum()),
     )
+
+
+_UNITS = {"mm": "mm", "faces": "count"}
+
+
+class NamedGarment(NamedTuple):
+    """A garment in the rest pose.
+
+    Attributes:
+        name: of its outfit or sample.
+        garment: its type.
+        vertices, faces: (V, 3) metres, root frame, and (F, 3) or (F, 4).
+    """
+
+    name: str
+    garment: str
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def garments_at_rest(shard: str | Path, *, simulated: bool) -> list[NamedGarment]:
+    """Garments of a shard in the rest pose.
+
+    Args:
+        shard: of simulated samples, of which only accepted ones count; or of outfits at rest.
+        simulated: which of the two.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    if simulated:
+        return [garment for sample in samples_of([shard]) for garment in _of_sample(sample)]
+    return [
+        NamedGarment(name, garment.name, garment.vertices, garment.faces)
+        for name, _, outfit in load_static(shard)
+        for garment in outfit.garments
+    ]
+
+
+def _of_sample(folder: Path) -> list[NamedGarment]:
+    if not read_record(folder).accepted:
+        return []
+    with Sample(folder) as sample:
+        meshes = {name: sample.mesh(name) for name in sample.garments}
+        return [
+            NamedGarment(sample.id, name, mesh.vertices, mesh.faces)
+            for name, mesh in meshes.items()
+        ]
+
+
+def write_tables(
+    folder: str | Path,
+    garments: Iterable[NamedGarment],
+    templates: Mapping[str, GarmentTemplate],
+    settings: TemplateFitSettings,
+) -> int:
+    """Register garments and write `{type}.npz` of remesh tables, and `metrics.tsv` of residuals.
+
+    Args:
+        folder: replaced as a whole.
+        garments: those of types without a template are ignored.
+        templates: by type.
+        settings: of the registration.
+
+    Returns:
+        Number of garments registered.
+
+    Raises:
+        InputError: names the outfit whose garment cannot be registered.
+    """
+    wanted = [item for item in garments if item.garment in templates]
+    targets = {garment: FitTarget(template) for garment, template in templates.items()}
+    tables: dict[str, dict[str, np.ndarray]] = {garment: {} for garment in templates}
+    errors: list[dict[str, Any]] = []
+    for name, garment, vertices, faces in progress(wanted, total=len(wanted), label="garments"):
+        target = targets[garment]
+        try:
+            table = remesh_table(fit_to_template(vertices, faces, target, settings), target)
+        except InputError as error:
+            raise InputError(f"{name}/{garment}: {error}") from error
+        for key in RemeshTable._fields:
+            tables[garment][f"{name}/{key}"] = getattr(table, key)
+        left = residual(vertices, faces, target.template, table)
+        errors += error_rows(garment, name, _measures(left))
+    with atomic_folder(folder) as scratch:
+        for garment, arrays in tables.items():
+            save_npz(scratch / f"{garment}.npz", **arrays)
+        write_errors(scratch / FILE_NAME, errors)
+    return len(wanted)
+
+
+def _measures(left: Residual) -> list[Measure]:
+    return [
+        Measure(name, float(value), _UNITS[name.rpartition("_")[2]])
+        for name, value in left._asdict().items()
+    ]

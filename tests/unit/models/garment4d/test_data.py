@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.learning_data.sequences import collect_sequences
@@ -24,7 +24,7 @@ from drapeline.models.garment4d.data import (
 )
 from drapeline.models.garment4d.settings import SkinningSettings
 from drapeline.models.training.batches import TrainingBatches
-from drapeline.registration.springs import springs
+from drapeline.registration.to_points import springs
 from drapeline.seeding import rng_for
 from toys.garment4d import GARMENT, open_toy_data, skirt_faces, toy_bodies, toy_sequences
 from toys.gcvae import tube, tube_faces

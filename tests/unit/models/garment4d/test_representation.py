@@ -5,7 +5,7 @@ from drapeline.geometry.mesh import Mesh
 from drapeline.models.contract import HeldOutGarment
 from drapeline.models.garment4d.representation import RegisteredTemplate, TemplatePca
 from drapeline.registration.to_template.garment_space import fit_space
-from drapeline.registration.to_template.remesh_table import RemeshTable
+from drapeline.registration.to_template.remesh import RemeshTable
 
 FACES = np.array([[0, 1, 2], [2, 1, 3]], dtype=np.int32)
 SOURCE_FACES = np.array([[0, 1, 2]], dtype=np.int32)

@@ -398,7 +398,7 @@ def kill_training(monkeypatch, *args):
     step = Stage.training_step
 
     def stop(stage, batch):
-        if stage.position.epoch == 1:
+        if stage.progress.epoch == 1:
             raise Killed
         return step(stage, batch)
 
@@ -412,7 +412,7 @@ def first_epoch(monkeypatch, *args):
     epochs, step = [], Stage.training_step
 
     def noted(stage, batch):
-        epochs.append(stage.position.epoch)
+        epochs.append(stage.progress.epoch)
         return step(stage, batch)
 
     with monkeypatch.context() as patched:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import posed_vertices
 from drapeline.bodies.rest_body import rest_body, rest_to_pose
-from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.geometry.mesh import vertex_normals
 from drapeline.metrics.garment import BodyInside

@@ -14,11 +14,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from drapeline.bodies.kinematics import axis_angle_to_matrix, joint_transforms
+from drapeline.bodies.kinematics import (
+    axis_angle_to_matrix,
+    joint_transforms,
+    skin_points,
+    unskin_points,
+)
 from drapeline.bodies.model import BodyModel, posed_vertices, shape_body
 from drapeline.bodies.rest_body import rest_body
 from drapeline.bodies.sequence import BodySequence, body_sequence_vertices
-from drapeline.bodies.skinning import skin_points, unskin_points
 from drapeline.bodies.weight_transfer import interpolated_weights
 from drapeline.dataset.gltf import write_glb
 from drapeline.dataset.scene_part import BODY_COLOUR, PLAIN_COLOUR, ScenePart

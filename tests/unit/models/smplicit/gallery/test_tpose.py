@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from drapeline.bodies.kinematics import skin_points
 from drapeline.bodies.model import posed_vertices, shape_body
 from drapeline.bodies.rest_body import rest_body
-from drapeline.bodies.skinning import skin_points
 from drapeline.frames import REST_POSE
 from drapeline.models.smplicit.gallery.motion import straighten, tpose_motions
 from drapeline.seeding import rng_for

@@ -8,7 +8,7 @@ import pytest
 from drapeline.metrics.table import HIGH, LOW, write_metrics
 from drapeline.registration.error_table import FILE_NAME, write_errors
 from drapeline.registration.settings import TemplateFitSettings
-from drapeline.registration.to_template.template_tables import NamedGarment, write_tables
+from drapeline.registration.to_template.remesh import NamedGarment, write_tables
 from drapeline.report.models.garment4d.tables import (
     DEPARTURES,
     write_garment4d_beside_paper,

@@ -1,5 +1,4 @@
-from drapeline.outfits.own_garments import own_garments
-from drapeline.outfits.settings import OwnGarment
+from drapeline.outfits.settings import OwnGarment, own_garments
 
 
 def test_a_path_is_for_both_genders():

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from drapeline.frames import REST_POSE
-from drapeline.simulation.attempts import plan_attempt, steps_per_frame
 from drapeline.simulation.settings import SimulationSettings
+from drapeline.simulation.solver import plan_attempt, steps_per_frame
 
 
 def test_simple_and_complex_outfits_take_the_two_ends():

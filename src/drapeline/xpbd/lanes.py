@@ -1,0 +1,455 @@
+"""Contacts and elasticity on a processor: `LANES` at once, each in a lane of vector registers.
+
+Springs and hinges do what `elasticity.pull_springs` and `turn_hinges` do, which are for a GPU. The
+bodies are C++: of Warp's own vectors the compiler makes single numbers again where lanes are
+gathered and scattered, and what comes of that takes more than twice as long. A GPU's compiler would
+refuse the file, so that no kernel for one may stand here.
+"""
+
+import warp as wp
+
+from drapeline.geometry.lanes import INDICES, NUMBERS, lane_code, near_code
+from drapeline.geometry.surface_lanes import closest_in_lanes, hits_in_lanes
+from drapeline.xpbd.elasticity import FLIPPED_M2, SHORTEST_M, SMALLEST_M2
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def search_in_lanes(
+    meshes: wp.array(dtype=wp.uint64),
+    homes: wp.array(dtype=int),
+    patches: wp.array(dtype=INDICES),  # of vertices that have the same home
+    place: wp.array(dtype=wp.vec3),
+    reach: float,
+    reaches: wp.array(dtype=float),
+    again: wp.array(dtype=float),
+    parts: wp.array(dtype=int),
+    found: wp.array(dtype=int),
+    found_weights: wp.array(dtype=wp.vec3),
+):
+    """As `body_contact.search_in_turn`, for the vertices of a patch."""
+    patch = wp.tid()
+    vertices = patches[patch]
+    home = homes[vertices[0]]
+    last = len(meshes) - 1
+    closest_in_lanes(meshes[home], patches, patch, place, reaches, found, found_weights)
+    missed = bool(False)  # noqa: UP018  (a plain False would be a constant)
+    for k in range(len(vertices)):
+        i = vertices[k]
+        parts[i] = home
+        again[i] = 0.0
+        if home < last and reaches[i] > 0.0 and found[i] < 0:
+            parts[i] = last
+            again[i] = reach
+            missed = True
+    if missed:
+        closest_in_lanes(meshes[last], patches, patch, place, again, found, found_weights)
+
+
+@wp.kernel
+def look_in_lanes(
+    whole: wp.uint64,
+    patches: wp.array(dtype=INDICES),
+    starts: wp.array(dtype=wp.vec3),
+    ways: wp.array(dtype=wp.vec3),
+    reaches: wp.array(dtype=float),
+    facing: wp.array(dtype=int),
+    facing_weights: wp.array(dtype=wp.vec3),
+):
+    """As `body_contact.look_in_turn`, for the rays of a patch."""
+    hits_in_lanes(whole, patches, wp.tid(), starts, ways, reaches, facing, facing_weights)
+
+
+SMALLEST_M4 = 1e-14  # square of a triangle's doubled area, below which it has no sides
+ASIDE = 0.4  # of a triangle's edges, how far past it a vertex may lie
+
+# Faces whose boxes meet the patch's are looked at in all lanes; what is near is noted lane by lane.
+_FIND_NEAR = """
+const loose_lanes* at_rest = (const loose_lanes*)rest.data + 3 * patch;
+const lanes rest_x = at_rest[0], rest_y = at_rest[1], rest_z = at_rest[2];
+const int layer = layers.data[which[0]];
+const int slots = near.shape[1];
+int found[8] = {};
+auto note = [&](int number, masks here) {
+    const int* corners = (const int*)triangles.data + 3 * number;
+    const wp::vec3 a = place.data[corners[0]];
+    const wp::vec3 b = place.data[corners[1]] - a;
+    const wp::vec3 c = place.data[corners[2]] - a;
+    const wp::vec3 normal = wp::cross(b, c);
+    const float square = wp::dot(normal, normal);
+    if (!(square > SMALLEST_M4))
+        return;
+    const lanes p = x - a[0], q = y - a[1], r = z - a[2];
+    const lanes height = p * normal[0] + q * normal[1] + r * normal[2];
+    here &= height * height < margin * margin * square;
+    if (!any(here))
+        return;
+    const float bb = wp::dot(b, b), cc = wp::dot(c, c), bc = wp::dot(b, c);
+    const lanes pb = p * b[0] + q * b[1] + r * b[2];
+    const lanes pc = p * c[0] + q * c[1] + r * c[2];
+    const float scale = 1.0f / square;
+    const lanes u = (cc * pb - bc * pc) * scale, v = (bb * pc - bc * pb) * scale;
+    here &= (u > -ASIDE) & (v > -ASIDE) & (u + v < 1.0f + ASIDE);
+    if (!any(here))
+        return;
+    for (int k = 0; k < size; ++k)
+        if (here[k] && found[k] < slots)
+            near.data[slots * which[k] + found[k]++] = height[k] < 0.0f ? -number - 1 : number + 1;
+};
+auto look = [&](int face) {
+    const wp::vec3 start = lower.data[face] - wp::vec3(margin);
+    const wp::vec3 end = upper.data[face] + wp::vec3(margin);
+    masks here = (x > start[0]) & (x < end[0]) & (y > start[1]) & (y < end[1]);
+    here &= (z > start[2]) & (z < end[2]);
+    const int* corners = (const int*)triangles.data + 3 * halves * face;
+    if (layers.data[corners[0]] == layer) {
+        // Parts of a garment that are close at rest are held apart by the cloth itself; a face's
+        // own corners always are, however large it is.
+        const wp::vec3 centre = rest_centres.data[face];
+        const float radius = rest_radii.data[face], held = free > radius ? free : radius;
+        const lanes u = rest_x - centre[0], v = rest_y - centre[1], w = rest_z - centre[2];
+        here &= u * u + v * v + w * w > held * held;
+    }
+    if (any(here))
+        for (int k = 0; k < halves; ++k)
+            note(halves * face + k, here);
+};
+descend(look);
+for (int k = 0; k < size; ++k)
+    count.data[which[k]] = found[k];
+"""
+
+
+@wp.func_native(near_code("place.data[number]", _FIND_NEAR, SMALLEST_M4=SMALLEST_M4, ASIDE=ASIDE))
+def _find_near(
+    tree: wp.uint64,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    patches: wp.array(dtype=INDICES),
+    patch: int,
+    sizes: wp.array(dtype=int),
+    rest: wp.array2d(dtype=NUMBERS),
+    rest_centres: wp.array(dtype=wp.vec3),
+    rest_radii: wp.array(dtype=float),
+    place: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    layers: wp.array(dtype=int),
+    margin: float,
+    free: float,
+    count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),
+): ...
+
+
+@wp.kernel
+def find_near_in_lanes(
+    patches: wp.array(dtype=INDICES),  # vertices of a garment; empty lanes repeat the first
+    sizes: wp.array(dtype=int),
+    rest: wp.array2d(dtype=NUMBERS),
+    tree: wp.uint64,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    rest_centres: wp.array(dtype=wp.vec3),
+    rest_radii: wp.array(dtype=float),
+    place: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    layers: wp.array(dtype=int),
+    margin: float,
+    free: float,
+    count: wp.array(dtype=int),
+    near: wp.array2d(dtype=int),
+):
+    """As `cloth_contact.find_near_in_turn`, for the vertices of a patch."""
+    _find_near(
+        tree,
+        lower,
+        upper,
+        patches,
+        wp.tid(),
+        sizes,
+        rest,
+        rest_centres,
+        rest_radii,
+        place,
+        triangles,
+        halves,
+        layers,
+        margin,
+        free,
+        count,
+        near,
+    )
+
+
+SLOTS = 4  # triangles that may cover a vertex
+FACING = 0.3  # least cosine between the normals of cloth and the body beneath it
+COVER_ASIDE = 0.3  # of a triangle's edges, how far past it a vertex may lie
+
+_FIND_COVERS = """
+const int slots = covers.shape[1];
+int found[8] = {};
+lanes up_x, up_y, up_z;
+for (int k = 0; k < 8; ++k) {
+    const wp::vec3 up = normals.data[vertices.data[which[k]]];
+    up_x[k] = up[0];
+    up_y[k] = up[1];
+    up_z[k] = up[2];
+}
+auto note = [&](int number, masks here) {
+    const int* corners = (const int*)triangles.data + 3 * number;
+    const wp::vec3 a = place.data[corners[0]];
+    const wp::vec3 b = place.data[corners[1]] - a;
+    const wp::vec3 c = place.data[corners[2]] - a;
+    const wp::vec3 normal = wp::cross(b, c);
+    const float square = wp::dot(normal, normal);
+    if (!(square > SMALLEST_M4))
+        return;
+    const lanes slope = up_x * normal[0] + up_y * normal[1] + up_z * normal[2];
+    here &= slope >= FACING * wp::sqrt(square);
+    if (!any(here))
+        return;
+    const lanes p = x - a[0], q = y - a[1], r = z - a[2];
+    const lanes height = -(p * normal[0] + q * normal[1] + r * normal[2]) / slope;
+    here &= (height < margin) & (-height < margin);
+    if (!any(here))
+        return;
+    const wp::vec3 along_u = wp::cross(c, normal), along_v = wp::cross(normal, b);
+    const float scale = 1.0f / square;
+    const lanes i = p + up_x * height, j = q + up_y * height, k = r + up_z * height;
+    const lanes u = (i * along_u[0] + j * along_u[1] + k * along_u[2]) * scale;
+    const lanes v = (i * along_v[0] + j * along_v[1] + k * along_v[2]) * scale;
+    here &= (u > -COVER_ASIDE) & (v > -COVER_ASIDE) & (u + v < 1.0f + COVER_ASIDE);
+    if (!any(here))
+        return;
+    for (int lane = 0; lane < size; ++lane)
+        if (here[lane] && found[lane] < slots)
+            covers.data[slots * which[lane] + found[lane]++] = number;
+};
+auto look = [&](int face) {
+    const wp::vec3 first = lower.data[face] - wp::vec3(margin);
+    const wp::vec3 last = upper.data[face] + wp::vec3(margin);
+    masks here = (x >= first[0]) & (x <= last[0]) & (y >= first[1]) & (y <= last[1]);
+    here &= (z >= first[2]) & (z <= last[2]);
+    if (any(here))
+        for (int k = 0; k < halves; ++k)
+            note(halves * face + k, here);
+};
+descend(look);
+for (int k = 0; k < size; ++k)
+    count.data[which[k]] = found[k];
+"""
+
+
+@wp.func_native(
+    near_code(
+        "start.data[vertices.data[number]]",
+        _FIND_COVERS,
+        SMALLEST_M4=SMALLEST_M4,
+        FACING=FACING,
+        COVER_ASIDE=COVER_ASIDE,
+    )
+)
+def _find_covers(
+    tree: wp.uint64,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    patches: wp.array(dtype=INDICES),
+    patch: int,
+    sizes: wp.array(dtype=int),
+    place: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    vertices: wp.array(dtype=int),
+    start: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    margin: float,
+    count: wp.array(dtype=int),
+    covers: wp.array2d(dtype=int),
+): ...
+
+
+@wp.kernel
+def find_covers_in_lanes(
+    patches: wp.array(dtype=INDICES),  # of the `vertices`; empty lanes repeat the first
+    sizes: wp.array(dtype=int),
+    tree: wp.uint64,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    place: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    halves: int,
+    vertices: wp.array(dtype=int),
+    start: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    margin: float,
+    count: wp.array(dtype=int),
+    covers: wp.array2d(dtype=int),
+):
+    """As `body_vertices.find_covers_in_turn`, for the vertices of a patch."""
+    _find_covers(
+        tree,
+        lower,
+        upper,
+        patches,
+        wp.tid(),
+        sizes,
+        place,
+        triangles,
+        halves,
+        vertices,
+        start,
+        normals,
+        margin,
+        count,
+        covers,
+    )
+
+
+# `take` and `put` read and write (x, y, z, inverse mass) of eight vertices as four vectors and
+# four: they are transposed on the way.
+_GATHER = """
+typedef float quad __attribute__((ext_vector_type(4)));
+typedef quad loose_quad __attribute__((aligned(4)));
+loose_quad* at = (loose_quad*)weighed.data;
+auto take = [at](const int* which, lanes& x, lanes& y, lanes& z, lanes& w) {
+    lanes q[4];
+    for (int k = 0; k < 4; ++k) {
+        const quad low = at[which[k]], high = at[which[k + 4]];
+        q[k] = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
+    }
+    const lanes a = __builtin_shufflevector(q[0], q[1], 0, 8, 1, 9, 4, 12, 5, 13);
+    const lanes b = __builtin_shufflevector(q[2], q[3], 0, 8, 1, 9, 4, 12, 5, 13);
+    const lanes c = __builtin_shufflevector(q[0], q[1], 2, 10, 3, 11, 6, 14, 7, 15);
+    const lanes d = __builtin_shufflevector(q[2], q[3], 2, 10, 3, 11, 6, 14, 7, 15);
+    x = __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
+    y = __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
+    z = __builtin_shufflevector(c, d, 0, 1, 8, 9, 4, 5, 12, 13);
+    w = __builtin_shufflevector(c, d, 2, 3, 10, 11, 6, 7, 14, 15);
+};
+auto put = [at](const int* which, lanes x, lanes y, lanes z, lanes w) {
+    const lanes a = __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
+    const lanes b = __builtin_shufflevector(z, w, 0, 8, 1, 9, 4, 12, 5, 13);
+    const lanes c = __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
+    const lanes d = __builtin_shufflevector(z, w, 2, 10, 3, 11, 6, 14, 7, 15);
+    at[which[0]] = __builtin_shufflevector(a, b, 0, 1, 8, 9);
+    at[which[1]] = __builtin_shufflevector(a, b, 2, 3, 10, 11);
+    at[which[2]] = __builtin_shufflevector(c, d, 0, 1, 8, 9);
+    at[which[3]] = __builtin_shufflevector(c, d, 2, 3, 10, 11);
+    at[which[4]] = __builtin_shufflevector(a, b, 4, 5, 12, 13);
+    at[which[5]] = __builtin_shufflevector(a, b, 6, 7, 14, 15);
+    at[which[6]] = __builtin_shufflevector(c, d, 4, 5, 12, 13);
+    at[which[7]] = __builtin_shufflevector(c, d, 6, 7, 14, 15);
+};
+"""
+
+_PULL = """
+const int* one = (const int*)ends.data + 16 * row;
+const int* two = one + 8;
+const loose_lanes* number = (const loose_lanes*)numbers.data + 4 * row;
+loose_lanes* pulled = (loose_lanes*)pull.data + row;
+loose_lanes* last = (loose_lanes*)lengths.data + row;
+lanes a, b, c, d, e, f, mass, other_mass;
+take(one, a, b, c, mass);
+take(two, d, e, f, other_mass);
+const lanes x = a - d, y = b - e, z = c - f;
+const lanes length = __builtin_elementwise_sqrt(x * x + y * y + z * z) + SHORTEST_M;
+lanes push = number[0] - length - number[2] * (length - *last);
+if (!begins)
+    push -= number[1] * *pulled;
+push *= share * number[3];
+*pulled = begins ? push : *pulled + push;
+if (finishes)
+    *last = length + push * (mass + other_mass);
+push /= length;
+const lanes p = push * mass, q = push * other_mass;
+put(one, a + x * p, b + y * p, c + z * p, mass);
+put(two, d - x * q, e - y * q, f - z * q, other_mass);
+"""
+
+_TURN = """
+const int* which = (const int*)corners.data + 32 * row;
+const loose_lanes* number = (const loose_lanes*)numbers.data + 4 * row;
+const loose_lanes* weight = (const loose_lanes*)weights.data + 4 * row;
+loose_lanes* last = (loose_lanes*)turned.data + row;
+lanes x[4], y[4], z[4], mass[4];
+for (int k = 0; k < 4; ++k)
+    take(which + 8 * k, x[k], y[k], z[k], mass[k]);
+lanes u = 0.0f, v = 0.0f, w = 0.0f;
+for (int k = 0; k < 4; ++k) {
+    u += weight[k] * x[k];
+    v += weight[k] * y[k];
+    w += weight[k] * z[k];
+}
+const lanes a = x[1] - x[0], b = y[1] - y[0], c = z[1] - z[0];
+const lanes d = x[3] - x[2], e = y[3] - y[2], f = z[3] - z[2];
+const lanes g = b * f - c * e, h = c * d - a * f, i = a * e - b * d;
+const lanes size = __builtin_elementwise_sqrt(g * g + h * h + i * i) + SMALLEST_M2;
+const lanes bent = (g * u + h * v + i * w) / size;
+// From far on one side to far on the other: it is folded flat, and its normal has flipped.
+const lanes rate = bent * *last < -FLIPPED_M2 ? (lanes)0.0f : bent - *last;
+const lanes push = (number[0] - bent - number[2] * rate) * number[3];
+*last = bent + push * number[1];
+const lanes way = push / size;
+for (int k = 0; k < 4; ++k) {
+    const lanes m = way * weight[k] * mass[k];
+    put(which + 8 * k, x[k] + g * m, y[k] + h * m, z[k] + i * m, mass[k]);
+}
+"""
+
+
+@wp.func_native(lane_code(_GATHER + _PULL, SHORTEST_M=SHORTEST_M))
+def _pull(
+    ends: wp.array2d(dtype=INDICES),
+    numbers: wp.array2d(dtype=NUMBERS),
+    row: int,
+    begins: int,
+    finishes: int,
+    share: float,
+    pull: wp.array(dtype=NUMBERS),
+    lengths: wp.array(dtype=NUMBERS),
+    weighed: wp.array(dtype=wp.vec4),
+): ...
+
+
+@wp.func_native(lane_code(_GATHER + _TURN, SMALLEST_M2=SMALLEST_M2, FLIPPED_M2=FLIPPED_M2))
+def _turn(
+    corners: wp.array2d(dtype=INDICES),
+    weights: wp.array2d(dtype=NUMBERS),
+    numbers: wp.array2d(dtype=NUMBERS),
+    row: int,
+    turned: wp.array(dtype=NUMBERS),
+    weighed: wp.array(dtype=wp.vec4),
+): ...
+
+
+@wp.kernel
+def pull_springs_in_lanes(
+    ends: wp.array2d(dtype=INDICES),
+    numbers: wp.array2d(dtype=NUMBERS),
+    first: int,  # row
+    begins: int,
+    finishes: int,
+    share: float,
+    pull: wp.array(dtype=NUMBERS),
+    lengths: wp.array(dtype=NUMBERS),
+    weighed: wp.array(dtype=wp.vec4),
+):
+    """As `elasticity.pull_springs`, for those of a row; an empty lane repeats a full one."""
+    row = first + wp.tid()
+    _pull(ends, numbers, row, begins, finishes, share, pull, lengths, weighed)
+
+
+@wp.kernel
+def turn_hinges_in_lanes(
+    corners: wp.array2d(dtype=INDICES),
+    weights: wp.array2d(dtype=NUMBERS),
+    numbers: wp.array2d(dtype=NUMBERS),
+    first: int,  # row
+    turned: wp.array(dtype=NUMBERS),
+    weighed: wp.array(dtype=wp.vec4),
+):
+    """As `elasticity.turn_hinges`, for those of a row; an empty lane repeats a full one."""
+    _turn(corners, weights, numbers, first + wp.tid(), turned, weighed)
