@@ -3,31 +3,6 @@ BODY_SETTINGS = {
 }
 
 
-def clip_entry(wildcards):
-    """A clip at one length."""
-    return MOTIONS[wildcards.sequence, wildcards.length]
-
-
-def motion_files(wildcards):
-    """Input function: the clip, and the joint map and skeleton it may need."""
-    return clip_entry(wildcards).files
-
-
-def motion_parameters(wildcards):
-    """Params function: what else the importer is told: loop, feet, labels."""
-    lock_feet = config["motions"]["lock_feet"]
-    return {**clip_entry(wildcards).parameters(), "lock_feet": lock_feet}
-
-
-def shard_motions(wildcards):
-    """Input function: the clips that the samples of a shard are pieces of."""
-    clips = GROUPS[wildcards.group].clips_of(wildcards.shard)
-    return [
-        f"{RESULTS}/motions/{entry.name}/{entry.loop_frames or 'whole'}.npz"
-        for entry in clips
-    ]
-
-
 rule copy_body:
     output:
         female="resources/body/female.npz",

@@ -198,3 +198,104 @@ def static_data(*splits):
         return f"{RESULTS}/static"
 
     return checked
+
+
+def clip_entry(wildcards):
+    """A clip at one length."""
+    return MOTIONS[wildcards.sequence, wildcards.length]
+
+
+def motion_files(wildcards):
+    """Input function: the clip, and the joint map and skeleton it may need."""
+    return clip_entry(wildcards).files
+
+
+def motion_parameters(wildcards):
+    """Params function: what else the importer is told: loop, feet, labels."""
+    lock_feet = config["motions"]["lock_feet"]
+    return {**clip_entry(wildcards).parameters(), "lock_feet": lock_feet}
+
+
+def shard_motions(wildcards):
+    """Input function: the clips that the samples of a shard are pieces of."""
+    clips = GROUPS[wildcards.group].clips_of(wildcards.shard)
+    return [
+        f"{RESULTS}/motions/{entry.name}/{entry.loop_frames or 'whole'}.npz"
+        for entry in clips
+    ]
+
+
+def shard_bodies(wildcards):
+    """Input function: bodies in motion; at rest, outfits have none but their own."""
+    group = GROUPS[wildcards.group]
+    folder = f"{RESULTS}/bodies/{wildcards.group}/{wildcards.shard}"
+    return [] if group.at_rest else folder
+
+
+def group_own_garments(wildcards):
+    """Params function: the user's own garments, by gender and type."""
+    return own_garments(GROUPS[wildcards.group].outfits["own_garments"])
+
+
+def own_garment_files(wildcards):
+    """Input function: the OBJ files of these."""
+    own = group_own_garments(wildcards)
+    return sorted({one["path"] for worn in own.values() for one in worn.values()})
+
+
+def hanging(wildcards):
+    """Params function: what lets outfits hang; nothing of it counts where they do not."""
+    if not hangs(wildcards):
+        return {}
+    group = GROUPS[wildcards.group]
+    return {
+        "modules": HANGING_MODULES,
+        "accelerator": config["simulation"]["accelerator"],
+        "how": {
+            "frames": group.outfits["hang_frames"],
+            "settings": group.simulation,
+            "bounds": config["simulation"]["bounds"],
+        },
+    }
+
+
+def outfits_hash(wildcards):
+    """Params function: digest of what makes a group's outfits."""
+    return source_hash("make_outfits", *(HANGING_MODULES if hangs(wildcards) else []))
+
+
+def attempt_settings(wildcards):
+    """Params function: settings of one attempt, of which the number of attempts is no part."""
+    settings = GROUPS[wildcards.group].simulation
+    return {key: value for key, value in settings.items() if key != "attempts"}
+
+
+def gallery_labels(wildcards, input):
+    """Labels function: what a sample shows, which its own record knows once it is made."""
+    meta = read_meta(Path(input[0]) / wildcards.sample)
+    return {
+        "sample": wildcards.sample,
+        "motion": meta["motion"]["sequence"],
+        "wears": outfit_text(meta),
+        "kind": "moving" if wildcards.moving else "still",
+    }
+
+
+def samples_side_by_side(wildcards):
+    """Input function: the shards with the samples whose ids, joined by hyphens, name the picture."""
+    return shards_of(SAMPLE, wildcards.samples.split("-"))
+
+
+def ids_side_by_side(wildcards):
+    """Params function: these samples."""
+    return wildcards.samples.split("-")
+
+
+def group_samples(wildcards):
+    """Input function: all samples of a group."""
+    return per_shard(SAMPLE, [GROUPS[wildcards.group]])
+
+
+def scanned_of_shard(wildcards):
+    """Params function: the samples of a shard that are scanned."""
+    return [sample for sample in shard_ids(wildcards) if sample in SCANNED]

@@ -10,45 +10,6 @@ DRESS_FORMS = {
 HANGING_MODULES = ["drapeline.generation.hung_outfits", QUICK_SOLVER.code]
 
 
-def shard_bodies(wildcards):
-    """Input function: bodies in motion; at rest, outfits have none but their own."""
-    group = GROUPS[wildcards.group]
-    folder = f"{RESULTS}/bodies/{wildcards.group}/{wildcards.shard}"
-    return [] if group.at_rest else folder
-
-
-def group_own_garments(wildcards):
-    """Params function: the user's own garments, by gender and type."""
-    return own_garments(GROUPS[wildcards.group].outfits["own_garments"])
-
-
-def own_garment_files(wildcards):
-    """Input function: the OBJ files of these."""
-    own = group_own_garments(wildcards)
-    return sorted({one["path"] for worn in own.values() for one in worn.values()})
-
-
-def hanging(wildcards):
-    """Params function: what lets outfits hang; nothing of it counts where they do not."""
-    if not hangs(wildcards):
-        return {}
-    group = GROUPS[wildcards.group]
-    return {
-        "modules": HANGING_MODULES,
-        "accelerator": config["simulation"]["accelerator"],
-        "how": {
-            "frames": group.outfits["hang_frames"],
-            "settings": group.simulation,
-            "bounds": config["simulation"]["bounds"],
-        },
-    }
-
-
-def outfits_hash(wildcards):
-    """Params function: digest of what makes a group's outfits."""
-    return source_hash("make_outfits", *(HANGING_MODULES if hangs(wildcards) else []))
-
-
 rule build_templates:
     input:
         body=gender_body,

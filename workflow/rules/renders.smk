@@ -5,32 +5,6 @@ DEFAULT_TARGETS += [
 ]
 
 
-def gallery_labels(wildcards, input):
-    """Labels function: what a sample shows, which its own record knows once it is made."""
-    meta = read_meta(Path(input[0]) / wildcards.sample)
-    return {
-        "sample": wildcards.sample,
-        "motion": meta["motion"]["sequence"],
-        "wears": outfit_text(meta),
-        "kind": "moving" if wildcards.moving else "still",
-    }
-
-
-def samples_side_by_side(wildcards):
-    """Input function: the shards with the samples whose ids, joined by hyphens, name the picture."""
-    return shards_of(SAMPLE, wildcards.samples.split("-"))
-
-
-def ids_side_by_side(wildcards):
-    """Params function: these samples."""
-    return wildcards.samples.split("-")
-
-
-def group_samples(wildcards):
-    """Input function: all samples of a group."""
-    return per_shard(SAMPLE, [GROUPS[wildcards.group]])
-
-
 rule render_gallery:
     input:
         SAMPLE,

@@ -5,11 +5,6 @@ SCAN_FILES = shards_of(f"{RESULTS}/scans/{{group}}/{{shard}}.npz", SCANNED)
 KNOWN_SCANS = {"scans": SCAN_FILES, "samples": shards_of(SAMPLE, SCANNED)}
 
 
-def scanned_of_shard(wildcards):
-    """Params function: the samples of a shard that are scanned."""
-    return [sample for sample in shard_ids(wildcards) if sample in SCANNED]
-
-
 rule scan_samples:
     # Segmented scans of some frames, and the bodies that fit them, for all models alike.
     input:

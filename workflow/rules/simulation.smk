@@ -1,9 +1,3 @@
-def attempt_settings(wildcards):
-    """Params function: settings of one attempt, of which the number of attempts is no part."""
-    settings = GROUPS[wildcards.group].simulation
-    return {key: value for key, value in settings.items() if key != "attempts"}
-
-
 rule simulate_outfits:
     # Nothing is judged here, so that other bounds simulate nothing again that is within them.
     input:
