@@ -43,7 +43,7 @@ CASES = {
         *("plot_registration", "register_samples", "register_outfits")
     },
     # How networks are trained is nothing to those who use them.
-    "drapeline.models.garment4d.posed:posed_loss": {"train_garment4d_posed"},
+    "drapeline.models.garment4d.losses:posed_loss": {"train_garment4d_posed"},
     "drapeline.models.gcvae.vae:prepare": {"train_svae", "train_dvae"},
     "drapeline.report.dataset.viewer:write_viewer": {"view_sample", "view_example"},
     # Much imports this module, and a few call this.

@@ -200,6 +200,12 @@ def static_data(*splits):
     return checked
 
 
+# What lets outfits hang.
+HANGING_MODULES = ["drapeline.generation.hung_outfits", QUICK_SOLVER.code]
+# Held-out samples whose scans all models are fitted to.
+SCANNED = first_of_split(config["scans"]["count"], EVALUATED_SPLITS[0])
+
+
 def clip_entry(wildcards):
     """A clip at one length."""
     return MOTIONS[wildcards.sequence, wildcards.length]

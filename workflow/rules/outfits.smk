@@ -7,9 +7,6 @@ DRESS_FORMS = {
 }
 
 
-HANGING_MODULES = ["drapeline.generation.hung_outfits", QUICK_SOLVER.code]
-
-
 rule build_templates:
     input:
         body=gender_body,

@@ -1,5 +1,3 @@
-# Held-out samples whose scans all models are fitted to.
-SCANNED = first_of_split(config["scans"]["count"], EVALUATED_SPLITS[0])
 SCAN_FILES = shards_of(f"{RESULTS}/scans/{{group}}/{{shard}}.npz", SCANNED)
 # Inputs of the rules that fit models to scans, with the truth.
 KNOWN_SCANS = {"scans": SCAN_FILES, "samples": shards_of(SAMPLE, SCANNED)}

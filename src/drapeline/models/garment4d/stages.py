@@ -56,7 +56,6 @@ from drapeline.models.training.checkpoints import (
     read_checkpoint,
     tensors_digest,
 )
-from drapeline.models.training.lightning import fit
 from drapeline.models.training.module import BEST, TrainableModule
 from drapeline.npy import check_arrays
 from drapeline.registration.to_points import WornGarmentStatistics
@@ -468,6 +467,9 @@ def train_stage(
         sequences: of its garment type.
         code: digest of the code; a training that was stopped goes on with the same code alone.
     """
+    # Here, because models are loaded where Lightning is not installed.
+    from drapeline.models.training.lightning import fit
+
     torch.set_num_threads(threads)
     stage.train()  # a frozen stage within it too: Lightning warns of modules in evaluation mode
     training, sequences = stage.settings.training, stage.training_sequences(sequences)
