@@ -249,6 +249,12 @@ def own_garment_files(wildcards):
     return sorted({one["path"] for worn in own.values() for one in worn.values()})
 
 
+def hangs(wildcards):
+    """Whether outfits of a group hang on their bodies before they are used."""
+    group = GROUPS[wildcards.group]
+    return group.at_rest and group.outfits["hang_frames"] > 0
+
+
 def hanging(wildcards):
     """Params function: what lets outfits hang; nothing of it counts where they do not."""
     if not hangs(wildcards):

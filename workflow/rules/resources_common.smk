@@ -84,12 +84,6 @@ def hanging_gpus(wildcards):
     return int(wanted and QUICK_SOLVER.uses_gpu and hangs(wildcards))
 
 
-def hangs(wildcards):
-    """Whether outfits of a group hang on their bodies before they are used."""
-    group = GROUPS[wildcards.group]
-    return group.at_rest and group.outfits["hang_frames"] > 0
-
-
 def outfit_minutes(wildcards, attempt):
     """Resources function: minutes for the outfits of a shard, which may hang."""
     frames = GROUPS[wildcards.group].outfits["hang_frames"] if hangs(wildcards) else 0
