@@ -42,15 +42,6 @@ class Step(NamedTuple):
     arguments: list[str | Path]
 
 
-# Three of two thousand fail with Blender 5.2, pandas 3 and NumPy 2.5, and are to be mended.
-NOT_YET_ON_NEWER = [
-    "tests/unit/blender/test_solver.py::test_blender_makes_no_more_threads_than_it_was_shown_cores",
-    "tests/unit/report/dataset/test_statistics.py::test_an_empty_dataset_still_has_its_page",
-    "tests/unit/report/models/garment4d/test_curves.py"
-    "::test_curves_name_what_they_show_or_say_that_there_is_nothing",
-]
-
-
 def find_python(version: str) -> str | None:
     """A Python of a version that starts and can make environments."""
     for folder in FOLDERS:
@@ -113,7 +104,6 @@ def steps_on(version: str, files: dict[str, Path]) -> list[Step]:
         rooms = sorted(path for path in (ROOT / "tests/unit").iterdir() if path.is_dir())
         pytest = ["-m", "pytest", "-q", "-n", "2", "-p", "no:cacheprovider"]
         pytest += [room for room in rooms if room.name != "models"]
-        pytest += [word for test in NOT_YET_ON_NEWER for word in ("--deselect", test)]
         what = f"unit tests without torch on Python {version}"
         steps.append(Step(what, "", without_torch(), pytest))
     return steps

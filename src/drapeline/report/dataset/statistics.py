@@ -253,7 +253,7 @@ def _table_2(actions: pd.DataFrame) -> list[dict[str, str]]:
     mine = actions.set_index(actions["action"].str.capitalize())
     labels = [*mine.index, *(label for label in _TABLE_2 if label not in mine.index)]
     labels.sort(key=lambda label: label == NO_ACTION)  # what is left over comes last
-    texts = mine.astype(object).assign(percent=mine["percent"].map("{:.2f} %".format))
+    texts = mine.assign(percent=mine["percent"].map("{:.2f} %".format)).astype(object)
     texts = texts.reindex(labels, fill_value="-")
     return [
         {

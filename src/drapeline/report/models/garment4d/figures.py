@@ -355,7 +355,7 @@ def curve(
         others = rows[rows["variant"].isin([*beside])]
         found = pd.concat([found, others.assign(at=others["variant"].map(beside))])
     numbers = found[["value", "low", "high"]] * metric(name).scale
-    return numbers.assign(at=found["at"]).sort_values("at")
+    return numbers.assign(at=found["at"]).astype(float).sort_values("at")
 
 
 def _of(measured: Table, garment: str, name: str) -> Table:
