@@ -67,3 +67,22 @@ class ScanSettings(Settings):
         le=1,
         description="Standard deviation of each coordinate of predicted joints, in metres.",
     )
+
+
+class OwnScans(Settings):
+    """The user's scans of a dressed person."""
+
+    points: str | None = Field(
+        None, description="Your scans, a folder with one .ply per frame, or one .npz."
+    )
+    body: str | None = Field(
+        None, description="An .npz with poses, trans, shape and gender of the body in the scans."
+    )
+    up: Literal["z", "y"] = Field("z", description="Axis that points up in both files.")
+    fps: int = Field(
+        30,
+        ge=30,
+        le=960,
+        multiple_of=30,
+        description="Frames per second of both files, a multiple of 30; they are reduced to 30.",
+    )

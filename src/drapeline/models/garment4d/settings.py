@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from drapeline.dataset.settings import CloudSettings, Protocol
+from drapeline.dataset.settings import CloudSettings, OwnScans, Protocol
 from drapeline.learning_data.settings import SkinnedSettings
 from drapeline.models.training.settings import Trainer, Training
 from drapeline.outfits.garment_types import TEMPLATE_TYPES
@@ -428,24 +428,10 @@ class Skinned(SkinnedSettings):
     )
 
 
-class Reconstruct(Settings):
+class Reconstruct(OwnScans):
     """Inputs of `snakemake reconstruct`."""
 
-    points: str | None = Field(
-        None, description="Your scans, a folder with one .ply per frame, or one .npz."
-    )
-    body: str | None = Field(
-        None, description="An .npz with poses, trans, shape and gender of the body in the scans."
-    )
     garment: _Garment = Field("Skirt", description="Garment to reconstruct.")
-    up: Literal["z", "y"] = Field("z", description="Axis that points up in both files.")
-    fps: int = Field(
-        30,
-        ge=30,
-        le=960,
-        multiple_of=30,
-        description="Frames per second of both files, a multiple of 30; they are reduced to 30.",
-    )
 
 
 class Garment4dSettings(Settings):

@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal
 
+from drapeline.dataset.settings import OwnScans
 from drapeline.models.smplicit.garments import FIELD_MODELS
 from drapeline.models.training.settings import Trainer, Training
 from drapeline.outfits.garment_types import GARMENTS
@@ -414,32 +415,15 @@ class EvaluatedPictures(Settings):
     size_px: int = Field(256, ge=32, le=4096, description="Their width and height.")
 
 
-class OwnScans(Settings):
-    """What `snakemake fit_scans` reads."""
+class SegmentedScans(OwnScans):
+    """Inputs of `snakemake fit_scans`, whose points are segmented."""
 
-    points: str | None = Field(
-        None, description="Your segmented scans, a folder with one .ply per frame, or one .npz."
-    )
-    body: str | None = Field(
-        None,
-        description=(
-            "An .npz with the estimated poses, trans, shape and gender of the body in the scans."
-        ),
-    )
     garments: Annotated[tuple[Annotated[str, OneOf(GARMENTS)], ...], EachOnce()] = Field(
         (),
         description=(
             "Garments of the person, from the innermost to the outermost; points have the label 1 "
             "for the first, 2 for the second, 0 for skin."
         ),
-    )
-    up: Literal["z", "y"] = Field("z", description="Axis that points up in both files.")
-    fps: int = Field(
-        30,
-        ge=30,
-        le=960,
-        multiple_of=30,
-        description="Frames per second of both files, a multiple of 30; they are reduced to 30.",
     )
 
 
@@ -474,4 +458,4 @@ class SmplicitSettings(Settings):
     fit_images: FitImage = FitImage()
     evaluate_images: EvaluatedPictures = EvaluatedPictures()
     fit_scans: FitScan = FitScan()
-    scans: OwnScans = OwnScans()
+    scans: SegmentedScans = SegmentedScans()
